@@ -1,0 +1,62 @@
+# make demo    set up, build the grid of the Duran plate, solve it, draw its crack
+# make test    set up, run the quick tests
+# make check   lint, types, import contracts
+# make slow    the verification that takes minutes
+# make clean   remove what the others made
+
+VENV ?= .venv
+PYTHON ?= python3
+BIN := $(VENV)/bin
+SCENE := duran50
+
+.PHONY: demo test check slow install gmsh-libraries clean
+
+demo: gmsh-libraries
+	@mkdir -p demo
+	$(BIN)/pdmesh build geometries/$(SCENE).geo -o demo/$(SCENE).json --force
+	$(BIN)/pdsolve demo/$(SCENE).json -o demo/$(SCENE).sqlite --force
+	$(BIN)/pdpost damage demo/$(SCENE).sqlite -o demo/$(SCENE).png --force
+	@echo "The picture of the crack: $(CURDIR)/demo/$(SCENE).png"
+
+test: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m pytest -m "not slow"
+
+slow: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m pytest -m slow
+
+check: $(VENV)/check.done
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+install: $(VENV)/install.done
+
+$(VENV)/install.done: pyproject.toml
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" || \
+		{ echo "$$($(PYTHON) --version) found, Python 3.11 or newer expected (make PYTHON=python3.11 ...)"; exit 2; }
+	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
+		{ echo "Python's venv is missing; on Debian and Ubuntu: sudo apt-get install python3-venv"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/%.done: $(VENV)/install.done
+	$(BIN)/python -m pip install --quiet --group $*
+	@touch $@
+
+# Gmsh's wheel needs some libraries of the system: install them where that is possible, name them where not.
+gmsh-libraries: $(VENV)/install.done
+	@$(BIN)/python -c "import gmsh" 2>/dev/null || { \
+		line="apt-get install -y --no-install-recommends $$($(BIN)/python -c 'from pdmesh.geo import SYSTEM_LIBRARIES; print(SYSTEM_LIBRARIES)')"; \
+		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+			echo "Gmsh needs libraries of the system: $$line"; \
+			apt-get update -qq && $$line; \
+		else \
+			echo "Gmsh needs libraries of the system; on Debian and Ubuntu: sudo $$line"; exit 2; \
+		fi; }
+
+clean:
+	rm -rf $(VENV) demo build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find pdmesh pdsolve pdpost tests -name __pycache__ -prune -exec rm -rf {} +

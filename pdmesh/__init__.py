@@ -1,0 +1,3 @@
+"""Geometry to multiscale peridynamic grids: a Gmsh drawing in, the node grid as JSON out."""
+
+VERSION = "0.1.0"

@@ -1,0 +1,91 @@
+"""The words the three programs share: options, exit codes, and what happens to an error."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pdmesh import VERSION
+
+OK, FAILURE, BAD_INPUT, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+class UsageError(ValueError):
+    """A command line that asks for something that cannot be done; the message is one line."""
+
+
+def program(name: str, description: str) -> argparse.ArgumentParser:
+    """A parser with ``--version``."""
+    parser = argparse.ArgumentParser(prog=name, description=description)
+    parser.add_argument("--version", action="version", version=f"{name} {VERSION}")
+    return parser
+
+
+def add_common_options(parser: argparse.ArgumentParser, output: str, assignment: str) -> None:
+    """The options every command has; `output` and `assignment` say what they mean here."""
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=output)
+    parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        dest="assignments",
+        metavar="NAME=VALUE",
+        help=assignment,
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise argparse.ArgumentTypeError(f"found '{text}', expected NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
+    """Where to write: `given`, or the source's name with the new suffix in the current folder.
+
+    Raises UsageError if something is there already and `force` is not set, or if the folder is missing.
+    """
+    path = given if given is not None else Path(source.name).with_suffix(suffix)
+    if path.is_dir() or not path.parent.is_dir():
+        raise UsageError(f"{path}: found {'a' if path.is_dir() else 'no'} folder, expected a file's name in a folder")
+    if path.exists() and not force:
+        raise UsageError(f"{path}: found a file there already, expected none (--force overwrites it)")
+    return path
+
+
+def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> None:
+    """Print a command's result on stdout: as JSON, as lines for a reader, or not at all."""
+    if args.json:
+        print(json.dumps(result, indent=2, allow_nan=False))
+    elif not args.quiet:
+        print("\n".join(lines))
+
+
+def note(message: str, args: argparse.Namespace) -> None:
+    """Tell the user something on stderr, unless quiet."""
+    if not args.quiet:
+        print(message, file=sys.stderr)
+
+
+def run(name: str, command: Callable[[], int], bad_input: tuple[type[Exception], ...]) -> int:
+    """Run `command`; an expected error becomes one line on stderr and its exit code."""
+    expected: tuple[type[Exception], ...] = (UsageError, *bad_input)
+    try:
+        return command()
+    except expected as error:
+        code, message = BAD_INPUT, str(error)
+    except OSError as error:
+        code, message = FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
+    except KeyboardInterrupt:
+        code, message = INTERRUPTED, "interrupted"
+    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+    return code

@@ -1,0 +1,226 @@
+"""The node grid and its JSON file: read, check, write. The one module of the mesher the solver builds on.
+
+The file is the thesis's (A. De Checchi, Padua 2013, "Pre-processore"): ``notch``, a list of crack segments
+``[x0, y0, z0, x1, y1, z1]``, and ``nodes``, each with ``id``, ``border`` (the *string* "true" or "false"),
+``position``, ``hole_id`` (-1 where none) and ``delta``. Everything else is optional; the keys are those of
+`Document` and `Settings` below, and ``version`` says which edition of them a file was written for.
+SI units throughout; the model is plane, per unit thickness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.files import write_atomically
+
+FORMAT_VERSION = 1
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
+Point = tuple[float, float]
+Box = tuple[float, float, float, float]
+
+
+class GridError(ValueError):
+    """A grid file that cannot be used; the message names file, place, what was found and expected."""
+
+
+class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the plate is made of."""
+
+    E: Positive  # Young's modulus, Pa
+    rho: Positive  # density, kg/m^3
+    G0: Positive  # fracture energy, J/m^2
+    law: Literal["brittle"] = "brittle"
+    micromodulus: Literal["conical", "constant"] = "conical"
+    plane: Literal["stress", "strain"] = "stress"  # Poisson's ratio follows: 1/3 or 1/4
+
+
+class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How far a node sees."""
+
+    ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
+
+
+class Load(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag="load", tag_field="kind"):
+    """A constant body force on the nodes listed, or on those inside a box.
+
+    Either ``body_force`` (N/m^3), or ``traction`` (Pa) spread over ``rows`` rows of nodes: traction / (rows
+    delta) at each. ``length`` (m) of the loaded edge, where known, lets a solver make the total exact.
+    """
+
+    name: str = ""
+    nodes: tuple[int, ...] | None = None  # ids
+    box: Box | None = None  # x0, y0, x1, y1, m
+    body_force: Point | None = None
+    traction: Point | None = None
+    rows: PositiveInt = 1
+    length: Positive | None = None
+
+
+class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How long the solver goes on and how often it writes."""
+
+    time_step: Positive | None = None  # s; None: from the stability bound
+    steps: Annotated[int, msgspec.Meta(ge=0)] = 1000
+    every: PositiveInt = 50  # steps between two frames
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the thesis kept outside its file; also the shape of a settings TOML and of ``--set``."""
+
+    material: Material | None = None
+    horizon: Horizon = Horizon()
+    conditions: tuple[Load, ...] = ()
+    run: Run = Run()
+
+
+class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
+    """One node exactly as the thesis writes it."""
+
+    id: int
+    border: Literal["true", "false"]
+    position: tuple[float, float, float]  # m
+    hole_id: int
+    delta: tuple[float, float, float]  # m
+
+
+class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A whole file: the thesis's two keys, then the optional ones."""
+
+    notch: tuple[tuple[float, float, float, float, float, float], ...]
+    nodes: tuple[NodeRecord, ...]
+    version: int = FORMAT_VERSION
+    outline: tuple[tuple[Point, ...], ...] = ()  # exterior rings of the plate, m
+    holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
+    areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2
+    source: str = ""  # the drawing the grid was built from
+    parameters: dict[str, float | str] = {}  # of that drawing, as used
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A checked grid as arrays, n nodes in the file's order."""
+
+    ids: NDArray[np.int64]  # (n,) unique
+    position: NDArray[np.float64]  # (n, 2) m
+    delta: NDArray[np.float64]  # (n,) spacing, m
+    border: NDArray[np.bool_]  # (n,) at the edge of the plate or of a hole
+    hole_id: NDArray[np.int64]  # (n,) -1 where none
+    cracks: NDArray[np.float64]  # (k, 4) segments x0, y0, x1, y1, m
+    outline: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
+    holes: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
+    areas: NDArray[np.float64] | None = None  # (n,) m^2
+    source: str = ""
+    parameters: tuple[tuple[str, float | str], ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+def read_document(data: bytes | str, name: str) -> Document:
+    """Parse and check the text of a file called `name` in messages. Raises GridError."""
+    try:
+        document = msgspec.json.decode(data, type=Document)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise GridError(f"{name}: {error}") from None
+    if document.version != FORMAT_VERSION:
+        raise GridError(f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}")
+    return document
+
+
+def read_file(path: Path) -> Document:
+    """Read the document in the file at `path`. Raises GridError."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise GridError(f"{path}: cannot be read: {error.strerror}") from None
+    return read_document(data, str(path))
+
+
+def grid_of(document: Document, name: str) -> Grid:
+    """The document's nodes as arrays. Raises GridError for what types alone cannot rule out."""
+    nodes = document.nodes
+    if not nodes:
+        raise GridError(f"{name}: $.nodes: found none, expected at least one")
+    ids = np.array([node.id for node in nodes])
+    first, counts = np.unique(ids, return_counts=True)
+    if counts.max() > 1:
+        raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} found {counts.max()} times, expected once")
+    position = np.array([node.position for node in nodes])
+    delta = np.array([node.delta for node in nodes])
+    _check_nodes(name, position, delta)
+    if document.areas is not None and len(document.areas) != len(nodes):
+        raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
+    return Grid(
+        ids=ids,
+        position=position[:, :2].copy(),
+        delta=delta[:, 0].copy(),
+        border=np.array([node.border == "true" for node in nodes]),
+        hole_id=np.array([node.hole_id for node in nodes]),
+        cracks=np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]],
+        outline=_rings(document.outline),
+        holes=_rings(document.holes),
+        areas=None if document.areas is None else np.array(document.areas),
+        source=document.source,
+        parameters=tuple(document.parameters.items()),
+    )
+
+
+def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
+    def refuse(bad: NDArray[np.bool_], field: str, found: NDArray[np.float64], expected: str) -> None:
+        if bad.any():
+            at = int(bad.argmax())
+            raise GridError(f"{name}: $.nodes[{at}].{field}: found {found[at].tolist()}, expected {expected}")
+
+    refuse(position[:, 2] != position[0, 2], "position", position, "the same z for all nodes")
+    refuse(delta.min(axis=1) <= 0, "delta", delta, "positive numbers")
+    refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
+
+
+def _rings(rings: Sequence[Sequence[Point]]) -> tuple[NDArray[np.float64], ...]:
+    return tuple(np.array(ring, dtype=float).reshape(-1, 2) for ring in rings)
+
+
+def document_of(grid: Grid, settings: Settings) -> Document:
+    """The document that `grid` and `settings` are written as."""
+    labels = np.where(grid.border, "true", "false").tolist()
+    columns = zip(
+        grid.ids.tolist(),
+        labels,
+        grid.position.tolist(),
+        grid.hole_id.tolist(),
+        grid.delta.tolist(),
+        strict=True,
+    )
+    return Document(
+        notch=tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in grid.cracks.tolist()),
+        nodes=tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns),
+        outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
+        holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
+        areas=None if grid.areas is None else tuple(grid.areas.tolist()),
+        source=grid.source,
+        parameters=dict(grid.parameters),
+        **{field: getattr(settings, field) for field in Settings.__struct_fields__},
+    )
+
+
+def encode(document: Document) -> bytes:
+    """The document as JSON, a line for each node and for each other key."""
+    fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
+    fields |= {name: getattr(document, name) for name in document.__struct_fields__ if name != "nodes"}
+    nodes = b",\n".join(b"  " + msgspec.json.encode(node) for node in document.nodes)
+    lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
+    return b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]) + b"\n}\n"
+
+
+def write_file(document: Document, path: Path) -> None:
+    """Write the document in one atomic step: the file at `path` is complete or untouched."""
+    write_atomically(path, encode(document))

@@ -1,0 +1,1 @@
+"""Pictures, histories and crack figures from a database of peridynamic results."""

@@ -1,0 +1,145 @@
+"""The command `pdsolve`: solve a model, write its results."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+
+if TYPE_CHECKING:
+    from pdsolve.simulation import Progress
+
+LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line of pdsolve."""
+    program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
+    program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
+    commandline.add_common_options(
+        program,
+        output="the database (default: the model's name with .sqlite, in the current folder)",
+        assignment="override a setting of the model, such as run.steps=500 or material.E=65e9",
+    )
+    program.add_argument("--settings", type=Path, metavar="TOML", help="settings laid over those of the model")
+    program.add_argument(
+        "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
+    )
+    program.add_argument("--threads", type=int, metavar="N", help="threads to use (default: all)")
+    program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
+    program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
+    return program
+
+
+def _solve(args: argparse.Namespace) -> int:
+    from pdsolve.model import read_model
+    from pdsolve.simulation import Options, resume, simulate
+
+    with _Watch(args) as watch:
+        if args.resume:
+            given = [name for name in ("output", "settings", "mode", "precision", "assignments") if getattr(args, name)]
+            if given:
+                raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
+            path, results = args.model, resume(args.model, args.threads, watch)
+        else:
+            path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
+            model = read_model(args.model, args.settings, args.assignments)
+            options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
+            results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
+        with results:
+            meta, summary = results.meta(), results.summary()
+    if summary["stable_time_step"] is not None and summary["time_step"] > summary["stable_time_step"]:
+        commandline.note(
+            f"pdsolve: warning: the time step {summary['time_step']:.4g} s is above the bound that is surely stable,"
+            f" {summary['stable_time_step']:.4g} s",
+            args,
+        )
+    commandline.report({"output": str(path), "status": meta["status"], **summary}, _lines(path, summary), args)
+    return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
+
+
+def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
+    energy = summary["energy"]
+    return [
+        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps to"
+        f" {summary['time'] * 1e6:.4g} us, {summary['mode']} mode, {summary['precision']}",
+        f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,"
+        f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second",
+        f"broken bonds {summary['broken_bonds']}; energy, J/m:"
+        f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
+        f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of the work)",
+    ]
+
+
+class _Watch:
+    """Shows progress and turns Ctrl-C into a stop with a checkpoint."""
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        self._quiet = args.quiet
+        self._stopped = False
+        self._bar: Any = None
+        self._said = time.monotonic()
+
+    def __enter__(self) -> Callable[[Progress], bool]:
+        self._before = signal.signal(signal.SIGINT, self._stop)
+        if not self._quiet and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(desc="preparing", unit=" steps", dynamic_ncols=True, leave=False)
+        return self._show
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+        if self._bar is not None:
+            self._bar.close()
+
+    def _stop(self, *_: object) -> None:
+        if self._stopped:  # asked twice: at once
+            raise KeyboardInterrupt
+        self._stopped = True
+
+    def _show(self, progress: Progress) -> bool:
+        told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
+        if self._bar is not None:
+            self._bar.total = progress.steps
+            self._bar.set_description_str("solving", refresh=False)
+            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.update(progress.step - self._bar.n)
+        elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            print(f"step {progress.step} of {progress.steps}, {told}", file=sys.stderr, flush=True)
+        return self._stopped
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run pdsolve; returns its exit code."""
+    args = parser().parse_args(argv)
+    try:
+        return commandline.run("pdsolve", lambda: _guarded(args), ())
+    except KeyboardInterrupt:
+        return commandline.INTERRUPTED
+
+
+def _guarded(args: argparse.Namespace) -> int:
+    """Solve; the errors to expect are known only once the solver is imported, which --help does not wait for."""
+    from pdmesh.grid import GridError
+    from pdsolve.model import ModelError
+    from pdsolve.results import ResultsError
+    from pdsolve.simulation import UnstableError
+
+    try:
+        return commandline.run("pdsolve", lambda: _solve(args), (GridError, ModelError, ResultsError))
+    except UnstableError as error:
+        print(f"pdsolve: {error}", file=sys.stderr)
+        return commandline.UNSTABLE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The only loops over bonds, and the only compiled code besides the steppers."""

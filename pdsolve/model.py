@@ -1,0 +1,141 @@
+"""A model: grid, material, horizon, conditions and run settings, checked against each other."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.grid import Document, Grid, GridError, Load, Material, Settings, document_of, encode, grid_of, read_file
+from pdmesh.grid import read_document as parse_document
+
+
+class ModelError(ValueError):
+    """A model that cannot be solved; the message names the place, what was found and what was expected."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A grid and everything needed to solve it. Raises ModelError where the parts contradict each other."""
+
+    grid: Grid
+    settings: Settings
+    name: str = "model"
+
+    def __post_init__(self) -> None:
+        if self.settings.material is None:
+            raise ModelError(
+                f"{self.name}: $.material: found none, expected E, rho and G0"
+                " (in the file, a --settings TOML or --set material.E=...)"
+            )
+        for number, load in enumerate(self.settings.conditions):
+            place = f"{self.name}: $.conditions[{number}]"
+            if (load.nodes is None) == (load.box is None):
+                raise ModelError(f"{place}: found neither or both of nodes and box, expected one of them")
+            if (load.body_force is None) == (load.traction is None):
+                raise ModelError(f"{place}: found neither or both of body_force and traction, expected one of them")
+            self._selected(load, place)
+
+    @property
+    def material(self) -> Material:
+        """The material, there by construction."""
+        assert self.settings.material is not None
+        return self.settings.material
+
+    @property
+    def horizons(self) -> NDArray[np.float64]:
+        """Each node's horizon (n,), m: the ratio m times its spacing."""
+        return self.settings.horizon.ratio * self.grid.delta
+
+    def selected(self, load: Load) -> NDArray[np.int64]:
+        """The rows of the grid a condition acts on."""
+        return self._selected(load, self.name)
+
+    def _selected(self, load: Load, place: str) -> NDArray[np.int64]:
+        if load.nodes is not None:
+            order = np.argsort(self.grid.ids)
+            wanted = np.array(load.nodes, dtype=np.int64)
+            slot = np.searchsorted(self.grid.ids, wanted, sorter=order).clip(max=len(order) - 1)
+            rows = order[slot]
+            missing = wanted[self.grid.ids[rows] != wanted]
+            if len(missing):
+                raise ModelError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
+            return np.unique(rows)
+        assert load.box is not None
+        x0, y0, x1, y1 = load.box
+        x, y = self.grid.position.T
+        slack = 1e-9 * self.grid.delta
+        inside = (x >= x0 - slack) & (x <= x1 + slack) & (y >= y0 - slack) & (y <= y1 + slack)
+        if not inside.any():
+            raise ModelError(f"{place}.box: found no node in {list(load.box)}, expected at least one")
+        return np.flatnonzero(inside)
+
+    def to_json(self) -> str:
+        """The model as one document; `model_of` reads it back."""
+        return encode(document_of(self.grid, self.settings)).decode()
+
+
+def model_of(text: str, name: str) -> Model:
+    """The model in the text of a document. Raises GridError or ModelError."""
+    document = parse_document(text, name)
+    return Model(grid_of(document, name), _settings_of(document), name)
+
+
+def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
+    """The model in a grid file, with the keys of a TOML file and then ``NAME=VALUE`` assignments laid over it.
+
+    Names are dotted (``run.steps``), values TOML. Raises GridError or ModelError.
+    """
+    document = read_file(path)
+    layers = msgspec.to_builtins(_settings_of(document), builtin_types=())
+    if settings is not None:
+        layers = _laid_over(layers, _read_toml(settings))
+    for name, text in assignments:
+        layers = _laid_over(layers, _nested(name, _toml_value(text)))
+    try:
+        merged = msgspec.convert(layers, Settings)
+    except msgspec.ValidationError as error:
+        raise ModelError(f"{' + '.join(map(str, filter(None, [path, settings])))}: {error}") from None
+    return Model(grid_of(document, str(path)), merged, str(path))
+
+
+def _settings_of(document: Document) -> Settings:
+    return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path}: {error}") from None
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text  # a bare word
+
+
+def _nested(name: str, value: Any) -> dict[str, Any]:
+    for key in reversed(name.split(".")):
+        value = {key: value}
+    nested: dict[str, Any] = value
+    return nested
+
+
+def _laid_over(below: Any, above: Any) -> Any:
+    if isinstance(below, dict) and isinstance(above, dict):
+        return below | {key: _laid_over(below.get(key), value) for key, value in above.items()}
+    return above
+
+
+__all__ = ["GridError", "Model", "ModelError", "model_of", "read_model"]

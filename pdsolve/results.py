@@ -1,0 +1,310 @@
+"""The database of a run: schema, writer, reader. Everything that looks at results needs this module alone.
+
+A plain SQLite file. Fields of nodes are float32, in chunks of `CHUNK` nodes; the view ``node_state`` decodes them
+in SQL, so ``SELECT time, uy FROM node_state WHERE node = 7`` works in any client. One transaction writes a frame
+with its broken bonds, its ledger and a checkpoint in full precision: a killed run loses at most the last frame.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+APPLICATION_ID = 0x70647273  # "pdrs"
+SCHEMA_VERSION = 1
+CHUNK = 1024  # nodes
+FIELDS = {"ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "damage": "1"}  # name: unit, in the order of the view
+
+
+class ResultsError(ValueError):
+    """A database that cannot be used; the message names the file, what was found and what was expected."""
+
+
+class Nodes(NamedTuple):
+    """What a run knows of its n nodes from the start."""
+
+    ids: NDArray[np.int64]  # (n,)
+    position: NDArray[np.float64]  # (n, 2) reference position, m
+    delta: NDArray[np.float64]  # (n,) spacing, m
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    cut: NDArray[np.int64]  # (n,) bonds cut by a pre-crack
+
+
+class Breaks(NamedTuple):
+    """Bonds broken in a run, in the order of their steps; a bond of both its nodes is there twice."""
+
+    step: NDArray[np.int64]  # (b,)
+    node: NDArray[np.int64]  # (b,) id of the node whose bond it was
+    neighbour: NDArray[np.int64]  # (b,) id
+
+
+class Frame(NamedTuple):
+    """What one transaction writes."""
+
+    step: int
+    time: float  # s
+    fields: Mapping[str, NDArray[np.floating]] | None  # (n,) each; None: a checkpoint between two frames
+    breaks: Breaks  # since the last transaction
+    ledger: tuple[float, ...]  # as the columns of `history`
+    checkpoint: Mapping[str, NDArray[np.floating]]
+
+
+TABLES = f"""
+CREATE TABLE meta (key TEXT PRIMARY KEY, value);
+CREATE TABLE node ("row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL,
+    delta REAL, area REAL, family INTEGER, cut INTEGER);
+CREATE TABLE frame (step INTEGER PRIMARY KEY, time REAL NOT NULL);
+CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT NULL,
+    PRIMARY KEY (step, field, chunk));
+CREATE TABLE bond_break (step INTEGER, node INTEGER, neighbour INTEGER);
+CREATE TABLE history (step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
+    momentum_x REAL, momentum_y REAL, broken INTEGER);
+CREATE TABLE checkpoint (name TEXT PRIMARY KEY, step INTEGER, type TEXT, data BLOB);
+CREATE TABLE float32_prefix (prefix INTEGER PRIMARY KEY, base REAL, unit REAL); -- sign and exponent of a float32
+PRAGMA application_id = {APPLICATION_ID};
+PRAGMA user_version = {SCHEMA_VERSION};
+"""
+
+
+def _prefixes() -> list[tuple[int, float | None, float | None]]:
+    """For each sign and exponent of a float32 the value at mantissa 0 and of one unit of mantissa."""
+    rows: list[tuple[int, float | None, float | None]] = []
+    for prefix in range(512):
+        sign, exponent = (-1.0 if prefix & 256 else 1.0), prefix & 255
+        if exponent == 255:
+            rows.append((prefix, None, None))  # infinite or not a number
+        elif exponent == 0:
+            rows.append((prefix, 0.0, sign * 2.0**-149))
+        else:
+            rows.append((prefix, sign * 2.0 ** (exponent - 127), sign * 2.0 ** (exponent - 150)))
+    return rows
+
+
+def _view() -> str:
+    every_byte = f"x'{bytes(range(256)).hex()}'"
+
+    def decoded(field: str) -> str:
+        one = ", ".join(
+            f'instr({every_byte}, substr(data, 4 * (n."row" % {CHUNK}) + {b + 1}, 1)) - 1 AS b{b}' for b in range(4)
+        )
+        return f"""(SELECT base + unit * (((b2 & 127) << 16) | (b1 << 8) | b0) FROM (SELECT {one} FROM field_chunk
+    WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
+    JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
+
+    columns = [decoded(field) for field in FIELDS]
+    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz")):
+        columns.insert(at, name)
+    return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
+    n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n"""
+
+
+class Writer:
+    """Writes one run. Use `create` for a new database, `reopen` for one to go on with; close it in the end."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self.connection = connection
+
+    @classmethod
+    def create(cls, path: Path | None, nodes: Nodes, meta: Mapping[str, Any]) -> Writer:
+        """A new database at `path` (in memory if None), replacing what is there.
+
+        Raises ResultsError if it cannot be written.
+        """
+        if path is not None:
+            remove(path)
+        with _explained(path):
+            connection = sqlite3.connect(":memory:" if path is None else path, isolation_level=None)
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+            writer = cls(connection)
+            connection.executescript(f"BEGIN;{TABLES}{_view()};")
+            connection.executemany("INSERT INTO float32_prefix VALUES (?, ?, ?)", _prefixes())
+            columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
+            rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
+            connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
+            connection.execute("COMMIT")
+        return writer
+
+    @classmethod
+    def reopen(cls, path: Path) -> Writer:
+        """The database at `path`, to go on writing. Raises ResultsError if it is not one of ours."""
+        with Results.open(path):
+            pass
+        with _explained(path):
+            connection = sqlite3.connect(path, isolation_level=None)
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+        writer = cls(connection)
+        writer.tell({"status": "running"})
+        return writer
+
+    def tell(self, meta: Mapping[str, Any]) -> None:
+        """Set keys of the table `meta`."""
+        with _explained(self._path()):
+            self.connection.execute("BEGIN")
+            self._tell(meta)
+            self.connection.execute("COMMIT")
+
+    def _tell(self, meta: Mapping[str, Any]) -> None:
+        self.connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
+
+    def write(self, frame: Frame) -> None:
+        """Write a frame in one transaction. Raises ResultsError where the disk does not take it."""
+        with _explained(self._path()):
+            self.connection.execute("BEGIN")
+            if frame.fields is not None:
+                self.connection.execute("INSERT INTO frame VALUES (?, ?)", (frame.step, frame.time))
+                for name, values in frame.fields.items():
+                    self._write_field(frame.step, name, values)
+            rows = zip(*(column.tolist() for column in frame.breaks), strict=True)
+            self.connection.executemany("INSERT INTO bond_break VALUES (?, ?, ?)", rows)
+            marks = ", ".join("?" * len(frame.ledger))
+            self.connection.execute(f"INSERT OR REPLACE INTO history VALUES ({marks})", frame.ledger)
+            self.connection.executemany(
+                "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
+                [(name, frame.step, values.dtype.str, values.tobytes()) for name, values in frame.checkpoint.items()],
+            )
+            self.connection.execute("COMMIT")
+
+    def _write_field(self, step: int, name: str, values: NDArray[np.floating]) -> None:
+        data = values.astype("<f4")
+        chunks = enumerate(range(0, len(data), CHUNK))
+        rows = [(step, name, chunk, data[at : at + CHUNK].tobytes()) for chunk, at in chunks]
+        self.connection.executemany("INSERT INTO field_chunk VALUES (?, ?, ?, ?)", rows)
+
+    def close(self, status: str) -> None:
+        """Leave one single file behind, with `status` in its meta."""
+        path = self._path()
+        self.tell({"status": status})
+        if path is not None:
+            with _explained(path):
+                self.connection.execute("PRAGMA journal_mode = DELETE")
+            self.connection.close()
+
+    def _path(self) -> Path | None:
+        name = self.connection.execute("PRAGMA database_list").fetchone()[2]
+        return Path(name) if name else None
+
+
+def remove(path: Path) -> None:
+    """Delete a database with what SQLite keeps beside it."""
+    for name in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
+        name.unlink(missing_ok=True)
+
+
+class _explained:
+    """Turns SQLite's errors into a ResultsError that names the file."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, sqlite3.Error):
+            raise ResultsError(f"{self.path or 'results in memory'}: {error}") from None
+
+
+class Results:
+    """Reads one run. Arrays are in the order of the model's nodes; steps name frames."""
+
+    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+        self.connection = connection
+        self.name = name
+
+    @classmethod
+    def open(cls, path: Path) -> Results:
+        """The results in the file at `path`, read only. Raises ResultsError if it is not one of ours."""
+        if not path.is_file():
+            raise ResultsError(f"{path}: found no such file, expected a database of results")
+        with _explained(path):
+            connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+            found = connection.execute("PRAGMA application_id").fetchone()[0]
+            version = connection.execute("PRAGMA user_version").fetchone()[0]
+        if found != APPLICATION_ID:
+            raise ResultsError(f"{path}: found a database of another program, expected one written by pdsolve")
+        if version != SCHEMA_VERSION:
+            raise ResultsError(f"{path}: found schema version {version}, expected {SCHEMA_VERSION}")
+        return cls(connection, str(path))
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self.connection.close()
+
+    def _rows(self, query: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        with _explained(Path(self.name)), closing(self.connection.execute(query, values)) as cursor:
+            return cursor.fetchall()
+
+    def meta(self) -> dict[str, Any]:
+        """What the run says of itself: model, mode, step, versions, status."""
+        return dict(self._rows("SELECT key, value FROM meta"))
+
+    def summary(self) -> dict[str, Any]:
+        """The closing summary; empty while the run goes on."""
+        summary: dict[str, Any] = json.loads(self.meta().get("summary", "{}"))
+        return summary
+
+    def nodes(self) -> Nodes:
+        """The nodes of the model."""
+        rows = np.array(self._rows('SELECT node, x, y, delta, area, family, cut FROM node ORDER BY "row"'))
+        return Nodes(
+            rows[:, 0].astype(np.int64),
+            rows[:, 1:3].copy(),
+            rows[:, 3].copy(),
+            rows[:, 4].copy(),
+            rows[:, 5].astype(np.int64),
+            rows[:, 6].astype(np.int64),
+        )
+
+    def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Steps and times (s) of the frames."""
+        rows = self._rows("SELECT step, time FROM frame ORDER BY step")
+        return np.array([row[0] for row in rows], dtype=np.int64), np.array([row[1] for row in rows], dtype=float)
+
+    def field(self, name: str, step: int) -> NDArray[np.float32]:
+        """A field (n,) of the frame at `step`. Raises ResultsError, naming those there are, if it is not there."""
+        rows = self._rows("SELECT data FROM field_chunk WHERE step = ? AND field = ? ORDER BY chunk", (step, name))
+        if not rows:
+            steps, _ = self.frames()
+            if step not in steps:
+                there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
+                raise ResultsError(f"{self.name}: found no frame of step {step}, expected one of {there}")
+            fields = [row[0] for row in self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (step,))]
+            raise ResultsError(f"{self.name}: found no field '{name}', expected one of {', '.join(fields)}")
+        return np.frombuffer(b"".join(row[0] for row in rows), dtype="<f4")
+
+    def breaks(self) -> Breaks:
+        """All bonds broken so far."""
+        rows = self._rows("SELECT step, node, neighbour FROM bond_break ORDER BY step, rowid")
+        return Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
+
+    def history(self) -> NDArray[np.float64]:
+        """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
+        momentum_y and broken."""
+        names = [row[1] for row in self._rows("PRAGMA table_info(history)")]
+        rows = self._rows("SELECT * FROM history ORDER BY step")
+        return np.array(rows, dtype=[(name, float) for name in names])
+
+    def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:
+        """Step and arrays of the last checkpoint. Raises ResultsError if there is none."""
+        rows = self._rows("SELECT name, step, type, data FROM checkpoint")
+        if not rows:
+            raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
+        return rows[0][1], {name: np.frombuffer(data, dtype=kind).copy() for name, _, kind, data in rows}

@@ -1,0 +1,15 @@
+"""How bonds are filled from a model: a scheme a file, the names users give them in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pdsolve.bonds import Assembly
+from pdsolve.model import Model
+from pdsolve.schemes import dual_horizon, one_sided
+
+SCHEMES: dict[str, Callable[[Model], Assembly]] = {
+    "thesis": one_sided.fill,
+    "conservative": dual_horizon.fill,
+}
+EXACT_LOAD = {"thesis": False, "conservative": True}  # the body forces of an edge sum to traction * length
