@@ -32,15 +32,18 @@ class GridError(ValueError):
     """A grid file that cannot be used; the message names file, place, what was found and expected."""
 
 
-class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the plate is made of."""
+class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What the plate, or a region of it, is made of."""
 
     E: Positive  # Young's modulus, Pa
     rho: Positive  # density, kg/m^3
     G0: Positive  # fracture energy, J/m^2
-    law: Literal["brittle"] = "brittle"
+    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; bonds have 1/3 or 1/4 by `plane`
+    law: Literal["brittle", "bilinear"] = "brittle"
+    kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
+    keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
-    plane: Literal["stress", "strain"] = "stress"  # Poisson's ratio follows: 1/3 or 1/4
+    plane: Literal["stress", "strain"] = "stress"
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -49,20 +52,73 @@ class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
 
 
-class Load(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag="load", tag_field="kind"):
-    """A constant body force on the nodes listed, or on those inside a box.
-
-    Either ``body_force`` (N/m^3), or ``traction`` (Pa) spread over ``rows`` rows of nodes: traction / (rows
-    delta) at each. ``length`` (m) of the loaded edge, where known, lets a solver make the total exact.
-    """
+class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+    """Some of a grid's nodes: those listed by id, or those inside a box."""
 
     name: str = ""
     nodes: tuple[int, ...] | None = None  # ids
     box: Box | None = None  # x0, y0, x1, y1, m
+
+
+class Region(Selection, frozen=True, kw_only=True):
+    """Nodes of another material than the rest; of several regions with a node, the last one has it."""
+
+    material: Material
+
+
+class Condition(Selection, frozen=True, kw_only=True):
+    """Something done to nodes. Its values are multiplied by a factor that follows time.
+
+    `profile` holds points (time in s, factor): linear between them, constant before the first and after the
+    last; none at all means 1 for ever. The bonds of these nodes do not break unless `breakable`.
+    """
+
+    profile: tuple[Point, ...] = ()
+    breakable: bool = False
+
+
+class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
+    """A body force: ``body_force`` (N/m^3), or ``traction`` (Pa) over ``rows`` rows of nodes.
+
+    A traction is traction / (rows delta) at each node; ``length`` (m) of the loaded edge, where known, lets a
+    solver make the total exact.
+    """
+
     body_force: Point | None = None
     traction: Point | None = None
     rows: PositiveInt = 1
     length: Positive | None = None
+
+
+class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
+    """Displacements that are held, m; a component left out is free."""
+
+    x: float | None = None
+    y: float | None = None
+
+
+class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
+    """Velocities that are held throughout, m/s; a component left out is free."""
+
+    x: float | None = None
+    y: float | None = None
+
+
+class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
+    """Accelerations that are held throughout, m/s^2; a component left out is free."""
+
+    x: float | None = None
+    y: float | None = None
+
+
+class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocity", tag_field="kind"):
+    """Velocities at time 0, m/s; from then on the nodes are free."""
+
+    x: float = 0.0
+    y: float = 0.0
+
+
+AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,7 +134,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     material: Material | None = None
     horizon: Horizon = Horizon()
-    conditions: tuple[Load, ...] = ()
+    regions: tuple[Region, ...] = ()
+    conditions: tuple[AnyCondition, ...] = ()
+    area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
     run: Run = Run()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.grid import Load
 from pdsolve.model import Model
 
 
@@ -24,6 +25,8 @@ def body_force(model: Model, areas: NDArray[np.float64], exact_total: bool) -> N
     """
     force = np.zeros((2, len(model.grid)))
     for load in model.settings.conditions:
+        if not isinstance(load, Load):
+            continue
         rows = model.selected(load)
         if load.body_force is not None:
             force[:, rows] += np.array(load.body_force)[:, None]

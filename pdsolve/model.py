@@ -12,7 +12,19 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Document, Grid, GridError, Load, Material, Settings, document_of, encode, grid_of, read_file
+from pdmesh.grid import (
+    Document,
+    Grid,
+    GridError,
+    Load,
+    Material,
+    Selection,
+    Settings,
+    document_of,
+    encode,
+    grid_of,
+    read_file,
+)
 from pdmesh.grid import read_document as parse_document
 
 
@@ -34,8 +46,12 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
+        if self.settings.material.law != "brittle" or self.settings.regions or self.settings.area_rule:
+            raise ModelError(f"{self.name}: found a law, regions or an area_rule this version cannot solve yet")
         for number, load in enumerate(self.settings.conditions):
             place = f"{self.name}: $.conditions[{number}]"
+            if not isinstance(load, Load) or load.profile or load.breakable:
+                raise ModelError(f"{place}: found a kind, profile or breakable this version cannot solve yet")
             if (load.nodes is None) == (load.box is None):
                 raise ModelError(f"{place}: found neither or both of nodes and box, expected one of them")
             if (load.body_force is None) == (load.traction is None):
@@ -53,11 +69,11 @@ class Model:
         """Each node's horizon (n,), m: the ratio m times its spacing."""
         return self.settings.horizon.ratio * self.grid.delta
 
-    def selected(self, load: Load) -> NDArray[np.int64]:
+    def selected(self, load: Selection) -> NDArray[np.int64]:
         """The rows of the grid a condition acts on."""
         return self._selected(load, self.name)
 
-    def _selected(self, load: Load, place: str) -> NDArray[np.int64]:
+    def _selected(self, load: Selection, place: str) -> NDArray[np.int64]:
         if load.nodes is not None:
             order = np.argsort(self.grid.ids)
             wanted = np.array(load.nodes, dtype=np.int64)
