@@ -38,7 +38,7 @@ def thesis_areas(
 def cell_areas(position: NDArray[np.float64], shape: shapely.Geometry) -> NDArray[np.float64]:
     """Areas (n,), m^2, of the Voronoi cells of `position` (n, 2) clipped by `shape`; their sum is its area."""
     cells = shapely.voronoi_polygons(shapely.multipoints(position), extend_to=shape.envelope, ordered=True)
-    cells = shapely.get_parts(cells)
+    cells = shapely.convex_hull(shapely.get_parts(cells))  # on a lattice GEOS leaves crossing edges of no length
     shapely.prepare(shape)
     clipped = np.where(shapely.covers(shape, cells), cells, shapely.intersection(cells, shape))
     return np.asarray(shapely.area(clipped), dtype=np.float64)

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-from shapely import LineString, MultiLineString, MultiPolygon, Polygon, line_merge, polygonize, unary_union
+from shapely import LineString, MultiLineString, MultiPolygon, Polygon, line_merge, polygonize_full, unary_union
 
 from pdmesh.grid import Horizon, Material, Run
 from pdmesh.scene import Crack, Scene, SceneError, Traction, Zone
@@ -43,7 +43,7 @@ TIME_LIMIT = 60.0  # s
 CHORD_TOLERANCE = 0.01  # of the finest spacing
 REACHES_OUTSIDE = re.compile(
     r"\b(SystemCall|NonBlockingSystemCall|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|Include|Merge"
-    r"|Printf\s*\([^)]*\)\s*>|ShapeFromFile|MergeWithBoundingBox)"
+    r"|Printf(?=\s*\([^)]*\)\s*>)|ShapeFromFile|MergeWithBoundingBox)\b"
 )
 COMMENT_OR_STRING = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'', re.DOTALL)
 
@@ -107,7 +107,7 @@ def _in_child(path: Path, assignments: list[tuple[str, str]]) -> dict[str, Any]:
         hint = f" such as '{close[0]}'" if close else ""
         raise SceneError(f"{path}: parameter '{name}' is not in the drawing, expected one that is{hint}")
     for message in drawing["messages"]:
-        raise SceneError(f"{path}: Gmsh says: {message}")
+        raise SceneError(f"{path}: {message}")
     return drawing
 
 
@@ -242,14 +242,23 @@ def _lines(curves: Iterable[Sequence[Sequence[float]]]) -> list[LineString]:
 def _surface(name: str, group: dict[str, Any]) -> Polygon | MultiPolygon:
     faces = []
     for curves in group["surfaces"]:
-        found = polygonize([unary_union([LineString(points) for points in curves])])
-        if found.is_empty:
+        found, cuts, dangles, crossings = polygonize_full([unary_union([LineString(points) for points in curves])])
+        if found.is_empty or not (cuts.is_empty and dangles.is_empty and crossings.is_empty):
             raise SceneError(f"zone '{name}': found an outline that does not close, expected closed curves")
         faces.append(max(found.geoms, key=lambda face: Polygon(face.exterior).area))
     return unary_union(faces)
 
 
 # ---- the child process
+
+
+def _vertices(gmsh: Any, curve: int) -> tuple[list[float], list[float]] | None:
+    """The points a curve runs between, exactly; None for a closed curve."""
+    ends = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=True)
+    if len(ends) != 2:
+        return None
+    start, end = ([float(value) for value in gmsh.model.getValue(0, point, [])[:2]] for _, point in ends)
+    return start, end
 
 
 def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
@@ -268,7 +277,7 @@ def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
             return [p1]
         return between(t0, p0, middle, point, depth + 1) + between(middle, point, t1, p1, depth + 1)
 
-    start, end = at(low), at(high)
+    start, end = _vertices(gmsh, curve) or (at(low), at(low))
     if gmsh.model.getType(1, curve) == "Line":
         return [start, end]
     return [start, *between(low, start, high, end, 0)]
@@ -287,8 +296,11 @@ def _assign(gmsh: Any, known: dict[str, float | str], assignments: list[tuple[st
     for name, value in assignments:
         if isinstance(known[name], str):
             gmsh.onelab.setString(name, [value])
-        else:
+            continue
+        try:
             gmsh.onelab.setNumber(name, [float(value)])
+        except ValueError:
+            raise ValueError(f"parameter '{name}': found '{value}', expected a number") from None
 
 
 def _groups_of(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
@@ -336,7 +348,7 @@ def _read_in_child(path: str, assignments: list[tuple[str, str]]) -> dict[str, A
         drawing["groups"] = _groups_of(gmsh, CHORD_TOLERANCE * finest)
     except Exception as error:  # gmsh raises bare Exception
         drawing["messages"].append(" ".join(str(error).split()))
-    drawing["messages"] += [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    drawing["messages"] += [f"Gmsh says: {line}" for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
     return drawing
 
 
