@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pdmesh import commandline
-from pdmesh.grid import GridError
-from pdmesh.scene import SceneError
 
 
 def parser() -> argparse.ArgumentParser:
@@ -32,6 +30,7 @@ def _build(args: argparse.Namespace) -> int:
     from pdmesh.geo import read_geo
     from pdmesh.grid import document_of, write_file
     from pdmesh.lattice import build_grid
+    from pdmesh.scene import SceneError
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
     scene = read_geo(args.drawing, args.assignments, args.trust)
@@ -64,7 +63,14 @@ def _build(args: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdmesh; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdmesh", lambda: int(args.run(args)), (SceneError, GridError))
+    return commandline.run("pdmesh", lambda: int(args.run(args)), _exits)
+
+
+def _exits() -> dict[type[Exception], int]:
+    from pdmesh.grid import GridError
+    from pdmesh.scene import SceneError
+
+    return dict.fromkeys((SceneError, GridError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -75,15 +75,14 @@ def _chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, floa
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdpost; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdpost", lambda: _guarded(args), ())
+    return commandline.run("pdpost", lambda: int(args.run(args)), _exits)
 
 
-def _guarded(args: argparse.Namespace) -> int:
-    """Run the command; the errors to expect are known only once it is imported, which --help does not wait for."""
+def _exits() -> dict[type[Exception], int]:
     from pdpost.figures import FigureError
     from pdsolve.results import ResultsError
 
-    return commandline.run("pdpost", lambda: int(args.run(args)), (FigureError, ResultsError))
+    return dict.fromkeys((FigureError, ResultsError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.files import write_atomically
 from pdsolve.results import Results
 
-STYLE = {"font.size": 9, "axes.linewidth": 0.6, "savefig.dpi": 200, "svg.hashsalt": "pdpost"}
+STYLE = {"font.size": 9, "axes.linewidth": 0.6, "savefig.dpi": 200}
 WIDTH = 7.0  # inches
 
 
@@ -59,7 +59,8 @@ def save(figure: Figure, path: Path) -> None:
         raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
     undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
     picture = io.BytesIO()
-    figure.savefig(picture, format=kind, bbox_inches="tight", metadata=undated.get(kind))
+    with matplotlib.rc_context({"svg.hashsalt": "pdpost"}):
+        figure.savefig(picture, format=kind, bbox_inches="tight", metadata=undated.get(kind))
     write_atomically(path, picture.getvalue())
 
 

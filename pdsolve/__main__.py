@@ -121,24 +121,17 @@ class _Watch:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
     args = parser().parse_args(argv)
-    try:
-        return commandline.run("pdsolve", lambda: _guarded(args), ())
-    except KeyboardInterrupt:
-        return commandline.INTERRUPTED
+    return commandline.run("pdsolve", lambda: _solve(args), _exits)
 
 
-def _guarded(args: argparse.Namespace) -> int:
-    """Solve; the errors to expect are known only once the solver is imported, which --help does not wait for."""
+def _exits() -> dict[type[Exception], int]:
     from pdmesh.grid import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError
     from pdsolve.simulation import UnstableError
 
-    try:
-        return commandline.run("pdsolve", lambda: _solve(args), (GridError, ModelError, ResultsError))
-    except UnstableError as error:
-        print(f"pdsolve: {error}", file=sys.stderr)
-        return commandline.UNSTABLE
+    bad = commandline.BAD_INPUT
+    return {GridError: bad, ModelError: bad, ResultsError: bad, UnstableError: commandline.UNSTABLE}
 
 
 if __name__ == "__main__":
