@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +21,16 @@ from numpy.typing import NDArray
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION = 1
 CHUNK = 1024  # nodes
-FIELDS = {"ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "damage": "1"}  # name: unit, in the order of the view
+FIELDS = {  # name: unit, in the order of the view
+    "ux": "m",
+    "uy": "m",
+    "vx": "m/s",
+    "vy": "m/s",
+    "ax": "m/s^2",
+    "ay": "m/s^2",
+    "energy": "J/m^3",
+    "damage": "1",
+}
 
 
 class ResultsError(ValueError):
@@ -54,7 +63,8 @@ class Frame(NamedTuple):
     time: float  # s
     fields: Mapping[str, NDArray[np.floating]] | None  # (n,) each; None: a checkpoint between two frames
     breaks: Breaks  # since the last transaction
-    ledger: tuple[float, ...]  # as the columns of `history`
+    ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
+    probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
     checkpoint: Mapping[str, NDArray[np.floating]]
 
 
@@ -68,6 +78,8 @@ CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT
 CREATE TABLE bond_break (step INTEGER, node INTEGER, neighbour INTEGER);
 CREATE TABLE history (step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER);
+CREATE TABLE probe (step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
+    PRIMARY KEY (node, step));
 CREATE TABLE checkpoint (name TEXT PRIMARY KEY, step INTEGER, type TEXT, data BLOB);
 CREATE TABLE float32_prefix (prefix INTEGER PRIMARY KEY, base REAL, unit REAL); -- sign and exponent of a float32
 PRAGMA application_id = {APPLICATION_ID};
@@ -101,7 +113,7 @@ def _view() -> str:
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 
     columns = [decoded(field) for field in FIELDS]
-    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz")):
+    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
         columns.insert(at, name)
     return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
     n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n"""
@@ -168,8 +180,8 @@ class Writer:
                     self._write_field(frame.step, name, values)
             rows = zip(*(column.tolist() for column in frame.breaks), strict=True)
             self.connection.executemany("INSERT INTO bond_break VALUES (?, ?, ?)", rows)
-            marks = ", ".join("?" * len(frame.ledger))
-            self.connection.execute(f"INSERT OR REPLACE INTO history VALUES ({marks})", frame.ledger)
+            for table, lines in (("history", frame.ledger), ("probe", frame.probes)):
+                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * 9)})", lines)
             self.connection.executemany(
                 "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
                 [(name, frame.step, values.dtype.str, values.tobytes()) for name, values in frame.checkpoint.items()],
@@ -300,6 +312,12 @@ class Results:
         momentum_y and broken."""
         names = [row[1] for row in self._rows("PRAGMA table_info(history)")]
         rows = self._rows("SELECT * FROM history ORDER BY step")
+        return np.array(rows, dtype=[(name, float) for name in names])
+
+    def probes(self) -> NDArray[np.float64]:
+        """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay."""
+        names = [row[1] for row in self._rows("PRAGMA table_info(probe)")]
+        rows = self._rows("SELECT * FROM probe ORDER BY node, step")
         return np.array(rows, dtype=[(name, float) for name in names])
 
     def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:

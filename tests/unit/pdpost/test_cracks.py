@@ -29,7 +29,7 @@ def run(nodes: Nodes, cracked: list[tuple[int, int, int]]) -> Results:
     writer = Writer.create(None, nodes, {"time_step": 1e-6})
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(100, 1e-4, None, breaks, (100, 1e-4, 0, 0, 0, 0, 0, 0, 0), {}))
+    writer.write(Frame(100, 1e-4, None, breaks, [], [], {}))
     return Results(writer.connection, "memory")
 
 
