@@ -7,6 +7,7 @@ import shlex
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,10 +57,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _solve(args: argparse.Namespace) -> int:
-    from pdsolve.model import read_model
+    from pdsolve.model import ModelWarning, read_model
     from pdsolve.simulation import Options, plan, resume, simulate
 
-    with _Watch(args) as watch:
+    with _Watch(args) as watch, warnings.catch_warnings():
+        warnings.simplefilter("always", ModelWarning)
+        warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
             given = [name for name in kept if getattr(args, name)]
@@ -75,12 +78,6 @@ def _solve(args: argparse.Namespace) -> int:
             results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
         with results:
             meta, summary = results.meta(), results.summary()
-    if summary["stable_time_step"] is not None and summary["time_step"] > summary["stable_time_step"]:
-        commandline.note(
-            f"pdsolve: warning: the time step {summary['time_step']:.4g} s is above the bound that is surely stable,"
-            f" {summary['stable_time_step']:.4g} s",
-            args,
-        )
     commandline.report({"output": str(path), "status": meta["status"], **summary}, _lines(path, summary), args)
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
 
@@ -172,11 +169,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _exits() -> dict[type[Exception], int]:
     from pdmesh.grid import GridError
     from pdsolve.model import ModelError
-    from pdsolve.results import ResultsError
+    from pdsolve.results import ResultsError, WriteError
     from pdsolve.simulation import UnstableError
 
     bad = commandline.BAD_INPUT
-    return {GridError: bad, ModelError: bad, ResultsError: bad, UnstableError: commandline.UNSTABLE}
+    return {
+        GridError: bad,
+        ModelError: bad,
+        WriteError: commandline.FAILURE,
+        ResultsError: bad,
+        UnstableError: commandline.UNSTABLE,
+    }
 
 
 if __name__ == "__main__":

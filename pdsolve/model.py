@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,6 +34,12 @@ from pdmesh.grid import (
 )
 from pdmesh.grid import read_document as parse_document
 
+BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
+
+
+class ModelWarning(UserWarning):
+    """A model that can be solved but may not mean what its author thinks; one line."""
+
 
 class ModelError(ValueError):
     """A model that cannot be solved; the message names the place, what was found and what was expected."""
@@ -52,6 +59,14 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
+        for material in self.materials:
+            fixed = BOND_BASED_NU[material.plane]
+            if material.nu is not None and abs(material.nu - fixed) > 0.01:
+                warnings.warn(
+                    f"{self.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
+                    ModelWarning,
+                    stacklevel=2,
+                )
         for number, condition in enumerate(self.settings.conditions):
             self._check_condition(condition, f"{self.name}: $.conditions[{number}]")
         for number, region in enumerate(self.settings.regions):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from pdsolve.bonds import Assembly, Bonds
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels.bond_sums import Motion
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Nodes
 from pdsolve.schemes import EXACT_LOAD, SCHEMES
 from pdsolve.steppers.verlet import advance, stability_bound
@@ -173,6 +174,12 @@ def prepare(model: Model, options: Options) -> Problem:
         if not np.isfinite(bound):
             raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
         step = SAFETY * bound
+    if step > bound:
+        warnings.warn(
+            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            ModelWarning,
+            stacklevel=2,
+        )
     rounded = [np.ascontiguousarray(column, dtype=kind) for column in exact.bonds[2:]]
     bonds = Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded)
     driven = drive(model, exact.area, EXACT_LOAD[options.mode], kind)

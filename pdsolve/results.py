@@ -37,6 +37,10 @@ class ResultsError(ValueError):
     """A database that cannot be used; the message names the file, what was found and what was expected."""
 
 
+class WriteError(ResultsError):
+    """A database that could not be written: a full disk, a folder that may not be written to."""
+
+
 class Nodes(NamedTuple):
     """What a run knows of its n nodes from the start."""
 
@@ -129,11 +133,11 @@ class Writer:
     def create(cls, path: Path | None, nodes: Nodes, meta: Mapping[str, Any]) -> Writer:
         """A new database at `path` (in memory if None), replacing what is there.
 
-        Raises ResultsError if it cannot be written.
+        Raises WriteError if it cannot be written.
         """
         if path is not None:
             remove(path)
-        with _explained(path):
+        with _explained(path, WriteError):
             connection = sqlite3.connect(":memory:" if path is None else path, isolation_level=None)
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")
@@ -152,7 +156,7 @@ class Writer:
         """The database at `path`, to go on writing. Raises ResultsError if it is not one of ours."""
         with Results.open(path):
             pass
-        with _explained(path):
+        with _explained(path, WriteError):
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")
@@ -162,7 +166,7 @@ class Writer:
 
     def tell(self, meta: Mapping[str, Any]) -> None:
         """Set keys of the table `meta`."""
-        with _explained(self._path()):
+        with _explained(self._path(), WriteError):
             self.connection.execute("BEGIN")
             self._tell(meta)
             self.connection.execute("COMMIT")
@@ -171,8 +175,8 @@ class Writer:
         self.connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
 
     def write(self, frame: Frame) -> None:
-        """Write a frame in one transaction. Raises ResultsError where the disk does not take it."""
-        with _explained(self._path()):
+        """Write a frame in one transaction. Raises WriteError where the disk does not take it."""
+        with _explained(self._path(), WriteError):
             self.connection.execute("BEGIN")
             if frame.fields is not None:
                 self.connection.execute("INSERT INTO frame VALUES (?, ?)", (frame.step, frame.time))
@@ -199,7 +203,7 @@ class Writer:
         path = self._path()
         self.tell({"status": status})
         if path is not None:
-            with _explained(path):
+            with _explained(path, WriteError):
                 self.connection.execute("PRAGMA journal_mode = DELETE")
             self.connection.close()
 
@@ -215,17 +219,17 @@ def remove(path: Path) -> None:
 
 
 class _explained:
-    """Turns SQLite's errors into a ResultsError that names the file."""
+    """Turns SQLite's errors into one of ours that names the file."""
 
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
+    def __init__(self, path: Path | None, kind: type[ResultsError] = ResultsError) -> None:
+        self.path, self.kind = path, kind
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, sqlite3.Error):
-            raise ResultsError(f"{self.path or 'results in memory'}: {error}") from None
+            raise self.kind(f"{self.path or 'results in memory'}: {error}") from None
 
 
 class Results:

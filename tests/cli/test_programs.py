@@ -139,12 +139,34 @@ def test_an_unstable_run_is_three(model: Path, capsys: pytest.CaptureFixture[str
     assert MAIN["pdsolve"]([str(model), "--set", "run.time_step=1e-6", "--set", "run.steps=200"]) == 3
     err = capsys.readouterr().err
     assert "unstable at step" in err
-    assert err.count("\n") == 1
+    assert "warning" in err.splitlines()[0]
+    assert len(err.splitlines()) == 2
 
 
 def test_a_step_above_the_bound_warns(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert MAIN["pdsolve"]([str(model), "--set", "run.time_step=2.2e-7", "--set", "run.steps=2"]) == 0
-    assert "warning: the time step 2.2e-07 s is above the bound" in capsys.readouterr().err
+    assert "plate.json: the time step 2.2e-07 s is above the bound" in capsys.readouterr().err
+
+
+def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flags = ["--every", "30", "--fields", "uy,energy", "--probe", "0.01,0", "--probe", "0,0", "--until", "quiet:1e-3"]
+    assert MAIN["pdsolve"]([str(model), *flags, "-q"]) == 0
+    connection = sqlite3.connect(here / "plate.sqlite")
+    assert connection.execute("SELECT step FROM frame").fetchall() == [(0,), (30,), (60,)]
+    assert connection.execute("SELECT DISTINCT field FROM field_chunk ORDER BY 1").fetchall() == [("energy",), ("uy",)]
+    assert connection.execute("SELECT count(*), count(DISTINCT node) FROM probe").fetchone() == (6, 2)
+    connection.close()
+    assert MAIN["pdsolve"]([str(model), "--until", "quiet"]) == 2
+    assert "--until: found 'quiet', expected split or quiet:SECONDS" in capsys.readouterr().err
+    assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
+    assert "Invalid enum value 'heat' - at `$.run.fields[0]`" in capsys.readouterr().err
+
+
+def test_a_dry_run_writes_nothing(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert MAIN["pdsolve"]([str(model), "--dry-run", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["nodes"], found["steps"]) == (252, 60)
+    assert [path.name for path in here.iterdir()] == ["models"]
 
 
 def test_ctrl_c_is_130_after_a_checkpoint(model: Path, here: Path) -> None:

@@ -17,7 +17,7 @@ from plates import square_grid
 
 from pdmesh.grid import document_of, write_file
 from pdsolve.model import Model
-from pdsolve.results import Results, ResultsError, Writer
+from pdsolve.results import Results, ResultsError, WriteError, Writer
 from pdsolve.simulation import resume, simulate
 
 
@@ -155,7 +155,7 @@ def test_fields_and_frames_that_are_not_there_are_answered_with_those_that_are(s
 
 
 def test_a_target_that_cannot_be_written_is_named(small_plate: Model, tmp_path: Path) -> None:
-    with pytest.raises(ResultsError, match=r"gone/x\.sqlite: unable to open database file"):
+    with pytest.raises(WriteError, match=r"gone/x\.sqlite: unable to open database file"):
         simulate(small_plate, tmp_path / "gone" / "x.sqlite")
 
 
@@ -170,7 +170,7 @@ def test_a_full_disk_is_one_line(small_plate: Model, tmp_path: Path, monkeypatch
         return writer
 
     monkeypatch.setattr(Writer, "create", classmethod(small))
-    with pytest.raises(ResultsError, match=r"full\.sqlite: database or disk is full"):
+    with pytest.raises(WriteError, match=r"full\.sqlite: database or disk is full"):
         simulate(small_plate, tmp_path / "full.sqlite")
 
 

@@ -91,6 +91,38 @@ def test_no_bond_crosses_a_hole_or_leaves_the_plate() -> None:
     assert all((b, a) in there for a, b in there)
 
 
+def test_marks_say_where_a_hole_is_when_a_bare_file_gives_no_outline() -> None:
+    """A round hole of 4.3 mm: the same bonds by its outline and by border and hole_id alone, but for grazing ones."""
+    full = square_grid(24, 24)
+    centre, radius = 1e-3 * np.array([11.5, 11.5]), 4.3e-3
+    away = np.hypot(*(full.position - centre).T)
+    keep = away >= radius
+    angle = np.linspace(0, 2 * np.pi, 721)
+    ring = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    square = 1e-3 * np.array([[0, 0], [23, 0], [23, 23], [0, 23]])
+    bare = dataclasses.replace(
+        full,
+        **{name: getattr(full, name)[keep] for name in ("ids", "position", "delta", "border")},
+        hole_id=np.where(away < radius + 1e-3, 0, -1)[keep],
+    )
+    pairs = pairs_within(bare.position, 6 * bare.delta)
+    by_outline = inside_plate(dataclasses.replace(bare, outline=(square,), holes=(ring,)), pairs)
+    by_marks = inside_plate(bare, pairs)
+    a, b = bare.position[pairs.source] - centre, bare.position[pairs.target] - centre
+    along = np.clip(-(a * (b - a)).sum(axis=1) / pairs.length**2, 0, 1)
+    nearest = np.hypot(*(a + along[:, None] * (b - a)).T)
+    assert (~by_outline).sum() > 400
+    assert (by_outline == by_marks)[np.abs(nearest - radius) > 0.75e-3].all()
+    assert not by_marks[nearest < radius - 0.75e-3].any()
+    assert by_marks[nearest > radius].all()
+
+
+def test_a_plate_without_holes_needs_no_outline() -> None:
+    grid = two_scale_grid()
+    marked = dataclasses.replace(grid, border=np.ones(len(grid), dtype=bool))
+    assert inside_plate(marked, pairs_within(grid.position, 4 * grid.delta)).all()
+
+
 @pytest.mark.parametrize("scheme", [one_sided, average_horizon])
 def test_bonds_of_loaded_nodes_do_not_break(scheme: object) -> None:
     model = plate(square_grid(9, 6), conditions=(Load(nodes=(1,), body_force=(0.0, 1.0)),))

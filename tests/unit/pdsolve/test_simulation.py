@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from pdmesh.grid import Run
-from pdsolve.model import Model, ModelError
-from pdsolve.results import Results
-from pdsolve.simulation import Options, Progress, UnstableError, prepare, resume, simulate
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.results import Results, ResultsError
+from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
 
 
 def with_run(model: Model, **run: object) -> Model:
@@ -82,7 +82,10 @@ def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path
     bound = prepare(small_plate, Options()).bound
     model = with_run(small_plate, time_step=3 * bound, steps=400, every=20)
     path = tmp_path / "unstable.sqlite"
-    with pytest.raises(UnstableError, match=r"unstable at step \d+, .* s, node \d+: energy is .* surely stable up to"):
+    with (
+        pytest.warns(ModelWarning, match="above the bound"),
+        pytest.raises(UnstableError, match=r"unstable at step \d+, .* s, node \d+: energy is .* surely stable up to"),
+    ):
         simulate(model, path)
     with Results.open(path) as results:
         assert results.meta()["status"] == "unstable"
@@ -112,3 +115,75 @@ def test_no_steps_are_a_run_too(small_plate: Model) -> None:
     with simulate(with_run(small_plate, steps=0)) as results:
         assert results.frames()[0].tolist() == [0]
     assert Run(steps=0).steps == 0
+
+
+def bilinear(model: Model) -> Model:
+    """The model in a softening material."""
+    material = msgspec.structs.replace(model.settings.material, law="bilinear", kr=3.0)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material))
+
+
+def test_a_softening_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path) -> None:
+    model, path = bilinear(small_plate), tmp_path / "softening.sqlite"
+    with simulate(model, path, watch=lambda progress: progress.step >= 40) as results:
+        assert results.checkpoint()[1]["softened_bond"].size > 0
+    with resume(path) as resumed, simulate(model) as whole:
+        assert everything(resumed) == everything(whole)
+        assert resumed.breaks().step.size > 0
+
+
+def test_probes_follow_the_node_nearest_to_them(small_plate: Model) -> None:
+    model = with_run(small_plate, probes=((7.1e-3, 0.4e-3), (12e-3, -5.5e-3)), ledger=5)
+    with simulate(model) as results:
+        probes, history = results.probes(), results.history()
+        seen = {name: results.field(name, 40) for name in ("ux", "uy", "vx", "vy")}
+    near, far = 6 * 21 + 8, 13
+    assert np.unique(probes["node"]).tolist() == [far, near]
+    assert history["step"].tolist() == list(range(0, 61, 5))
+    assert probes["step"][probes["node"] == near].tolist() == history["step"].tolist()
+    (row,) = probes[(probes["node"] == near) & (probes["step"] == 40)]
+    for name, values in seen.items():
+        assert np.float32(row[name]) == values[near - 1]
+
+
+def test_fields_are_those_asked_for(small_plate: Model) -> None:
+    model = with_run(small_plate, fields=("ax", "energy"))
+    with simulate(model) as results:
+        assert results.field("energy", 60).max() > 0
+        assert np.abs(results.field("ax", 60)).max() > 0
+        with pytest.raises(ResultsError, match="found no field 'damage', expected one of ax, energy"):
+            results.field("damage", 60)
+
+
+def test_energy_fields_add_up_to_the_ledger(small_plate: Model) -> None:
+    with simulate(with_run(small_plate, fields=("energy",))) as results:
+        total = float(np.sum(results.nodes().area * results.field("energy", 40)))
+        assert total == pytest.approx(float(results.history()["strain"][2]), rel=1e-6)
+
+
+def test_a_run_stops_when_the_plate_has_split(small_plate: Model) -> None:
+    model = with_run(small_plate, steps=2000, until="split", ledger=10)
+    with simulate(model) as results:
+        assert results.meta()["status"] == "finished"
+        summary = results.summary()
+    assert summary["stopped"] == "split"
+    assert summary["steps"] < 2000
+    with simulate(with_run(small_plate, steps=summary["steps"] - 10, until="split", ledger=10)) as results:
+        assert results.summary()["stopped"] is None  # not ten steps before
+
+
+def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:
+    model = with_run(small_plate, steps=5000, until="quiet", quiet=2e-6, ledger=10)
+    with simulate(model) as results:
+        steps, last = results.summary()["steps"], int(results.breaks().step.max())
+        assert results.summary()["stopped"] == "quiet"
+    assert 40 <= steps - last < 50  # 2 us are 40 steps; looked at every ten
+
+
+def test_a_plan_knows_what_a_run_takes(small_plate: Model) -> None:
+    found = plan(small_plate)
+    with simulate(small_plate) as results:
+        summary = results.summary()
+    assert (found.nodes, found.bonds, found.steps) == (summary["nodes"], summary["bonds"], 60)
+    assert found.memory > 50 * found.bonds
+    assert found.wall_time > 0
