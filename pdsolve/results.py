@@ -76,6 +76,7 @@ TABLES = f"""
 CREATE TABLE meta (key TEXT PRIMARY KEY, value);
 CREATE TABLE node ("row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL,
     delta REAL, area REAL, family INTEGER, cut INTEGER);
+CREATE TABLE crack (x0 REAL, y0 REAL, x1 REAL, y1 REAL); -- segments of pre-cracks
 CREATE TABLE frame (step INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT NULL,
     PRIMARY KEY (step, field, chunk));
@@ -130,8 +131,8 @@ class Writer:
         self.connection = connection
 
     @classmethod
-    def create(cls, path: Path | None, nodes: Nodes, meta: Mapping[str, Any]) -> Writer:
-        """A new database at `path` (in memory if None), replacing what is there.
+    def create(cls, path: Path | None, nodes: Nodes, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:
+        """A new database at `path` (in memory if None), replacing what is there; `cracks` (k, 4) are segments, m.
 
         Raises WriteError if it cannot be written.
         """
@@ -147,6 +148,7 @@ class Writer:
             columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
             rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
             connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            connection.executemany("INSERT INTO crack VALUES (?, ?, ?, ?)", cracks.tolist())
             writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
             connection.execute("COMMIT")
         return writer
@@ -289,6 +291,10 @@ class Results:
             rows[:, 6].astype(np.int64),
         )
 
+    def cracks(self) -> NDArray[np.float64]:
+        """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
+        return np.array(self._rows("SELECT x0, y0, x1, y1 FROM crack ORDER BY rowid"), dtype=float).reshape(-1, 4)
+
     def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Steps and times (s) of the frames."""
         rows = self._rows("SELECT step, time FROM frame ORDER BY step")
@@ -311,14 +317,14 @@ class Results:
         rows = self._rows("SELECT step, node, neighbour FROM bond_break ORDER BY step, rowid")
         return Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
 
-    def history(self) -> NDArray[np.float64]:
+    def history(self) -> NDArray[np.void]:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
         momentum_y and broken."""
         names = [row[1] for row in self._rows("PRAGMA table_info(history)")]
         rows = self._rows("SELECT * FROM history ORDER BY step")
         return np.array(rows, dtype=[(name, float) for name in names])
 
-    def probes(self) -> NDArray[np.float64]:
+    def probes(self) -> NDArray[np.void]:
         """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay."""
         names = [row[1] for row in self._rows("PRAGMA table_info(probe)")]
         rows = self._rows("SELECT * FROM probe ORDER BY node, step")

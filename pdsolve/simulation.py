@@ -66,7 +66,7 @@ def simulate(
     """
     problem = prepare(model, options)
     try:
-        writer = Writer.create(output, problem.nodes(), _meta(problem, provenance))
+        writer = Writer.create(output, problem.nodes(), model.grid.cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
         notes.take(0)
         writer.write(notes.frame(0, whole=True))

@@ -34,10 +34,10 @@ def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]
     assert crack.start.time == pytest.approx(10e-6, abs=1.5e-6)
     assert crack.branching is not None
     assert crack.branching.time == pytest.approx(29e-6, abs=3e-6)
-    assert crack.branching.x == pytest.approx(70e-3, abs=5e-3)
+    assert crack.branching.along == pytest.approx(70e-3, abs=5e-3)
     # measured, and to stay so
     assert (crack.start.step, crack.branching.step) == pytest.approx((378, 1162), abs=4)
-    assert crack.branching.x == pytest.approx(73e-3, abs=1e-9)
+    assert crack.branching.along == pytest.approx(73e-3, abs=1e-9)
 
 
 def test_the_conservative_mode_branches_too(solved: Callable[[str], Path]) -> None:
@@ -46,7 +46,7 @@ def test_the_conservative_mode_branches_too(solved: Callable[[str], Path]) -> No
     assert crack.start is not None
     assert crack.branching is not None
     assert (crack.start.step, crack.branching.step) == pytest.approx((362, 1106), abs=4)  # measured: 9.1 and 27.7 us
-    assert crack.branching.x == pytest.approx(71e-3, abs=1e-9)
+    assert crack.branching.along == pytest.approx(71e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
