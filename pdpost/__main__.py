@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
     damage.set_defaults(run=_damage)
     crack = commands.add_parser("crack", help="say when and where the crack started, branched, split the plate")
     crack.add_argument("results", type=Path, help="a database written by pdsolve")
-    crack.add_argument("--along", choices=("x", "-x", "y", "-y"), default="x", help="where the crack runs (default: x)")
+    crack.add_argument("--along", choices=("right", "left", "up", "down"), default="right", help="where the crack runs")
     crack.add_argument("--step", type=int, metavar="N", help="measure directions after this step (default: the last)")
     commandline.add_common_options(
         crack,
@@ -78,7 +78,7 @@ def _crack(args: argparse.Namespace) -> int:
     found = {**dataclasses.asdict(growth), "directions": [dataclasses.asdict(way) for way in directions]}
     lines = [
         f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
-        + ("" if event.along is None else f", {event.along * 1e3:.4g} mm along {args.along}")
+        + ("" if event.along is None else f", {event.along * 1e3:.4g} mm {args.along}")
         for name in ("first_break", "start", "branching", "split")
         if (event := getattr(growth, name)) is not None
     ]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -22,10 +23,11 @@ COLUMNS = 3  # that hold two clusters of cracked nodes make a branch
 APART = 2.0  # spacings between two clusters
 LINKED = 1.5  # spacings between two nodes of a chain
 OFF_LINE = 3.0  # of the finest spacing: how far from the line of its notch a crack's direction is measured
+PIECE = 0.02  # of all nodes: smaller parts are crumbs
 FIT = 5  # nodes that a direction needs at least
 ROUND_OFF = 1e-6
 
-DIRECTIONS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, 1.0), "-y": (0.0, -1.0)}
+DIRECTIONS = {"right": (1.0, 0.0), "left": (-1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,8 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
     """Follow the crack of a run along a direction through all its steps; damage above `threshold` is cracked.
 
     Start: the tip is 1.5 of the finest spacings further than at first, or, where nothing was cracked, the first
-    node is. Branching: at least three columns across the direction hold two clusters of cracked nodes more than
-    two spacings apart; its place is the first such column. Split: see `is_split`.
+    node is. Branching: ahead of the first tip, at least three columns across the direction hold two arms of a
+    crack, see `branch_place`. Split: see `is_split`.
     """
     nodes = results.nodes()
     time_step = float(results.meta()["time_step"])
@@ -82,7 +84,8 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
         if "start" not in events and tip is not None and tip >= needed:
             events["start"] = Event(step, step * time_step, tip)
         if "start" in events and "branching" not in events:
-            place = branch_place(along[cracked], across[cracked], nodes.delta[cracked])
+            ahead = cracked if initial is None else cracked & (along >= initial)
+            place = branch_place(along[ahead], across[ahead], nodes.delta[ahead])
             if place is not None:
                 events["branching"] = Event(step, step * time_step, place)
     return Growth(
@@ -119,41 +122,48 @@ def damage_at(results: Results, step: int) -> NDArray[np.float64]:
 
 
 def branch_place(along: NDArray[np.float64], across: NDArray[np.float64], delta: NDArray[np.float64]) -> float | None:
-    """The first column of cracked nodes (c,), m along, that holds two clusters, if there are enough of them."""
+    """The first column of cracked nodes (c,), m along, that holds two arms of one crack, if there are enough.
+
+    Arms are clusters of a column more than two spacings apart; they belong to one crack if a chain of cracked
+    nodes links them, so that cracks growing side by side are no branch.
+    """
     if not len(along):
         return None
+    crack = clusters(np.column_stack([along, across]), delta)
     column = np.round(along / delta.min()).astype(np.int64)
-    order = np.lexsort((across, column))
-    column, along, across, delta = column[order], along[order], across[order], delta[order]
-    gap = (np.diff(across) > (APART + ROUND_OFF) * delta[1:]) & (np.diff(column) == 0)
-    double, where = np.unique(column[1:][gap], return_index=True)
-    return float(along[1:][gap][where[0]]) if len(double) >= COLUMNS else None
+    order = np.lexsort((across, column, crack))
+    crack, column, along, across, delta = crack[order], column[order], along[order], across[order], delta[order]
+    together = (np.diff(column) == 0) & (np.diff(crack) == 0)
+    gap = (np.diff(across) > (APART + ROUND_OFF) * delta[1:]) & together
+    for number in np.unique(crack[1:][gap]):
+        double, where = np.unique(column[1:][gap & (crack[1:] == number)], return_index=True)
+        if len(double) >= COLUMNS:
+            return float(along[1:][gap & (crack[1:] == number)][where[0]])
+    return None
 
 
-def clusters(position: NDArray[np.float64], delta: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The number (c,) of each cracked node's cluster; nodes within 1.5 of the larger spacing are linked."""
-    near = cKDTree(position).sparse_distance_matrix(
-        cKDTree(position), (LINKED + ROUND_OFF) * delta.max(initial=0.0), output_type="coo_matrix"
-    )
-    linked = near.data <= (LINKED + ROUND_OFF) * np.maximum(delta[near.row], delta[near.col])
-    near.data = linked.astype(np.int8)
-    near.eliminate_zeros()
-    return np.asarray(connected_components(near, directed=False)[1], dtype=np.int64)
+def clusters(position: NDArray[np.float64], delta: NDArray[np.float64], link: float = LINKED) -> NDArray[np.int64]:
+    """The number (c,) of each node's cluster; nodes within `link` of the larger spacing are linked."""
+    tree = cKDTree(position)
+    reach = (link + ROUND_OFF) * float(delta.max(initial=0.0))
+    near = tree.query_pairs(reach, output_type="ndarray")
+    far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
+    near = near[far <= (link + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)]
+    graph = coo_matrix((np.ones(len(near), dtype=np.int8), near.T), (len(position),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
-    """Whether a chain of cracked nodes leads from one side of the plate to the opposite one."""
-    if not cracked.any():
+    """Whether cracked nodes, with the holes between them, part the plate.
+
+    A chain of cracked nodes no more than 1.5 spacings from link to link leads from side to side just where no
+    path of neighbours along rows and columns leads around it: sound nodes are then in more than one piece.
+    """
+    sound = ~cracked
+    if sound.all() or not sound.any():
         return False
-    position, delta = nodes.position[cracked], nodes.delta[cracked]
-    cluster = clusters(position, delta)
-    low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
-    for axis in (0, 1):
-        at_low = cluster[position[:, axis] < low[axis] + delta * (1 - ROUND_OFF)]
-        at_high = cluster[position[:, axis] > high[axis] - delta * (1 - ROUND_OFF)]
-        if np.intersect1d(at_low, at_high).size:
-            return True
-    return False
+    piece = np.bincount(clusters(nodes.position[sound], nodes.delta[sound], link=1.0))
+    return int((piece > PIECE * len(cracked)).sum()) > 1
 
 
 def _split(results: Results, nodes: Nodes, time_step: float, threshold: float) -> Event | None:

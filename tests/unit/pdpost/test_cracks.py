@@ -42,11 +42,21 @@ def test_a_crack_starts_when_its_tip_is_one_and_a_half_spacings_on() -> None:
     assert found.final_tip == pytest.approx(7e-3)
 
 
+ARMS = [(10 + x, x, side * (x - 6)) for x in (7, 8, 9, 10) for side in (-1, 1)]
+
+
 def test_it_branches_at_the_first_of_three_double_columns() -> None:
-    arms = [(10 + x, x, side * (2 + (x > 8))) for x in (7, 8, 9) for side in (-1, 1)]
-    found = growth(run(lattice(), [(5, 6, 0), *arms]))
+    """Arms at 45 degrees from (6, 0): those of column 7 are still too near to each other."""
+    found = growth(run(lattice(rows=11), [(5, 5, 0), (6, 6, 0), *ARMS]))
     assert found.branching is not None
-    assert (found.branching.step, found.branching.along) == (19, pytest.approx(7e-3))
+    assert (found.branching.step, found.branching.along) == (20, pytest.approx(8e-3))
+
+
+def test_cracks_side_by_side_are_no_branch() -> None:
+    """The same arms without the trunk that links them, and a branch behind the first tip."""
+    assert growth(run(lattice(rows=11), [(5, 6, 3), *ARMS[2:]])).branching is None
+    behind = [(5, 6, 0)] + [(10, x, y) for x in (1, 2, 3) for y in (1, 2, 3)]
+    assert growth(run(lattice(rows=11), behind)).branching is None
 
 
 def test_two_spacings_apart_are_no_branch() -> None:
