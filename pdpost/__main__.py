@@ -18,19 +18,8 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    damage = commands.add_parser("damage", help="draw the damage of a frame")
-    damage.add_argument("results", type=Path, help="a database written by pdsolve")
-    commandline.add_common_options(
-        damage,
-        output="the picture, in the format of its suffix (default: the results' name with .damage.png)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
-    )
-    which = damage.add_mutually_exclusive_group()
-    which.add_argument(
-        "--frame", type=int, default=-1, metavar="N", help="frame to draw, from 0; negative from the end"
-    )
-    which.add_argument("--time", type=float, metavar="S", help="draw the frame nearest to this time, in seconds")
-    damage.set_defaults(run=_damage)
+    for name in ("damage", "energy", "displacement", "velocity", "acceleration"):
+        _add_picture(commands, name)
     crack = commands.add_parser("crack", help="say when and where the crack started, branched, split the plate")
     crack.add_argument("results", type=Path, help="a database written by pdsolve")
     crack.add_argument("--along", choices=("right", "left", "up", "down"), default="right", help="where the crack runs")
@@ -44,20 +33,36 @@ def parser() -> argparse.ArgumentParser:
     return program
 
 
-def _damage(args: argparse.Namespace) -> int:
+def _add_picture(commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str) -> None:
+    picture = commands.add_parser(name, help=f"draw the {name} of a frame")
+    picture.add_argument("results", type=Path, help="a database written by pdsolve")
+    commandline.add_common_options(
+        picture,
+        output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    which = picture.add_mutually_exclusive_group()
+    which.add_argument("--frame", type=int, default=-1, metavar="N", help="frame, from 0; from the end if negative")
+    which.add_argument("--time", type=float, metavar="S", help="draw the frame nearest to this time, in seconds")
+    picture.set_defaults(run=_picture, picture=name)
+
+
+def _picture(args: argparse.Namespace) -> int:
     import matplotlib
 
     from pdpost import figures
     from pdsolve.results import Results
 
-    path = commandline.output_path(args.output, args.results, ".damage.png", args.force)
+    name = args.picture
+    path = commandline.output_path(args.output, args.results, f".{name}.png", args.force)
     style = figures.styled(dict(args.assignments))
     with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
         step, time = _chosen_frame(results, args)
-        figures.save(figures.damage(results, step), path)
-        values = results.field("damage", step)
-    result = {"output": str(path), "step": step, "time": time, "largest_damage": float(values.max())}
-    commandline.report(result, [f"{path}: damage at {time * 1e6:.4g} us, up to {values.max():.3f}"], args)
+        values = figures.PICTURES[name].values(results, step)
+        figures.save(figures.draw(results, name, step), path)
+    largest, unit = float(values.max()), figures.PICTURES[name].unit
+    result = {"output": str(path), "step": step, "time": time, "largest": largest, "unit": unit}
+    commandline.report(result, [f"{path}: {name} at {time * 1e6:.4g} us, up to {largest:.4g} {unit}".rstrip()], args)
     return commandline.OK
 
 
