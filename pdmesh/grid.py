@@ -23,6 +23,7 @@ from pdmesh.files import write_atomically
 FORMAT_VERSION = 1
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -56,7 +57,7 @@ class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     """Some of a grid's nodes: those listed by id, or those inside a box."""
 
     name: str = ""
-    nodes: tuple[int, ...] | None = None  # ids
+    nodes: tuple[Id, ...] | None = None
     box: Box | None = None  # x0, y0, x1, y1, m
 
 
@@ -143,10 +144,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
     """One node exactly as the thesis writes it."""
 
-    id: int
+    id: Id
     border: Literal["true", "false"]
     position: tuple[float, float, float]  # m
-    hole_id: int
+    hole_id: Id
     delta: tuple[float, float, float]  # m
 
 
@@ -160,6 +161,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
     areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2
     source: str = ""  # the drawing the grid was built from
+    drawing: str = ""  # its text, so that the grid can be built again
     parameters: dict[str, float | str] = {}  # of that drawing, as used
 
 
@@ -178,6 +180,7 @@ class Grid:
     areas: NDArray[np.float64] | None = None  # (n,) m^2
     source: str = ""
     parameters: tuple[tuple[str, float | str], ...] = ()
+    drawing: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -187,7 +190,7 @@ def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
     try:
         document = msgspec.json.decode(data, type=Document)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise GridError(f"{name}: {error}") from None
     if document.version != FORMAT_VERSION:
         raise GridError(f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}")
@@ -229,6 +232,7 @@ def grid_of(document: Document, name: str) -> Grid:
         areas=None if document.areas is None else np.array(document.areas),
         source=document.source,
         parameters=tuple(document.parameters.items()),
+        drawing=document.drawing,
     )
 
 
@@ -265,6 +269,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
         areas=None if grid.areas is None else tuple(grid.areas.tolist()),
         source=grid.source,
+        drawing=grid.drawing,
         parameters=dict(grid.parameters),
         **{field: getattr(settings, field) for field in Settings.__struct_fields__},
     )
@@ -282,3 +287,9 @@ def encode(document: Document) -> bytes:
 def write_file(document: Document, path: Path) -> None:
     """Write the document in one atomic step: the file at `path` is complete or untouched."""
     write_atomically(path, encode(document))
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of the file."""
+    found: dict[str, Any] = msgspec.json.schema(Document)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | found
