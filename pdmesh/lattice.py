@@ -2,8 +2,8 @@
 
 Layout: every lattice passes through the lower left corner of the plate's bounding box, so that spacings 1, 2, 4 ...
 nest. Nodes on an edge of the plate stay. Where two spacings meet the coarser one owns the edge; finer nodes on it,
-or nearer to a coarser node than 3/4 of their spacing, are dropped: the gap is one fine spacing, or 1.5 where one
-of the lattices is shifted.
+or nearer to a row of coarser ones than 3/4 of their spacing, are dropped: the gap is one fine spacing, or 1.5 where
+one of the lattices is shifted.
 
 Shift: a lattice of which a crack meets a node (comes nearer than 1/1000 of the spacing) moves by at most half a
 spacing along each axis: by half along y, x or both where that clears it, else by the number of eighths that
@@ -31,7 +31,7 @@ CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
 COMFORT = 0.1  # of a spacing: a shift that keeps cracks this far is taken at once
 HALVES = ((0.0, 0.5), (0.5, 0.0), (0.5, 0.5))
 EIGHTHS = tuple((x, y) for x, y in itertools.product((0.0, 0.125, -0.125, 0.25, -0.25, 0.375, -0.375, 0.5), repeat=2))
-GAP = 0.75  # of a spacing: finer nodes nearer to a coarser one are dropped
+GAP = 0.75  # of a spacing: finer nodes nearer to a row of coarser ones are dropped
 INTERIOR = 2.5  # of a spacing: so far from a level's edge, no neighbour on the lattice is missing
 
 
@@ -68,17 +68,19 @@ def place_nodes(scene: Scene) -> Nodes:
     """The nodes alone. Raises SceneError if a spacing stays without nodes or a crack cannot be cleared."""
     found: list[NDArray[np.float64]] = []
     regular: list[NDArray[np.bool_]] = []
+    rows: list[NDArray[np.float64]] = []
     shifts = []
     coarser: list[Level] = []
     for level in levels(scene):
         points, offset = _level_nodes(scene, level, coarser)
-        if found and len(points):
-            distance, _ = cKDTree(np.concatenate(found)).query(points, distance_upper_bound=GAP * level.spacing)
+        if len(points) and rows:
+            distance, _ = cKDTree(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
             points = points[~np.isfinite(distance)]
         if any(offset):
             shifts.append(Shift(level.spacing, offset))
         found.append(points)
         regular.append(~near(points, level.shape.boundary, INTERIOR * level.spacing))
+        rows.append(_rows(points[~regular[-1]], level.spacing))
         coarser.append(level)
     counts = [len(points) for points in found]
     if not sum(counts):
@@ -89,6 +91,15 @@ def place_nodes(scene: Scene) -> Nodes:
         if not shapely.contains_xy(inside, np.concatenate(found)[delta <= zone.spacing * (1 + 1e-9)]).any():
             raise SceneError(f"zone '{zone.name}': found no node, expected a spacing below {zone.spacing:g} m")
     return Nodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
+
+
+def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """The points (n, 2) of a lattice with three more (k, 2) between any two that are next to each other, m."""
+    if not len(points):
+        return points
+    first, second = cKDTree(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
+    between = [points[first] + share * (points[second] - points[first]) for share in (0.25, 0.5, 0.75)]
+    return np.concatenate([points, *between])
 
 
 def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDArray[np.float64], tuple[float, float]]:
