@@ -37,7 +37,8 @@ def measure(nodes: int) -> None:
         write_file(document_of(grid, settings), Path(folder) / "grid.json")
     written = time.perf_counter()
     megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"{len(grid):9d} nodes: built in {built - start:6.2f} s, written in {written - built:6.2f} s, {megabytes:6.0f} MB")
+    times = f"built in {built - start:6.2f} s, written in {written - built:6.2f} s"
+    print(f"{len(grid):9d} nodes: {times}, {megabytes:6.0f} MB")
 
 
 if __name__ == "__main__":

@@ -223,8 +223,9 @@ def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters:
 
 def _lines(place: str, curves: Iterable[Any]) -> list[LineString]:
     lines = [LineString(np.asarray(points)[:, :2]) for points in curves]
+    lines = [line for line in lines if line.length > 0]
     if not lines:
-        raise SceneError(f"{place}: found no curve, expected at least one")
+        raise SceneError(f"{place}: found no curve of any length, expected at least one")
     merged = shapely.line_merge(MultiLineString(lines))
     return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
 
@@ -235,7 +236,7 @@ def _surface(place: str, group: Group) -> Surface:
 
 def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
     """The face that curves, points (k, 2 or 3), bound. Raises SceneError where they do not close, or cross."""
-    lines = [line for line in _lines(place, curves) if line.length > 0]
+    lines = _lines(place, curves)
     polygons, cuts, dangles, _ = shapely.polygonize_full(lines)
     crossing = [line for line in lines if not line.is_simple]
     if crossing or not MultiLineString(lines).is_simple:

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.grid import Grid, Material
+from pdmesh.grid import Grid, GridError, Material
 
 ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
 SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate
@@ -44,7 +44,7 @@ def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> It
     plate = plate_of(grid)
     lines = shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2))
     void = shapely.Polygon()
-    if plate is not None:
+    if plate is not None and not plate.is_empty:
         around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
         convex = plate.convex_hull.area - plate.area < 1e-9 * plate.area
         void = void if convex else around.difference(plate).buffer(-SLACK * float(grid.delta.min()), join_style="mitre")
@@ -63,12 +63,23 @@ def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> It
             )
 
 
-def plate_of(grid: Grid) -> shapely.Geometry | None:
-    """The plate that a grid's outline and holes describe; None without an outline."""
+def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
+    """The plate that a grid's outline and holes describe; None without an outline.
+
+    Raises GridError, beginning with `name`, for a ring that crosses itself or has no inside.
+    """
     if not grid.outline:
         return None
-    plate = shapely.union_all([shapely.Polygon(ring) for ring in grid.outline])
-    return plate.difference(shapely.union_all([shapely.Polygon(ring) for ring in grid.holes]))
+    rings: dict[str, list[shapely.Polygon]] = {}
+    for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
+        rings[key] = [shapely.Polygon(ring) for ring in corners]
+        for number, ring in enumerate(rings[key]):
+            if not ring.is_valid or not ring.area > 0:
+                reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
+                )
+    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
 
 
 def _meet(

@@ -33,14 +33,15 @@ TIME_LIMIT = 60.0  # s
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 REACHES_OUTSIDE = re.compile(
-    r"\b(SystemCall|NonBlockingSystemCall|System|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|ListFromFile"
+    r"\b(?:(?:SystemCall|NonBlockingSystemCall|System|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|ListFromFile)\b"
     r"|(?:General|Solver|Print)\s*\.\s*\w*"
     r"(?:File|Name|Executable|Client|Extension|Save|Script|Editor|Browser|Socket)\w*"
-    r"|Printf\b[^;]*>)"
+    r"|Printf\b[^;]*>|(?:Macro|Function)\s*\()"
 )
 READS_FILES = re.compile(r"\b(Include|MergeWithBoundingBox|MergeFile|Merge|ShapeFromFile)\b\s*\(?\s*([^;)]*)")
-COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|(\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*')", re.DOTALL)
-STRING = re.compile(r"\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*'")
+NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
+COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|//[^\n]*|(\"[^\"]*\"|'[^']*')", re.DOTALL)
+STRING = re.compile(r"\"[^\"]*\"|'[^']*'")  # Gmsh's have no escapes, and may span lines
 
 
 def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene:
@@ -115,8 +116,8 @@ def _checked_text(path: Path, trust: bool) -> str:
 
 
 def _refuse_programs(path: Path, text: str, depth: int) -> None:
-    code = COMMENT.sub(lambda match: match[1] or "\n" * match[0].count("\n") or " ", text)
-    bare = STRING.sub(lambda match: " " * len(match[0]), code)
+    code = COMMENT_OR_STRING.sub(lambda match: match[1] or "\n" * match[0].count("\n") or " ", text)
+    bare = STRING.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), code)
     found = REACHES_OUTSIDE.search(bare)
     if found:
         raise SceneError(
@@ -234,7 +235,8 @@ def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
 
 
 def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
-    entries = [json.loads(gmsh.onelab.get(name)) for name in gmsh.onelab.getNames(f"^{PREFIX}")]
+    texts = [NOT_FINITE.sub(r"\1NaN", gmsh.onelab.get(name)) for name in gmsh.onelab.getNames(f"^{PREFIX}")]
+    entries = [json.loads(text) for text in texts]
     for entry in entries:  # an entry without a value has none here
         entry["values"] = list(gmsh.onelab.getNumber(entry["name"])) or list(gmsh.onelab.getString(entry["name"]))
     return [entry for entry in entries if entry["values"]]

@@ -22,6 +22,8 @@ from pdmesh.files import write_atomically
 
 FORMAT_VERSION = 1
 
+LARGEST = 1e9  # m
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
@@ -218,6 +220,7 @@ def grid_of(document: Document, name: str) -> Grid:
     position = np.array([node.position for node in nodes])
     delta = np.array([node.delta for node in nodes])
     _check_nodes(name, position, delta)
+    _check_shapes(name, document)
     if document.areas is not None and len(document.areas) != len(nodes):
         raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
     return Grid(
@@ -242,9 +245,21 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
             at = int(bad.argmax())
             raise GridError(f"{name}: $.nodes[{at}].{field}: found {found[at].tolist()}, expected {expected}")
 
+    refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
+    refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
     refuse(position[:, 2] != position[0, 2], "position", position, "the same z for all nodes")
     refuse(delta.min(axis=1) <= 0, "delta", delta, "positive numbers")
     refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
+
+
+def _check_shapes(name: str, document: Document) -> None:
+    for key, shapes in (("notch", document.notch), ("outline", document.outline), ("holes", document.holes)):
+        for number, shape in enumerate(shapes):
+            numbers = np.abs(np.asarray(shape, dtype=float))
+            if numbers.max(initial=0.0) > LARGEST:
+                raise GridError(f"{name}: $.{key}[{number}]: found {numbers.max():g}, expected at most {LARGEST:g} m")
+            if key != "notch" and len(shape) < 3:
+                raise GridError(f"{name}: $.{key}[{number}]: found {len(shape)} points, expected at least 3")
 
 
 def _rings(rings: Sequence[Sequence[Point]]) -> tuple[NDArray[np.float64], ...]:

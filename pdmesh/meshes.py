@@ -66,10 +66,7 @@ def read_mesh(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> tuple[
         settings = settings_of(scene, position, delta)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    notes = [
-        f"group '{name}': of the scene's own material (--set Materials/{name}/E=... gives it another)"
-        for name in unused
-    ]
+    notes = (f"group '{name}': no material of its own (--set Materials/{name}/E=... gives one)" for name in unused)
     return grid_of_nodes(scene, position, delta, areas), settings, tuple(notes)
 
 

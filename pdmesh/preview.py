@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdmesh.families import bonds
+from pdmesh.families import bonds, plate_of
 from pdmesh.files import write_atomically
 from pdmesh.grid import Document, Grid, grid_of
 from pdmesh.report import check_selections, selected
@@ -34,6 +34,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     """
     grid = grid_of(document, name)
     check_selections(document, grid, name)
+    plate_of(grid, name)
     window = _window(grid, document.horizon.ratio) if with_bonds else _whole(grid)
     size = window[1] - window[0]
     height = float(np.clip(WIDTH * size[1] / size[0], 1.5, TALLEST))

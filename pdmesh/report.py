@@ -28,10 +28,10 @@ def info(document: Document, name: str) -> dict[str, Any]:
     """What the model called `name` holds, for `pdmesh info`. Raises GridError."""
     grid = grid_of(document, name)
     check_selections(document, grid, name)
+    plate, at_hole = plate_of(grid, name), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
-    plate, at_hole = plate_of(grid), grid.hole_id >= 0
     result: dict[str, Any] = {
         "model": name,
         "source": document.source,

@@ -78,6 +78,8 @@ def coordinates(points: Iterable[Sequence[float]], least: int, place: str) -> ND
         array = np.array([(float(x), float(y)) for x, y in points]).reshape(-1, 2)
     except (TypeError, ValueError):
         raise SceneError(f"{place}: found {points!r:.80}, expected a list of points (x, y) in metres") from None
+    if not np.isfinite(array).all():
+        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
     if len(array) < least:
         raise SceneError(f"{place}: found {len(array)} points, expected at least {least}")
     return array
