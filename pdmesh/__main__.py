@@ -1,62 +1,168 @@
-"""The command `pdmesh`: build a grid from a drawing."""
+"""The command `pdmesh`: from a drawing to a grid, and what there is to know of both."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+
+if TYPE_CHECKING:
+    from pdmesh.grid import Document
+
+DRAWING = "a .geo or .py scene, a STEP or BREP file, a mesh, or a model built before"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdmesh."""
     program = commandline.program("pdmesh", "Turn a drawing of a plate into a peridynamic node grid.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    build = commands.add_parser("build", help="read a Gmsh drawing, write the node grid as JSON")
-    build.add_argument("drawing", type=Path, help="a .geo file with named physical groups")
-    commandline.add_common_options(
-        build,
-        output="the grid file (default: the drawing's name with .json, in the current folder)",
-        assignment="override an ONELAB parameter of the drawing, such as Zones/fine/Spacing=5e-4",
-    )
-    build.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+    build = commands.add_parser("build", help="read a drawing, a scene or a mesh, write the node grid as JSON")
+    _add_drawing(build, "the grid file (default: the drawing's name with .json, in the current folder)")
     build.set_defaults(run=_build)
+    info = commands.add_parser("info", help="say what a model holds")
+    _add_drawing(info, "a file for what is said, as JSON (default: none)")
+    info.set_defaults(run=_info)
+    preview = commands.add_parser("preview", help="draw the nodes, cracks and conditions")
+    _add_drawing(preview, "the picture, in the format of its suffix (default: the model's name with .png)")
+    preview.add_argument("--bonds", action="store_true", help="draw the bonds around the end of the first crack")
+    preview.set_defaults(run=_preview)
+    plan = commands.add_parser("plan", help="say what a scene will cost, and what it would on one scale")
+    _add_drawing(plan, "a file for what is said, as JSON (default: none)")
+    plan.set_defaults(run=_plan)
+    params = commands.add_parser("params", help="list the parameters of a drawing: value, unit, meaning")
+    _add_drawing(params, "a file for the list, as JSON (default: none)")
+    params.set_defaults(run=_params)
+    schema = commands.add_parser("schema", help="print the JSON Schema of the grid file")
+    schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="a file for it (default: stdout)")
+    schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
+    schema.set_defaults(run=_schema)
     return program
 
 
+def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
+    command.add_argument("drawing", type=Path, help=DRAWING)
+    commandline.add_common_options(
+        command, output=output, assignment="override a parameter of the drawing, such as Zones/fine/Spacing=5e-4"
+    )
+    command.add_argument(
+        "--refine",
+        action="append",
+        default=[],
+        metavar="WHAT:DISTANCE[:SPACING]",
+        help="finer nodes within a distance (m) of every crack, notch or hole, such as crack:4e-3",
+    )
+    command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+
+
 def _build(args: argparse.Namespace) -> int:
-    from pdmesh.geo import read_geo
-    from pdmesh.grid import document_of, write_file
-    from pdmesh.lattice import build_grid
-    from pdmesh.scene import SceneError
+    from pdmesh.grid import write_file
+    from pdmesh.report import nodes_by_spacing
+    from pdmesh.sources import build
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
-    scene = read_geo(args.drawing, args.assignments, args.trust)
-    try:
-        grid, settings, shifts = build_grid(scene)
-    except SceneError as error:
-        raise SceneError(f"{args.drawing}: {error}") from None
-    write_file(document_of(grid, settings), path)
-    counts = {zone.name: int((grid.delta == zone.spacing).sum()) for zone in scene.zones}
+    built = build(args.drawing, args.assignments, args.refine, args.trust)
+    grid, settings = built.grid, built.settings
+    write_file(built.document, path)
+    counts = nodes_by_spacing(grid)
     assert grid.areas is not None
     result = {
         "output": str(path),
         "nodes": len(grid),
-        "nodes_by_spacing": {f"{zone.spacing:g}": int((grid.delta == zone.spacing).sum()) for zone in scene.zones},
+        "nodes_by_spacing": counts,
         "area": float(grid.areas.sum()),
-        "shifts": {shift.zone: shift.offset for shift in shifts},
-        "loaded_nodes": {load.name: len(load.nodes or ()) for load in settings.conditions},
+        "shifts": {f"{shift.spacing:g}": shift.offset for shift in built.shifts},
+        "loaded_nodes": {condition.name: len(condition.nodes or ()) for condition in settings.conditions},
+        "notes": built.notes,
     }
     lines = [
-        f"{path}: {len(grid)} nodes ({', '.join(f'{name} {count}' for name, count in counts.items())})",
-        *(
-            f"zone '{shift.zone}': lattice shifted by ({shift.offset[0]:g}, {shift.offset[1]:g}) m, off the crack"
-            for shift in shifts
-        ),
+        f"{path}: {len(grid)} nodes ({', '.join(f'{number} of {spacing} m' for spacing, number in counts.items())})"
     ]
+    for shift in built.shifts:
+        x, y = shift.offset
+        lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
+    if settings.material is None:
+        lines.append("no material: the solver will need one (--settings or --set material.E=...)")
+    commandline.report(result, [*lines, *built.notes], args)
+    return commandline.OK
+
+
+def _document(args: argparse.Namespace) -> Document:
+    """The model in a .json file as it is, or of anything else what would be built."""
+    from pdmesh.grid import read_file
+    from pdmesh.sources import build
+
+    if args.drawing.suffix.lower() == ".json" and not args.assignments and not args.refine:
+        return read_file(args.drawing)
+    return build(args.drawing, args.assignments, args.refine, args.trust).document
+
+
+def _info(args: argparse.Namespace) -> int:
+    from pdmesh.report import info, info_lines
+
+    result = info(_document(args), str(args.drawing))
+    return _say(result, info_lines(result), args)
+
+
+def _preview(args: argparse.Namespace) -> int:
+    from pdmesh import preview
+
+    path = commandline.output_path(args.output, args.drawing, ".png", args.force)
+    document = _document(args)
+    preview.save(preview.draw(document, str(args.drawing), args.bonds), path)
+    commandline.report({"output": str(path), "nodes": len(document.nodes)}, [str(path)], args)
+    return commandline.OK
+
+
+def _plan(args: argparse.Namespace) -> int:
+    from pdmesh.report import plan, plan_lines
+    from pdmesh.shapes import SceneError
+    from pdmesh.sources import read_scene
+
+    scene = read_scene(args.drawing, args.assignments, args.refine, args.trust)
+    try:
+        result = plan(scene)
+    except SceneError as error:
+        raise SceneError(f"{args.drawing}: {error}") from None
+    return _say(result, plan_lines(result), args)
+
+
+def _params(args: argparse.Namespace) -> int:
+    from pdmesh.sources import parameters
+
+    found = parameters(args.drawing, args.assignments, args.trust)
+    result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
+    name, value = (max((len(f"{getattr(entry, key)}") for entry in found), default=0) for key in ("name", "value"))
+    lines = [
+        f"{entry.name:{name}}  {entry.value!s:{value}}  {entry.unit:7} {entry.meaning}".rstrip() for entry in found
+    ]
+    return _say(result, lines, args)
+
+
+def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> int:
+    """Report, and write the same as JSON where a file is named."""
+    if args.output is not None:
+        from pdmesh.files import write_atomically
+
+        path = commandline.output_path(args.output, args.drawing, ".json", args.force)
+        write_atomically(path, (json.dumps(result, indent=2, allow_nan=False) + "\n").encode())
     commandline.report(result, lines, args)
+    return commandline.OK
+
+
+def _schema(args: argparse.Namespace) -> int:
+    from pdmesh.files import write_atomically
+    from pdmesh.grid import schema
+
+    text = json.dumps(schema(), indent=2) + "\n"
+    if args.output is None:
+        print(text, end="")
+    else:
+        write_atomically(commandline.output_path(args.output, Path("grid"), ".json", args.force), text.encode())
     return commandline.OK
 
 

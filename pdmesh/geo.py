@@ -1,14 +1,7 @@
-"""The only file that knows Gmsh: a .geo drawing becomes a Scene.
+"""The only file that knows Gmsh: a .geo drawing, a STEP or a BREP file becomes a Scene.
 
-A drawing says what its shapes mean by the names of its physical groups and carries its numbers as ONELAB
-parameters below ``Peridynamics/``, so that Gmsh's own window edits them:
-
-    group                              parameters
-    Physical Surface("zone:NAME")      Zones/NAME/Spacing
-    Physical Curve("crack:NAME")       -
-    Physical Curve("load:NAME")        Loads/NAME/Traction x, Traction y, Rows
-    -                                  Material/E, rho, G0, Force law, Micromodulus, Plane
-    -                                  Horizon ratio, Run/Time step, Duration, Frame every
+What a drawing's groups and parameters mean is in drawing.py. The parameters are ONELAB parameters below
+``Peridynamics/``, so that Gmsh's own window edits them.
 
 A .geo file is a program, so it is looked through for commands that reach outside and read in a child process
 (this module run as a script) with a time limit; a drawing that exits, hangs or crashes takes nothing along.
@@ -16,36 +9,39 @@ A .geo file is a program, so it is looked through for commands that reach outsid
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import msgspec
 import numpy as np
-from shapely import LineString, MultiLineString, MultiPolygon, Polygon, line_merge, polygonize_full, unary_union
+import shapely
 
-from pdmesh.grid import Horizon, Material, Run
-from pdmesh.scene import Crack, Scene, SceneError, Traction, Zone
+from pdmesh.drawing import Group, face, scene_of
+from pdmesh.parameters import PREFIX, Parameter, unknown
+from pdmesh.scene import Scene
+from pdmesh.shapes import CHORD_TOLERANCE, SceneError, Surface
 
-T = TypeVar("T")
-
-PREFIX = "Peridynamics/"
 SYSTEM_LIBRARIES = (
     "libgl1 libglu1-mesa libxft2 libxcursor1 libxinerama1 libxrender1 libxfixes3 libxext6 libfontconfig1 libgomp1"
 )
 TIME_LIMIT = 60.0  # s
-CHORD_TOLERANCE = 0.01  # of the finest spacing
+CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
+PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 REACHES_OUTSIDE = re.compile(
-    r"\b(SystemCall|NonBlockingSystemCall|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|Include|Merge"
-    r"|Printf(?=\s*\([^)]*\)\s*>)|ShapeFromFile|MergeWithBoundingBox)\b"
+    r"\b(?:(?:SystemCall|NonBlockingSystemCall|System|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|ListFromFile)\b"
+    r"|(?:General|Solver|Print)\s*\.\s*\w*"
+    r"(?:File|Name|Executable|Client|Extension|Save|Script|Editor|Browser|Socket)\w*"
+    r"|Printf\b[^;]*>|(?:Macro|Function)\s*\()"
 )
-COMMENT_OR_STRING = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'', re.DOTALL)
+READS_FILES = re.compile(r"\b(Include|MergeWithBoundingBox|MergeFile|Merge|ShapeFromFile)\b\s*\(?\s*([^;)]*)")
+NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
+COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|//[^\n]*|(\"[^\"]*\"|'[^']*')", re.DOTALL)
+STRING = re.compile(r"\"[^\"]*\"|'[^']*'")  # Gmsh's have no escapes, and may span lines
 
 
 def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene:
@@ -54,303 +50,303 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     Parameter names may leave out ``Peridynamics/``. Raises SceneError naming the file, the place, what was
     found and what was expected. `trust` reads files that run commands as well.
     """
+    text = _checked_text(path, trust)
+    found = _in_child(path, [(full_name(name), value) for name, value in assignments])
+    try:
+        return scene_of(_groups(found), _values(found), path.name, text)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+    """The parameters of the .geo file at `path`. Raises SceneError."""
+    _checked_text(path, trust)
+    found = _in_child(path, [(full_name(name), value) for name, value in assignments])
+    return [
+        Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
+        for entry in found["parameters"]
+    ]
+
+
+def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
+    """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file.
+
+    Lengths are converted to metres where the file names its unit (STEP). Raises SceneError.
+    """
+    if not path.is_file():
+        raise SceneError(f"{path}: cannot be read: no such file")
+    values: dict[str, float | str] = {full_name(name): _guessed(value) for name, value in assignments}
+    spacing = values.get(f"{PREFIX}Zones/plate/Spacing", 0.0)
+    found = _in_child(path, [], tolerance=CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0)
+    try:
+        return scene_of(_groups(found), values, path.name, path.read_text(encoding="utf-8", errors="replace"))
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def read_outline(path: Path, spacing: float) -> Surface:
+    """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m. Raises SceneError."""
+    if not path.is_file():
+        raise SceneError(f"{path}: cannot be read: no such file")
+    found = _in_child(path, [], tolerance=CHORD_TOLERANCE * spacing)
+    surfaces = [curves for group in _groups(found) for curves in group.surfaces]
+    return shapely.union_all([face(curves, str(path)) for curves in surfaces])
+
+
+def full_name(name: str) -> str:
+    """A parameter's name with ``Peridynamics/`` before it."""
+    return name if name.startswith(PREFIX) else PREFIX + name
+
+
+def _checked_text(path: Path, trust: bool) -> str:
+    """The text of a drawing that reaches for nothing outside its folder. Raises SceneError."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise SceneError(f"{path}: found bytes that are not text, expected a Gmsh .geo script") from None
-    _check_text(path, text, trust)
-    drawing = _in_child(path, [(_full_name(name), value) for name, value in assignments])
-    try:
-        return _scene(drawing, path.name)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
-
-
-def _check_text(path: Path, text: str, trust: bool) -> None:
+    if "\0" in text:
+        raise SceneError(f"{path}: found a zero byte, expected a Gmsh .geo script")
     if not text.endswith("\n"):
         raise SceneError(f"{path}: last line: found no line end, expected one (Gmsh drops the statement silently)")
-    bare = COMMENT_OR_STRING.sub(lambda match: "\n" * match[0].count("\n") or " ", text)
+    if not trust:
+        _refuse_programs(path, text, depth=0)
+    return text
+
+
+def _refuse_programs(path: Path, text: str, depth: int) -> None:
+    code = COMMENT_OR_STRING.sub(lambda match: match[1] or "\n" * match[0].count("\n") or " ", text)
+    bare = STRING.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), code)
     found = REACHES_OUTSIDE.search(bare)
-    if found and not trust:
-        line = bare.count("\n", 0, found.start()) + 1
+    if found:
         raise SceneError(
-            f"{path}: line {line}: found '{found[0].split('(')[0].strip()}', expected a drawing that reaches for no"
-            " other file or program (--trust reads it all the same)"
+            f"{path}: line {bare.count(chr(10), 0, found.start()) + 1}: found '{found[0].split('(')[0].strip()}',"
+            " expected a drawing that reaches for no other file or program (--trust reads it all the same)"
         )
+    for match in READS_FILES.finditer(code):
+        if bare[match.start() : match.start(1) + len(match[1])].strip() == "":
+            continue  # inside a string
+        _refuse_strangers(path, code.count("\n", 0, match.start()) + 1, match[1], match[2].strip(), depth)
 
 
-def _full_name(name: str) -> str:
-    return name if name.startswith(PREFIX) else PREFIX + name
+def _refuse_strangers(path: Path, line: int, command: str, name: str, depth: int) -> None:
+    """Raises SceneError unless a drawing reads a drawing or a CAD file of its own folder."""
+    inner = name[1:-1]
+    plain = STRING.fullmatch(name) and not Path(inner).is_absolute() and ".." not in Path(inner).parts
+    other = path.parent / inner
+    if not plain or other.suffix.lower() not in (".geo", *CAD) or depth > 8:
+        raise SceneError(
+            f"{path}: line {line}: found '{command} {name}', expected a .geo, STEP or BREP file in the drawing's"
+            " own folder (--trust reads it all the same)"
+        )
+    if other.suffix.lower() == ".geo" and other.is_file():
+        _refuse_programs(other, other.read_text(encoding="utf-8", errors="replace"), depth + 1)
 
 
-def _in_child(path: Path, assignments: list[tuple[str, str]]) -> dict[str, Any]:
+def _in_child(path: Path, assignments: list[tuple[str, str]], tolerance: float = 0.0) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "drawing.json"
-        command = [sys.executable, "-m", "pdmesh.geo", str(path.resolve()), str(result), json.dumps(assignments)]
+        job = json.dumps({"path": str(path.resolve()), "assignments": assignments, "tolerance": tolerance})
+        command = [sys.executable, "-m", "pdmesh.geo", str(result), job]
         try:
-            child = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT, check=False)
+            child = subprocess.run(
+                command, capture_output=True, text=True, errors="replace", timeout=TIME_LIMIT, check=False
+            )
         except subprocess.TimeoutExpired:
             raise SceneError(f"{path}: Gmsh was still reading after {TIME_LIMIT:g} s, expected it to end") from None
         if not result.exists():
             last = (child.stderr.strip().splitlines() or ["no message"])[-1]
             raise SceneError(f"{path}: Gmsh stopped before the end of the drawing: {last}")
-        drawing: dict[str, Any] = json.loads(result.read_text(encoding="utf-8"))
-    if drawing["missing library"]:
+        found: dict[str, Any] = json.loads(result.read_text(encoding="utf-8"))
+    if found["missing library"]:
         raise SceneError(
-            f"Gmsh cannot be loaded: {drawing['missing library']}; on Debian and Ubuntu this installs what it needs:"
+            f"Gmsh cannot be loaded: {found['missing library']}; on Debian and Ubuntu this installs what it needs:"
             f" apt-get install {SYSTEM_LIBRARIES}"
         )
-    for name in drawing["unknown"]:
-        close = difflib.get_close_matches(name, drawing["parameters"], n=1)
-        hint = f" such as '{close[0]}'" if close else ""
-        raise SceneError(f"{path}: parameter '{name}' is not in the drawing, expected one that is{hint}")
-    for message in drawing["messages"]:
-        raise SceneError(f"{path}: {message}")
-    return drawing
-
-
-# ---- the drawing's groups and parameters as a Scene
-
-
-def _scene(drawing: dict[str, Any], source: str) -> Scene:
-    groups = {"zone": {}, "crack": {}, "load": {}}  # type: dict[str, dict[str, Any]]
-    dimension = {"zone": 2, "crack": 1, "load": 1}
-    for group in drawing["groups"]:
-        kind, _, name = group["name"].partition(":")
-        if kind not in groups or not name or dimension[kind] != group["dimension"]:
-            shape = ("Point", "Curve", "Surface", "Volume")[group["dimension"]]
+    for name in found["unknown"]:
+        raise SceneError(f"{path}: {unknown(name, [entry['name'] for entry in found['parameters']])}")
+    for name, text in found["not numbers"]:
+        raise SceneError(f"{path}: parameter '{name}': found '{text}', expected a number")
+    for message in found["messages"]:
+        raise SceneError(f"{path}: Gmsh says: {message}")
+    for entry in found["parameters"]:
+        value, low, high = _value(entry), entry.get("min", -1e200), entry.get("max", 1e200)
+        if isinstance(value, float) and not low * (1 - 1e-12) <= value <= high * (1 + 1e-12):
             raise SceneError(
-                f'Physical {shape}("{group["name"]}"): expected Physical Surface("zone:NAME"),'
-                ' Physical Curve("crack:NAME") or Physical Curve("load:NAME")'
+                f"{path}: parameter '{entry['name']}': found {value:g}, expected a number from {low:g} to {high:g}"
             )
-        groups[kind][name] = group
-    parameters = _Parameters(drawing["parameters"])
-    for kind, folder in (("zone", "Zones"), ("load", "Loads")):
-        for name in sorted(parameters.below(folder) - set(groups[kind])):
-            shape = "Surface" if kind == "zone" else "Curve"
-            raise SceneError(f'Physical {shape}("{kind}:{name}"): found none, expected one for {PREFIX}{folder}/{name}')
-    scene = Scene(
-        zones=tuple(
-            Zone(name, _surface(name, group), parameters.number(f"Zones/{name}/Spacing"))
-            for name, group in groups["zone"].items()
-        ),
-        cracks=tuple(
-            Crack(f"{name}", line) for name, group in groups["crack"].items() for line in _lines(group["curves"])
-        ),
-        tractions=tuple(
-            Traction(
-                name,
-                MultiLineString(_lines(group["curves"])),
-                parameters.vector(f"Loads/{name}/Traction"),
-                parameters.whole(f"Loads/{name}/Rows", 1),
-            )
-            for name, group in groups["load"].items()
-        ),
-        material=_checked(
-            Material,
-            {
-                "E": parameters.number("Material/E"),
-                "rho": parameters.number("Material/rho"),
-                "G0": parameters.number("Material/G0"),
-                "law": parameters.text("Material/Force law", "brittle"),
-                "micromodulus": parameters.text("Material/Micromodulus", "conical"),
-                "plane": parameters.text("Material/Plane", "stress"),
-            },
-            "Material",
-        ),
-        horizon=_checked(Horizon, {"ratio": parameters.number("Horizon ratio", 3.0)}, "Horizon"),
-        run=_run(parameters),
-        source=source,
-        parameters=tuple(drawing["parameters"].items()),
-    )
-    unused = sorted(set(drawing["parameters"]) - parameters.used)
-    known = sorted(parameters.used)
-    for name in unused:
-        if name.removeprefix(PREFIX).split("/")[0] in ("Zones", "Loads", "Material", "Run"):
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f" (is '{close[0]}' meant?)" if close else ""
-            raise SceneError(f"parameter '{name}': found a name that means nothing here{hint}")
-    return scene
+    return found
 
 
-def _run(parameters: _Parameters) -> Run:
-    step = parameters.number("Run/Time step")
-    duration = parameters.number("Run/Duration")
-    if not step > 0 or not duration >= 0:
-        raise SceneError(
-            f"{PREFIX}Run: found a time step of {step:g} s and a duration of {duration:g} s, expected positive numbers"
-        )
-    every = parameters.whole("Run/Frame every", 50)
-    return _checked(Run, {"time_step": step, "steps": round(duration / step), "every": every}, "Run")
+def _groups(found: dict[str, Any]) -> list[Group]:
+    return [
+        Group(group["name"], group["dimension"], tuple(group["curves"]), tuple(map(tuple, group["surfaces"])))
+        for group in found["groups"]
+    ]
 
 
-def _checked(kind: type[T], fields: dict[str, Any], place: str) -> T:
+def _value(entry: dict[str, Any]) -> float | str:
+    value = (entry.get("values") or [""])[0]
+    return float(value) if entry["type"] == "number" else str(value)
+
+
+def _values(found: dict[str, Any]) -> dict[str, float | str]:
+    return {entry["name"]: _value(entry) for entry in found["parameters"]}
+
+
+def _guessed(text: str) -> float | str:
     try:
-        return msgspec.convert(fields, kind)
-    except msgspec.ValidationError as error:
-        raise SceneError(f"{PREFIX}{place}: {error}") from None
-
-
-class _Parameters:
-    """The ONELAB values of a drawing, asked for by their name below ``Peridynamics/``."""
-
-    def __init__(self, values: dict[str, float | str]) -> None:
-        self._values = values
-        self.used: set[str] = set()
-
-    def below(self, folder: str) -> set[str]:
-        prefix = f"{PREFIX}{folder}/"
-        return {name.removeprefix(prefix).split("/")[0] for name in self._values if name.startswith(prefix)}
-
-    def _get(self, name: str, default: float | str | None, kind: type, expected: str) -> Any:
-        full = PREFIX + name
-        self.used.add(full)
-        value = self._values.get(full, default)
-        if value is None:
-            raise SceneError(f"parameter '{full}': found none, expected {expected}")
-        if not isinstance(value, kind):
-            raise SceneError(f"parameter '{full}': found {value!r}, expected {expected}")
-        return value
-
-    def number(self, name: str, default: float | None = None) -> float:
-        value: float = self._get(name, default, float, "a number")
-        if not np.isfinite(value):
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value}, expected a finite number")
-        return value
-
-    def vector(self, name: str) -> tuple[float, float]:
-        return self.number(f"{name} x", 0.0), self.number(f"{name} y", 0.0)
-
-    def whole(self, name: str, default: int) -> int:
-        value = self.number(name, float(default))
-        if value != round(value):
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value:g}, expected a whole number")
-        return round(value)
-
-    def text(self, name: str, default: str) -> str:
-        value: str = self._get(name, default, str, "a word")
-        return value
-
-
-def _lines(curves: Iterable[Sequence[Sequence[float]]]) -> list[LineString]:
-    merged = line_merge(MultiLineString([LineString(points) for points in curves]))
-    return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
-
-
-def _surface(name: str, group: dict[str, Any]) -> Polygon | MultiPolygon:
-    faces = []
-    for curves in group["surfaces"]:
-        found, cuts, dangles, crossings = polygonize_full([unary_union([LineString(points) for points in curves])])
-        if found.is_empty or not (cuts.is_empty and dangles.is_empty and crossings.is_empty):
-            raise SceneError(f"zone '{name}': found an outline that does not close, expected closed curves")
-        faces.append(max(found.geoms, key=lambda face: Polygon(face.exterior).area))
-    return unary_union(faces)
+        return float(text)
+    except ValueError:
+        return text
 
 
 # ---- the child process
 
 
-def _vertices(gmsh: Any, curve: int) -> tuple[list[float], list[float]] | None:
-    """The points a curve runs between, exactly; None for a closed curve."""
-    ends = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=True)
-    if len(ends) != 2:
-        return None
-    start, end = ([float(value) for value in gmsh.model.getValue(0, point, [])[:2]] for _, point in ends)
-    return start, end
-
-
 def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
-    """Points along a curve, halved until no chord is off by more than `tolerance`."""
+    """Points along a curve, halved until no chord is off by more than `tolerance`; the ends are its vertices."""
     low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
 
     def at(parameter: float) -> list[float]:
-        return [float(value) for value in gmsh.model.getValue(1, curve, [parameter])[:2]]
+        return [float(value) for value in gmsh.model.getValue(1, curve, [parameter])]
 
     def between(t0: float, p0: list[float], t1: float, p1: list[float], depth: int) -> list[list[float]]:
         middle = (t0 + t1) / 2
         point = at(middle)
-        if depth > 3 and np.hypot(point[0] - (p0[0] + p1[0]) / 2, point[1] - (p0[1] + p1[1]) / 2) <= tolerance:
-            return [p1]
-        if depth > 16:
+        off = np.hypot(point[0] - (p0[0] + p1[0]) / 2, point[1] - (p0[1] + p1[1]) / 2)
+        if depth > 16 or (depth > 3 and off <= tolerance):
             return [p1]
         return between(t0, p0, middle, point, depth + 1) + between(middle, point, t1, p1, depth + 1)
 
-    start, end = _vertices(gmsh, curve) or (at(low), at(low))
+    start, end = at(low), at(high)
+    vertices = [
+        [float(value) for value in gmsh.model.getValue(0, tag, [])]
+        for _, tag in gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+    ]
+    if vertices:
+        start, end = (
+            min(vertices, key=lambda vertex: float(np.linalg.norm(np.subtract(vertex, p)))) for p in (start, end)
+        )
     if gmsh.model.getType(1, curve) == "Line":
         return [start, end]
     return [start, *between(low, start, high, end, 0)]
 
 
-def _parameters_of(gmsh: Any) -> dict[str, float | str]:
-    values: dict[str, float | str] = {}
-    for name in gmsh.onelab.getNames(f"^{PREFIX}"):
-        numbers, texts = gmsh.onelab.getNumber(name), gmsh.onelab.getString(name)
-        if len(numbers) or len(texts):
-            values[name] = float(numbers[0]) if len(numbers) else str(texts[0])
-    return values
+def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
+    texts = [NOT_FINITE.sub(r"\1NaN", gmsh.onelab.get(name)) for name in gmsh.onelab.getNames(f"^{PREFIX}")]
+    entries = [json.loads(text) for text in texts]
+    for entry in entries:  # an entry without a value has none here
+        entry["values"] = list(gmsh.onelab.getNumber(entry["name"])) or list(gmsh.onelab.getString(entry["name"]))
+    return [entry for entry in entries if entry["values"]]
 
 
-def _assign(gmsh: Any, known: dict[str, float | str], assignments: list[tuple[str, str]]) -> None:
+def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
+    """Set parameters; returns those that should be numbers and are not."""
+    wrong = []
+    kinds = {entry["name"]: entry["type"] for entry in known}
     for name, value in assignments:
-        if isinstance(known[name], str):
+        if kinds[name] == "string":
             gmsh.onelab.setString(name, [value])
             continue
         try:
             gmsh.onelab.setNumber(name, [float(value)])
         except ValueError:
-            raise ValueError(f"parameter '{name}': found '{value}', expected a number") from None
+            wrong.append([name, value])
+    return wrong
 
 
-def _groups_of(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
-    groups = []
-    for dimension, tag in gmsh.model.getPhysicalGroups():
-        entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
-        group = {"name": gmsh.model.getPhysicalName(dimension, tag), "dimension": dimension}
-        if dimension == 1:
-            group["curves"] = [_sample(gmsh, curve, tolerance) for curve in entities]
-        elif dimension == 2:
-            group["surfaces"] = [
-                [
-                    _sample(gmsh, abs(curve), tolerance)
-                    for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=True)
-                ]
-                for surface in entities
-            ]
-        groups.append(group)
-    return groups
+def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    spacings = {
+        entry["name"].split("/")[2]: entry["values"][0]
+        for entry in parameters
+        if re.fullmatch(PREFIX + "Zones/[^/]+/Spacing", entry["name"]) and entry["type"] == "number"
+    }
+    finest = min([value for value in spacings.values() if value > 0], default=1e-3)
+    physical = [
+        (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
+        for group in gmsh.model.getPhysicalGroups()
+    ]
+    tolerances: dict[int, float] = {}
+    for name, dimension, entities in physical:
+        if dimension == 2 and name.startswith("zone:"):
+            spacing = spacings.get(name.removeprefix("zone:"), finest)
+            for curve in _bounds(gmsh, entities):
+                tolerances[curve] = min(tolerances.get(curve, np.inf), CHORD_TOLERANCE * abs(spacing))
+
+    def sampled(curve: int) -> list[list[float]]:
+        return _sample(gmsh, curve, tolerances.get(curve) or CHORD_TOLERANCE * finest)
+
+    return [
+        {
+            "name": name,
+            "dimension": dimension,
+            "curves": [sampled(int(curve)) for curve in entities] if dimension == 1 else [],
+            "surfaces": [[sampled(curve) for curve in _bounds(gmsh, [surface])] for surface in entities]
+            if dimension == 2
+            else [],
+        }
+        for name, dimension, entities in physical
+    ]
 
 
-def _read_in_child(path: str, assignments: list[tuple[str, str]]) -> dict[str, Any]:
-    drawing: dict[str, Any] = {"missing library": "", "unknown": [], "messages": [], "parameters": {}, "groups": []}
+def _bounds(gmsh: Any, surfaces: Any) -> list[int]:
+    pairs = [(2, int(surface)) for surface in surfaces]
+    return [abs(curve) for _, curve in gmsh.model.getBoundary(pairs, combined=False, oriented=True)]
+
+
+def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
+    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
+    tolerance = tolerance or 1e-4 * max(x1 - x0, y1 - y0)
+    surfaces = [
+        [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
+        for _, surface in gmsh.model.getEntities(2)
+    ]
+    return [{"name": PLATE, "dimension": 2, "curves": [], "surfaces": surfaces}]
+
+
+def _read_in_child(path: str, assignments: list[list[str]], tolerance: float) -> dict[str, Any]:
+    found: dict[str, Any] = {"missing library": "", "parameters": [], "groups": []}
+    found |= {"unknown": [], "not numbers": [], "messages": []}
     try:
         import gmsh
     except OSError as error:
-        return drawing | {"missing library": str(error)}
+        return found | {"missing library": str(error)}
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.logger.start()
     try:
-        gmsh.open(path)
-        drawing["parameters"] = _parameters_of(gmsh)
-        if assignments:
-            drawing["unknown"] = [name for name, _ in assignments if name not in drawing["parameters"]]
-            if drawing["unknown"]:
-                return drawing
-            for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
-                reset()
-            _assign(gmsh, drawing["parameters"], assignments)
-            gmsh.open(path)
-            drawing["parameters"] = _parameters_of(gmsh)
-        spacings = [value for name, value in drawing["parameters"].items() if name.endswith("/Spacing")]
-        finest = min([value for value in spacings if isinstance(value, float) and value > 0], default=1e-3)
-        drawing["groups"] = _groups_of(gmsh, CHORD_TOLERANCE * finest)
+        if path.lower().endswith(CAD):
+            gmsh.model.occ.importShapes(path)
+            gmsh.model.occ.synchronize()
+            found["groups"] = _cad_groups(gmsh, tolerance)
+        else:
+            _open(gmsh, path, assignments, found)
     except Exception as error:  # gmsh raises bare Exception
-        drawing["messages"].append(" ".join(str(error).split()))
-    drawing["messages"] += [f"Gmsh says: {line}" for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
-    return drawing
+        found["messages"].append(" ".join(str(error).split()))
+    found["messages"] += [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    return found
+
+
+def _open(gmsh: Any, path: str, assignments: list[list[str]], found: dict[str, Any]) -> None:
+    gmsh.open(path)
+    found["parameters"] = _parameters_of(gmsh)
+    if assignments:
+        known = {entry["name"] for entry in found["parameters"]}
+        found["unknown"] = [name for name, _ in assignments if name not in known]
+        if found["unknown"]:
+            return
+        for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
+            reset()
+        found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
+        gmsh.open(path)
+        found["parameters"] = _parameters_of(gmsh)
+    found["groups"] = _groups_of(gmsh, found["parameters"])
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(json.dumps(_read_in_child(sys.argv[1], json.loads(sys.argv[3]))), encoding="utf-8")
+    job = json.loads(sys.argv[2])
+    outcome = json.dumps(_read_in_child(job["path"], job["assignments"], job["tolerance"]))
+    Path(sys.argv[1]).write_text(outcome, encoding="utf-8")

@@ -22,7 +22,10 @@ from pdmesh.files import write_atomically
 
 FORMAT_VERSION = 1
 
+LARGEST = 1e9  # m
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -57,7 +60,7 @@ class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     """Some of a grid's nodes: those listed by id, or those inside a box."""
 
     name: str = ""
-    nodes: tuple[int, ...] | None = None  # ids
+    nodes: tuple[Id, ...] | None = None
     box: Box | None = None  # x0, y0, x1, y1, m
 
 
@@ -149,10 +152,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
     """One node exactly as the thesis writes it."""
 
-    id: int
+    id: Id
     border: Literal["true", "false"]
     position: tuple[float, float, float]  # m
-    hole_id: int
+    hole_id: Id
     delta: tuple[float, float, float]  # m
 
 
@@ -166,6 +169,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
     areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2
     source: str = ""  # the drawing the grid was built from
+    drawing: str = ""  # its text, so that the grid can be built again
     parameters: dict[str, float | str] = {}  # of that drawing, as used
 
 
@@ -184,6 +188,7 @@ class Grid:
     areas: NDArray[np.float64] | None = None  # (n,) m^2
     source: str = ""
     parameters: tuple[tuple[str, float | str], ...] = ()
+    drawing: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -193,7 +198,7 @@ def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
     try:
         document = msgspec.json.decode(data, type=Document)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise GridError(f"{name}: {error}") from None
     if document.version != FORMAT_VERSION:
         raise GridError(f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}")
@@ -221,6 +226,7 @@ def grid_of(document: Document, name: str) -> Grid:
     position = np.array([node.position for node in nodes])
     delta = np.array([node.delta for node in nodes])
     _check_nodes(name, position, delta)
+    _check_shapes(name, document)
     if document.areas is not None and len(document.areas) != len(nodes):
         raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
     return Grid(
@@ -235,6 +241,7 @@ def grid_of(document: Document, name: str) -> Grid:
         areas=None if document.areas is None else np.array(document.areas),
         source=document.source,
         parameters=tuple(document.parameters.items()),
+        drawing=document.drawing,
     )
 
 
@@ -244,9 +251,21 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
             at = int(bad.argmax())
             raise GridError(f"{name}: $.nodes[{at}].{field}: found {found[at].tolist()}, expected {expected}")
 
+    refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
+    refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
     refuse(position[:, 2] != position[0, 2], "position", position, "the same z for all nodes")
     refuse(delta.min(axis=1) <= 0, "delta", delta, "positive numbers")
     refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
+
+
+def _check_shapes(name: str, document: Document) -> None:
+    for key, shapes in (("notch", document.notch), ("outline", document.outline), ("holes", document.holes)):
+        for number, shape in enumerate(shapes):
+            numbers = np.abs(np.asarray(shape, dtype=float))
+            if numbers.max(initial=0.0) > LARGEST:
+                raise GridError(f"{name}: $.{key}[{number}]: found {numbers.max():g}, expected at most {LARGEST:g} m")
+            if key != "notch" and len(shape) < 3:
+                raise GridError(f"{name}: $.{key}[{number}]: found {len(shape)} points, expected at least 3")
 
 
 def _rings(rings: Sequence[Sequence[Point]]) -> tuple[NDArray[np.float64], ...]:
@@ -271,6 +290,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
         areas=None if grid.areas is None else tuple(grid.areas.tolist()),
         source=grid.source,
+        drawing=grid.drawing,
         parameters=dict(grid.parameters),
         **{field: getattr(settings, field) for field in Settings.__struct_fields__},
     )
@@ -288,3 +308,9 @@ def encode(document: Document) -> bytes:
 def write_file(document: Document, path: Path) -> None:
     """Write the document in one atomic step: the file at `path` is complete or untouched."""
     write_atomically(path, encode(document))
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of the file."""
+    found: dict[str, Any] = msgspec.json.schema(Document)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | found

@@ -29,7 +29,7 @@ def test_cells_fill_a_plate_with_a_hole() -> None:
     shape = shapely.box(0, 0, 12e-3, 7e-3).difference(shapely.Point(6e-3, 3e-3).buffer(1.4e-3))
     grid = square_grid(13, 8)
     position = grid.position[shapely.intersects_xy(shape, grid.position)]
-    areas = cell_areas(position, shape)
+    areas = cell_areas(position, shape, np.full(len(position), 1e-3))
     assert areas.sum() == pytest.approx(shape.area, rel=1e-12)  # measured 4e-16
     assert areas[0] == pytest.approx(0.25e-6, rel=1e-12)  # a corner has a quarter of a cell
     assert areas.min() > 0

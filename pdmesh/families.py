@@ -1,0 +1,130 @@
+"""Who may see whom in a finished grid, counted; and what a run of it will take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdmesh.grid import Grid, GridError, Material
+
+ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
+SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate
+CHUNK = 50_000  # nodes whose bonds are looked at together
+
+# What a run takes, measured on geometries/duran50.geo (2732 nodes, 127 868 bonds, 1700 steps, two cores)
+SECONDS_PER_BOND_STEP = 4e-9
+BYTES_PER_BOND, BYTES_PER_NODE = 120, 1000
+
+STIFFNESS = {  # micromodulus over E / horizon^3 (at |xi| = 0), as the solver has it
+    ("stress", "constant"): 9 / np.pi,
+    ("stress", "conical"): 36 / np.pi,
+    ("strain", "constant"): 48 / (5 * np.pi),
+    ("strain", "conical"): 192 / (5 * np.pi),
+}
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """Directed bonds of one part of a grid's nodes."""
+
+    source: NDArray[np.int64]  # (b,) row of the node whose horizon reaches the other
+    target: NDArray[np.int64]  # (b,)
+    inside: NDArray[np.bool_]  # (b,) stays in the plate
+    cut: NDArray[np.bool_]  # (b,) crossed by a pre-crack
+
+
+def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[Bonds]:
+    """The directed bonds |xi| <= `ratio` delta of each node, or of those in `rows`, a chunk of nodes at a time."""
+    tree = cKDTree(grid.position)
+    plate = plate_of(grid)
+    lines = shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2))
+    void = shapely.Polygon()
+    if plate is not None and not plate.is_empty:
+        around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
+        convex = plate.convex_hull.area - plate.area < 1e-9 * plate.area
+        void = void if convex else around.difference(plate).buffer(-SLACK * float(grid.delta.min()), join_style="mitre")
+    wanted = np.arange(len(grid)) if rows is None else rows
+    for spacing in np.unique(grid.delta[wanted]):
+        same = wanted[grid.delta[wanted] == spacing]
+        reach = ratio * float(spacing) * (1 + ROUND_OFF)
+        for start in range(0, len(same), CHUNK):
+            some = same[start : start + CHUNK]
+            near = cKDTree(grid.position[some]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+            source, target = some[near["i"]], near["j"].astype(np.int64)
+            other = source != target
+            source, target = source[other], target[other]
+            yield Bonds(
+                source, target, ~_meet(grid, source, target, void, reach), _meet(grid, source, target, lines, reach)
+            )
+
+
+def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
+    """The plate that a grid's outline and holes describe; None without an outline.
+
+    Raises GridError, beginning with `name`, for a ring that crosses itself or has no inside.
+    """
+    if not grid.outline:
+        return None
+    rings: dict[str, list[shapely.Polygon]] = {}
+    for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
+        rings[key] = [shapely.Polygon(ring) for ring in corners]
+        for number, ring in enumerate(rings[key]):
+            if not ring.is_valid or not ring.area > 0:
+                reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
+                )
+    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
+
+
+def _meet(
+    grid: Grid, source: NDArray[np.int64], target: NDArray[np.int64], obstacle: shapely.Geometry, reach: float
+) -> NDArray[np.bool_]:
+    met = np.zeros(len(source), dtype=bool)
+    if obstacle.is_empty or not len(met):
+        return met
+    shapely.prepare(obstacle)
+    rows = np.unique(source)
+    close = np.zeros(len(grid), dtype=bool)
+    close[rows] = shapely.dwithin(obstacle, shapely.points(grid.position[rows]), reach)
+    asked = np.flatnonzero(close[source])
+    ends = np.sort(np.column_stack([source[asked], target[asked]]), axis=1)
+    met[asked] = shapely.intersects(obstacle, shapely.linestrings(grid.position[ends]))
+    return met
+
+
+def count(grid: Grid, ratio: float, sample: int | None = None) -> tuple[int, int]:
+    """How many directed bonds stay in the plate, and how many of them a pre-crack cuts.
+
+    With a `sample` of that many nodes, an estimate.
+    """
+    rows = None
+    if sample is not None and sample < len(grid):
+        rows = np.unique(np.linspace(0, len(grid) - 1, sample).astype(np.int64))
+    total, cut = 0, 0
+    for part in bonds(grid, ratio, rows):
+        total += int(part.inside.sum())
+        cut += int((part.inside & part.cut).sum())
+    scale = 1.0 if rows is None else len(grid) / len(rows)
+    return round(total * scale), round(cut * scale)
+
+
+def stable_step(material: Material, ratio: float, spacing: float) -> float:
+    """The surely stable time step (s) of a full family of nodes `spacing` (m) apart.
+
+    sqrt(2 rho / sum_j c(xi) A_j / |xi|), S. A. Silling, E. Askari, Comput. Struct. 83 (2005) 1526-1535.
+    """
+    reach = int(np.ceil(ratio))
+    x, y = np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1))
+    length = np.hypot(x, y)
+    length = length[(length > 0) & (length <= ratio * (1 + ROUND_OFF))] * spacing
+    horizon = ratio * spacing
+    stiffness = STIFFNESS[material.plane, material.micromodulus] * material.E / horizon**3
+    share = np.maximum(1 - length / horizon, 0.0) if material.micromodulus == "conical" else np.ones_like(length)
+    total = float((stiffness * share * spacing**2 / length).sum())
+    return float(np.sqrt(2 * material.rho / total)) if total > 0 else float("inf")

@@ -1,0 +1,128 @@
+"""Every scene that ships builds to the numbers its header states; the six of the thesis exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdmesh.grid import Displacement, Load, Velocity
+from pdmesh.sources import Built, build
+
+GEOMETRIES = Path(__file__).parents[2] / "geometries"
+
+# nodes in all, by spacing (mm), and on each condition
+SHIPPED = {
+    "duran50.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
+    "soda_lime.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
+    "duran50_one_scale.py": (4242, {1: 101 * 42}, [404, 404]),
+    "soda_lime_one_scale.py": (4242, {1: 101 * 42}, [404, 404]),
+    "kalthoff_winkler.geo": (13255, {1: 101 * 107, 2: 51 * 48}, [51, 51, 49]),
+    "oblique_crack.geo": (4591, {0.5: 61 * 59, 1: 31 * 32}, [124, 124]),
+    "plate_with_hole.geo": (6288, {0.5: 101 * 59 - 793, 1: 51 * 22}, [204, 204]),
+    "v_notch.geo": (8931, {0.5: 99 * 81 - 400, 1: 32 * 41}, [164, 164]),
+    "figure_18.geo": (5094, {0.8: 3078, 1.6: 2016}, [84, 29]),
+    "figure_19.py": (5045, {0.5: 1635, 1: 1542, 2: 1868}, [58, 62]),
+}
+
+
+@pytest.fixture(scope="module")
+def built() -> dict[str, Built]:
+    return {name: build(GEOMETRIES / name) for name in SHIPPED}
+
+
+def test_no_shipped_scene_is_left_out() -> None:
+    assert {path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py")} == set(SHIPPED)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_counts(name: str, built: dict[str, Built]) -> None:
+    nodes, by_spacing, on_conditions = SHIPPED[name]
+    grid, settings = built[name].grid, built[name].settings
+    assert len(grid) == nodes
+    spacings, counts = np.unique(grid.delta, return_counts=True)
+    assert dict(zip(np.round(spacings * 1e3, 9).tolist(), counts.tolist(), strict=True)) == by_spacing
+    assert [len(condition.nodes or ()) for condition in settings.conditions] == on_conditions
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_cells_tile_the_plate(name: str, built: dict[str, Built]) -> None:
+    from pdmesh.families import plate_of
+
+    grid = built[name].grid
+    plate = plate_of(grid)
+    assert plate is not None
+    assert grid.areas is not None
+    assert grid.areas.sum() == pytest.approx(plate.area, rel=1e-12)  # measured: below 3e-16
+    assert grid.areas.min() > 0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_header_names_its_source_and_what_is_calibrated(name: str) -> None:
+    text = (GEOMETRIES / name).read_text(encoding="utf-8")
+    assert "Source: " in text
+    assert "Calibrated: " in text
+
+
+def rows(built: Built, axis: int, spacing: float) -> list[float]:
+    """The coordinates of the rows of one spacing, mm."""
+    grid = built.grid
+    return np.unique(np.round(grid.position[grid.delta == spacing, axis] * 1e3, 6)).tolist()
+
+
+def test_duran_rows(built: dict[str, Built]) -> None:
+    assert rows(built["duran50.geo"], 1, 1e-3) == np.arange(-10.5, 11, 1).tolist()
+    assert rows(built["duran50.geo"], 1, 2e-3) == [-20, -18, -16, -14, -12, 12, 14, 16, 18, 20]
+    assert rows(built["duran50_one_scale.py"], 1, 1e-3) == np.arange(-20.5, 21, 1).tolist()
+    (shift,) = built["duran50.geo"].shifts
+    assert (shift.spacing, shift.offset) == (1e-3, (0.0, 0.5e-3))
+    assert not built["duran50_one_scale.py"].shifts
+
+
+def test_kalthoff_rows_and_conditions(built: dict[str, Built]) -> None:
+    model = built["kalthoff_winkler.geo"]
+    assert rows(model, 1, 1e-3) == list(range(47, 154))
+    assert rows(model, 1, 2e-3) == [*range(0, 48, 2), *range(154, 202, 2)]
+    bottom, top, impact = model.settings.conditions
+    assert isinstance(impact, Velocity)
+    assert (impact.x, impact.y, impact.profile) == (32, None, ())
+    struck = model.grid.position[np.array(impact.nodes) - 1] * 1e3
+    assert struck[:, 0].max() == 0
+    assert sorted(np.round(struck[:, 1], 6)) == list(range(76, 125))
+    for held, height in ((bottom, 0.0), (top, 0.2)):
+        assert isinstance(held, Displacement)
+        assert (held.x, held.y) == (0, 0)
+        assert (model.grid.position[np.array(held.nodes) - 1, 1] == height).all()
+    material = model.settings.material
+    assert material is not None
+    assert (material.law, material.kr, material.keep_G0) == ("bilinear", 1.638, False)
+
+
+def test_oblique_and_hole_rows(built: dict[str, Built]) -> None:
+    assert rows(built["oblique_crack.geo"], 1, 0.5e-3) == np.arange(15.5, 45, 0.5).tolist()
+    assert rows(built["oblique_crack.geo"], 1, 1e-3) == [*range(16), *range(45, 61)]
+    assert rows(built["plate_with_hole.geo"], 1, 0.5e-3) == np.arange(10.5, 40, 0.5).tolist()
+    grid = built["plate_with_hole.geo"].grid
+    radius = np.hypot(*(grid.position * 1e3 - 25).T)
+    assert radius.min() == pytest.approx(8, abs=1e-9)  # nodes on the edge of the hole stay
+    assert (grid.hole_id >= 0).sum() == (radius < 8.5 - 1e-6).sum() == 96
+
+
+def test_v_notch_keeps_the_nodes_on_its_edges(built: dict[str, Built]) -> None:
+    grid = built["v_notch.geo"].grid
+    x, y = (grid.position * 1e3).T
+    above = y - 30 - np.abs(x - 40)
+    assert above[np.abs(x - 40) < 10].max() == pytest.approx(0, abs=1e-9)
+    assert (np.abs(above) < 1e-9).sum() == 41  # 20 on each flank and the root
+
+
+def test_loads_of_both_edges_balance(built: dict[str, Built]) -> None:
+    for name in ("duran50.geo", "duran50_one_scale.py", "oblique_crack.geo", "plate_with_hole.geo", "v_notch.geo"):
+        first, second = built[name].settings.conditions
+        assert isinstance(first, Load)
+        assert isinstance(second, Load)
+        assert first.traction is not None
+        assert second.traction is not None
+        assert first.length == pytest.approx(second.length, rel=1e-12)
+        assert np.add(first.traction, second.traction).tolist() == [0, 0]
