@@ -7,7 +7,9 @@ between nodes``, says its unit and meaning. Gmsh is not needed.
 from __future__ import annotations
 
 import ast
+import contextlib
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -56,7 +58,8 @@ def _parsed(path: Path) -> tuple[str, ast.Module]:
 def _run(path: Path, tree: ast.Module) -> object:
     names: dict[str, object] = {"__name__": "scene", "__file__": str(path)}
     try:
-        exec(compile(tree, str(path), "exec"), names)
+        with contextlib.redirect_stdout(sys.stderr):  # stdout is for the result
+            exec(compile(tree, str(path), "exec"), names)
     except (Exception, SystemExit) as error:
         line, trace = 0, error.__traceback__
         while trace is not None:

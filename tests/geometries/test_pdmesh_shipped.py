@@ -16,8 +16,8 @@ GEOMETRIES = Path(__file__).parents[2] / "geometries"
 SHIPPED = {
     "duran50.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
     "soda_lime.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
-    "duran50_one_scale.py": (4242, {1: 101 * 42}, [404, 404]),
-    "soda_lime_one_scale.py": (4242, {1: 101 * 42}, [404, 404]),
+    "duran50_one_scale.py": (4242, {1: 101 * 42}, [808, 808]),
+    "soda_lime_one_scale.py": (4242, {1: 101 * 42}, [808, 808]),
     "kalthoff_winkler.geo": (13255, {1: 101 * 107, 2: 51 * 48}, [51, 51, 49]),
     "oblique_crack.geo": (4591, {0.5: 61 * 59, 1: 31 * 32}, [124, 124]),
     "plate_with_hole.geo": (6288, {0.5: 101 * 59 - 793, 1: 51 * 22}, [204, 204]),
@@ -126,3 +126,14 @@ def test_loads_of_both_edges_balance(built: dict[str, Built]) -> None:
         assert second.traction is not None
         assert first.length == pytest.approx(second.length, rel=1e-12)
         assert np.add(first.traction, second.traction).tolist() == [0, 0]
+
+
+def test_the_scene_in_the_readme_builds(tmp_path: Path) -> None:
+    text = (GEOMETRIES.parent / "README.md").read_text(encoding="utf-8")
+    code = next(block for block in text.split("```python\n")[1:] if "scene = (" in block).split("```")[0]
+    path = tmp_path / "plate.py"
+    path.write_text(code, encoding="utf-8")
+    grid = build(path).grid
+    assert np.unique(grid.delta).tolist() == [5e-4, 1e-3]
+    assert len(grid.holes) == 1
+    assert len(grid.cracks) == 2

@@ -1,0 +1,177 @@
+"""The command line: what it writes, says and refuses, and that a refusal leaves nothing behind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pdmesh.__main__ import main, parser
+from pdmesh.grid import read_file
+
+GEOMETRIES = Path(__file__).parents[2] / "geometries"
+DURAN = str(GEOMETRIES / "duran50.geo")
+SCRIPT = str(GEOMETRIES / "duran50_one_scale.py")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    """The JSON that a command prints."""
+    assert main([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_build_writes_the_model_and_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", DURAN]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        "duran50.json: 2732 nodes (2222 of 0.001 m, 510 of 0.002 m)",
+        "lattice of 0.001 m: shifted by (0, 0.0005) m, off the cracks",
+    ]
+    assert err == ""
+    assert [path.name for path in folder.iterdir()] == ["duran50.json"]
+
+
+def test_build_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    result = said(capsys, "build", DURAN, "-o", "plate.json")
+    assert result["output"] == "plate.json"
+    assert (result["nodes"], result["nodes_by_spacing"]) == (2732, {"0.001": 2222, "0.002": 510})
+    assert result["shifts"] == {"0.001": [0, 0.0005]}
+    assert result["loaded_nodes"] == {"top": 204, "bottom": 204}
+    assert result["area"] == pytest.approx(0.004, rel=1e-12)
+
+
+def test_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", SCRIPT, "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_an_output_is_kept_unless_forced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "duran50_one_scale.json").write_text("mine")
+    assert main(["build", SCRIPT]) == 2
+    assert "found a file there already, expected none (--force overwrites it)" in capsys.readouterr().err
+    assert (folder / "duran50_one_scale.json").read_text() == "mine"
+    assert main(["build", SCRIPT, "--force"]) == 0
+    assert len(read_file(folder / "duran50_one_scale.json").nodes) == 4242
+
+
+@pytest.mark.parametrize("scene", [DURAN, SCRIPT])
+def test_a_model_builds_itself_again(scene: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "Zones/coarse/Spacing" if scene == DURAN else "spacing"
+    value = "4e-3" if scene == DURAN else "2e-3"
+    assert main(["build", scene, "--set", f"{name}={value}", "--refine", "crack:2e-3", "-o", "first.json", "-q"]) == 0
+    assert main(["build", "first.json", "--trust", "-o", "second.json", "-q"]) == 0
+    assert (folder / "second.json").read_bytes() == (folder / "first.json").read_bytes()
+    assert main(["build", "first.json", "--trust", "--set", f"{name}=1e-3", "-o", "third.json", "-q"]) == 0
+    third = read_file(folder / "third.json")
+    assert third.parameters["Peridynamics/" * (scene == DURAN) + name] == 1e-3
+    assert third.parameters["--refine crack"] == "crack:2e-3"
+    assert len(third.nodes) > len(read_file(folder / "first.json").nodes)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_model_with_a_program_in_it_is_not_run_untrusted(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    assert main(["build", SCRIPT, "-o", "model.json", "-q"]) == 0
+    assert main(["build", "model.json", "-o", "again.json"]) == 2
+    assert "found a Python program, expected a drawing (--trust runs it)" in capsys.readouterr().err
+    assert not (folder / "again.json").exists()
+
+
+def test_info(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", DURAN, "-q"]) == 0
+    found = said(capsys, "info", "duran50.json")
+    assert (found["nodes"], found["bonds_cut_by_cracks"], found["steps"]) == (2732, 4000, 1700)
+    assert found["area_of_nodes"] == pytest.approx(found["area_of_shape"], rel=1e-10)
+    assert main(["info", "duran50.json"]) == 0
+    assert "load 'top': 204 nodes" in capsys.readouterr().out
+    assert said(capsys, "info", DURAN)["bonds"] == found["bonds"]
+
+
+def test_plan(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    found = said(capsys, "plan", DURAN, "-o", "plan.json")
+    assert (found["scene"]["nodes"], found["one_scale"]["nodes"]) == (2732, 4040)
+    assert found["scene"]["bonds"] < found["one_scale"]["bonds"]
+    assert json.loads((folder / "plan.json").read_text()) == found
+    assert main(["plan", DURAN]) == 0
+    assert "solve seconds" in capsys.readouterr().out
+
+
+def test_params(capsys: pytest.CaptureFixture[str]) -> None:
+    found = said(capsys, "params", DURAN)
+    assert found["Peridynamics/Material/E"] == {"value": 65e9, "unit": "Pa", "meaning": "Young's modulus"}
+    assert said(capsys, "params", DURAN, "--set", "Material/E=7e10")["Peridynamics/Material/E"]["value"] == 7e10
+    assert main(["params", SCRIPT]) == 0
+    assert "spacing   0.001" in capsys.readouterr().out
+
+
+def test_preview(folder: Path) -> None:
+    assert main(["build", DURAN, "-q"]) == 0
+    assert main(["preview", "duran50.json", "-q"]) == 0
+    assert main(["preview", "duran50.json", "--bonds", "-o", "bonds.svg", "-q"]) == 0
+    assert (folder / "duran50.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "bonds.svg").stat().st_size > 10_000
+
+
+def test_schema(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    assert main(["schema"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert "nodes" in printed["$defs"]["Document"]["required"]
+    assert main(["schema", "-o", "schema.json"]) == 0
+    assert json.loads((folder / "schema.json").read_text()) == printed
+
+
+def test_every_command_is_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        parser().parse_args(["--help"])
+    assert done.value.code == 0
+    text = capsys.readouterr().out
+    for command in ("build", "info", "preview", "plan", "params", "schema"):
+        assert command in text
+
+
+REFUSED = {
+    "no such drawing": (["build", "missing.geo"], "missing.geo: cannot be read"),
+    "no such scene": (["build", "missing.py"], "missing.py: cannot be read"),
+    "no such model": (["info", "missing.json"], "missing.json: cannot be read"),
+    "no such mesh": (["build", "missing.vtu"], "missing.vtu: cannot be read"),
+    "unknown suffix": (["build", "plate.dxf"], "found suffix '.dxf', expected .geo, .py, .json"),
+    "unknown parameter": (["build", DURAN, "--set", "Zones/fin/Spacing=1"], "Zones/fin/Spacing' is not in"),
+    "no number": (["build", DURAN, "--set", "Zones/fine/Spacing=x"], "found 'x', expected a number"),
+    "wrong ratio": (["build", DURAN, "--set", "Zones/fine/Spacing=7e-4"], "over a power of 2"),
+    "crack too long": (["build", DURAN, "--set", "Plate/Crack length=0.2"], "crack 'notch': found"),
+    "refine what": (["build", DURAN, "--refine", "edge:1"], "--refine: found 'edge:1', expected crack, notch or hole"),
+    "refine how far": (["build", DURAN, "--refine", "crack"], "--refine: found 'crack', expected"),
+    "refine no hole": (["build", DURAN, "--refine", "hole:1e-3"], "refine hole: found none"),
+    "refine by a third": (["build", DURAN, "--refine", "crack:1e-3:3e-4"], "over a power of 2"),
+    "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "found no folder"),
+    "picture of no kind": (["preview", SCRIPT, "-o", "plate.doc"], "found suffix '.doc'"),
+    "parameters of a mesh": (["params", "part.vtu"], "found suffix '.vtu', expected .geo, .py or .json"),
+    "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals_are_one_line_and_leave_nothing(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words, message = REFUSED[name]
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("pdmesh: ")
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [[], ["bild"], ["build"], ["build", DURAN, "--set", "novalue"]])
+def test_wrong_usage(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(words)
+    assert done.value.code == 2
+    assert capsys.readouterr().err.startswith("usage: pdmesh")
