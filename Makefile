@@ -1,6 +1,8 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
 # make test    set up, run the quick tests
 # make check   lint, types, import contracts
+# make slow    the verification that takes minutes
+# make thesis  every scene of the thesis in both modes, on one page
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -8,7 +10,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test check install gmsh-libraries clean
+.PHONY: demo test slow thesis check install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -19,6 +21,12 @@ demo: gmsh-libraries
 
 test: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest -m "not slow"
+
+slow: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m pytest -m slow
+
+thesis: $(VENV)/install.done gmsh-libraries
+	$(BIN)/python -m benchmarks.thesis
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check
