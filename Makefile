@@ -1,7 +1,6 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
 # make test    set up, run the quick tests
 # make check   lint, types, import contracts
-# make slow    the verification that takes minutes
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -9,7 +8,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test check slow install gmsh-libraries clean
+.PHONY: demo test check install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -20,9 +19,6 @@ demo: gmsh-libraries
 
 test: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest -m "not slow"
-
-slow: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m pytest -m slow
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check

@@ -169,17 +169,14 @@ def _schema(args: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdmesh; returns its exit code."""
     args = parser().parse_args(argv)
+    return commandline.run("pdmesh", lambda: int(args.run(args)), _exits)
 
-    def command() -> int:
-        from pdmesh.grid import GridError
-        from pdmesh.shapes import SceneError
 
-        try:
-            return int(args.run(args))
-        except (SceneError, GridError) as error:
-            raise commandline.UsageError(str(error)) from None
+def _exits() -> dict[type[Exception], int]:
+    from pdmesh.grid import GridError
+    from pdmesh.scene import SceneError
 
-    return commandline.run("pdmesh", command, ())
+    return dict.fromkeys((SceneError, GridError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -76,16 +76,24 @@ def note(message: str, args: argparse.Namespace) -> None:
         print(message, file=sys.stderr)
 
 
-def run(name: str, command: Callable[[], int], bad_input: tuple[type[Exception], ...]) -> int:
-    """Run `command`; an expected error becomes one line on stderr and its exit code."""
-    expected: tuple[type[Exception], ...] = (UsageError, *bad_input)
+def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]]) -> int:
+    """Run `command`; an error to expect becomes one line on stderr and its exit code.
+
+    `exits` gives the exit codes of the errors to expect; it is asked only when there is one, so that it may
+    import what raises them.
+    """
     try:
         return command()
-    except expected as error:
+    except KeyboardInterrupt:
+        code, message = INTERRUPTED, "interrupted"
+    except UsageError as error:
         code, message = BAD_INPUT, str(error)
     except OSError as error:
         code, message = FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
-    except KeyboardInterrupt:
-        code, message = INTERRUPTED, "interrupted"
+    except Exception as error:
+        found = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
+        if found is None:
+            raise
+        code, message = found, str(error)
     print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
     return code

@@ -29,6 +29,7 @@ Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
+Field = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
 
 
 class GridError(ValueError):
@@ -124,12 +125,17 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
 AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity
 
 
-class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How long the solver goes on and how often it writes."""
 
     time_step: Positive | None = None  # s; None: from the stability bound
     steps: Annotated[int, msgspec.Meta(ge=0)] = 1000
     every: PositiveInt = 50  # steps between two frames
+    ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
+    fields: tuple[Field, ...] = ("ux", "uy", "vx", "vy", "damage")  # what a frame holds
+    probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
+    until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
+    quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

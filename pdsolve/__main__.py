@@ -7,6 +7,7 @@ import shlex
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdsolve.simulation import Progress
+    from pdsolve.simulation import Plan, Progress
 
 LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
@@ -34,35 +35,76 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument("--threads", type=int, metavar="N", help="threads to use (default: all)")
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
+    program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
+    program.add_argument(
+        "--fields", metavar="A,B", help="fields to store: ux uy vx vy ax ay energy damage (run.fields)"
+    )
+    program.add_argument(
+        "--probe",
+        action="append",
+        default=[],
+        metavar="X,Y",
+        help="write down the node nearest to a place (run.probes)",
+    )
+    program.add_argument(
+        "--until",
+        metavar="split|quiet:S",
+        help="stop when the plate is in two, or nothing broke for S seconds (run.until)",
+    )
+    program.add_argument("--dry-run", action="store_true", help="say what the run would take, solve nothing")
     program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
     return program
 
 
 def _solve(args: argparse.Namespace) -> int:
-    from pdsolve.model import read_model
-    from pdsolve.simulation import Options, resume, simulate
+    from pdsolve.model import ModelWarning, read_model
+    from pdsolve.simulation import Options, plan, resume, simulate
 
-    with _Watch(args) as watch:
+    with _Watch(args) as watch, warnings.catch_warnings():
+        warnings.simplefilter("always", ModelWarning)
+        warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
-            given = [name for name in ("output", "settings", "mode", "precision", "assignments") if getattr(args, name)]
+            kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
+            given = [name for name in kept if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path, results = args.model, resume(args.model, args.threads, watch)
         else:
-            path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
-            model = read_model(args.model, args.settings, args.assignments)
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
+            model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
+            if args.dry_run:
+                return _show_plan(plan(model, options), args)
+            path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
             results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
         with results:
             meta, summary = results.meta(), results.summary()
-    if summary["stable_time_step"] is not None and summary["time_step"] > summary["stable_time_step"]:
-        commandline.note(
-            f"pdsolve: warning: the time step {summary['time_step']:.4g} s is above the bound that is surely stable,"
-            f" {summary['stable_time_step']:.4g} s",
-            args,
-        )
     commandline.report({"output": str(path), "status": meta["status"], **summary}, _lines(path, summary), args)
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
+
+
+def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
+    """The flags that stand for settings, as assignments."""
+    flags = [] if args.every is None else [("run.every", args.every)]
+    if args.fields is not None:
+        flags.append(("run.fields", str(args.fields.split(","))))
+    if args.probe:
+        flags.append(("run.probes", f"[{', '.join(f'[{place}]' for place in args.probe)}]"))
+    if args.until is not None:
+        kind, _, quiet = args.until.partition(":")
+        if (kind == "quiet") != bool(quiet):
+            raise commandline.UsageError(f"--until: found '{args.until}', expected split or quiet:SECONDS")
+        flags += [("run.until", kind), *([("run.quiet", quiet)] if quiet else [])]
+    return flags
+
+
+def _show_plan(found: Plan, args: argparse.Namespace) -> int:
+    lines = [
+        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} steps of {found.time_step:.4g} s"
+        f" (surely stable up to {found.stable_time_step:.4g} s)",
+        f"{found.memory / 1e6:.3g} MB while marching, about {found.wall_time:.3g} s",
+    ]
+    commandline.report(found._asdict(), lines, args)
+    return commandline.OK
 
 
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
@@ -121,24 +163,23 @@ class _Watch:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
     args = parser().parse_args(argv)
-    try:
-        return commandline.run("pdsolve", lambda: _guarded(args), ())
-    except KeyboardInterrupt:
-        return commandline.INTERRUPTED
+    return commandline.run("pdsolve", lambda: _solve(args), _exits)
 
 
-def _guarded(args: argparse.Namespace) -> int:
-    """Solve; the errors to expect are known only once the solver is imported, which --help does not wait for."""
+def _exits() -> dict[type[Exception], int]:
     from pdmesh.grid import GridError
     from pdsolve.model import ModelError
-    from pdsolve.results import ResultsError
+    from pdsolve.results import ResultsError, WriteError
     from pdsolve.simulation import UnstableError
 
-    try:
-        return commandline.run("pdsolve", lambda: _solve(args), (GridError, ModelError, ResultsError))
-    except UnstableError as error:
-        print(f"pdsolve: {error}", file=sys.stderr)
-        return commandline.UNSTABLE
+    bad = commandline.BAD_INPUT
+    return {
+        GridError: bad,
+        ModelError: bad,
+        WriteError: commandline.FAILURE,
+        ResultsError: bad,
+        UnstableError: commandline.UNSTABLE,
+    }
 
 
 if __name__ == "__main__":

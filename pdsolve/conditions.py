@@ -1,39 +1,170 @@
-"""What is done to the plate: body forces on nodes."""
+"""What is done to the plate, in time: loads on nodes, and components of their motion that are held."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.grid import Load
+from pdmesh.grid import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
 from pdsolve.model import Model
 
+DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
+HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
 
-def conditioned(model: Model) -> NDArray[np.bool_]:
-    """Which nodes (n,) carry a condition; their bonds do not break."""
+
+class Profiles(NamedTuple):
+    """Factors over time, one after the other: profile p has the points start[p] to start[p + 1]."""
+
+    start: NDArray[np.int64]  # (p + 1,)
+    time: NDArray[np.float64]  # s, increasing within a profile
+    factor: NDArray[np.float64]
+
+
+class Entries(NamedTuple):
+    """Components that something is done to: e entries, of one node and one axis each."""
+
+    node: NDArray[np.int64]  # (e,) row of the grid
+    axis: NDArray[np.int64]  # (e,) 0 or 1
+    value: NDArray[np.float64]  # (e,) N/m^3, m, m/s or m/s^2, times the factor of its profile
+    profile: NDArray[np.int64]  # (e,)
+    kind: NDArray[np.int64]  # (e,) of held motion; 0 for loads
+
+
+class Drive(NamedTuple):
+    """All conditions of a model as the stepper needs them; n nodes."""
+
+    profiles: Profiles
+    loads: Entries
+    holds: Entries
+    varies: bool  # whether any load changes with time
+    force: NDArray[np.floating]  # (n, 2) body force now, N/m^3
+    before: NDArray[np.floating]  # (n, 2) body force one step ago
+    held_force: NDArray[np.float64]  # (holds,) force density on the held component one step ago, N/m^3
+    held_speed: NDArray[np.float64]  # (holds,) velocity of the held component one step ago, m/s
+
+
+def unbreakable(model: Model) -> NDArray[np.bool_]:
+    """Which nodes (n,) carry a condition that keeps their bonds from breaking."""
     marked = np.zeros(len(model.grid), dtype=bool)
-    for load in model.settings.conditions:
-        marked[model.selected(load)] = True
+    for condition in model.settings.conditions:
+        if isinstance(condition, Condition) and not condition.breakable:
+            marked[model.selected(condition)] = True
     return marked
 
 
-def body_force(model: Model, areas: NDArray[np.float64], exact_total: bool) -> NDArray[np.float64]:
-    """Body force (2, n), N/m^3, of all conditions together.
+def initial_velocity(model: Model) -> NDArray[np.float64]:
+    """Velocities (n, 2) at time 0, m/s: those of initial and of held velocities."""
+    velocity = np.zeros((len(model.grid), 2))
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialVelocity):
+            velocity[model.selected(condition)] = condition.x, condition.y
+    for condition in model.settings.conditions:
+        if isinstance(condition, Velocity):
+            factor = condition.profile[0][1] if condition.profile else 1.0
+            for axis, value in enumerate((condition.x, condition.y)):
+                if value is not None:
+                    velocity[model.selected(condition), axis] = factor * value
+    return velocity
+
+
+def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: type[np.floating]) -> Drive:
+    """The model's conditions, their body forces at time 0 in place.
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and
     where the length of the loaded edge is known, its nodes share traction * length by their `areas` (n,), m^2.
+    Where two holds meet in a component, the later one has it.
     """
-    force = np.zeros((2, len(model.grid)))
-    for load in model.settings.conditions:
-        if not isinstance(load, Load):
+    profiles: list[Sequence[tuple[float, float]]] = []
+    loads: list[Entries] = []
+    holds: dict[tuple[int, int], tuple[float, int, int]] = {}
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialVelocity):
             continue
-        rows = model.selected(load)
-        if load.body_force is not None:
-            force[:, rows] += np.array(load.body_force)[:, None]
-        elif load.traction is not None:
-            if exact_total and load.length is not None:
-                spread = np.full(len(rows), load.length / areas[rows].sum())
-            else:
-                spread = 1 / (load.rows * model.grid.delta[rows])
-            force[:, rows] += np.array(load.traction)[:, None] * spread
-    return force
+        rows = model.selected(condition)
+        number = len(profiles)
+        profiles.append(condition.profile or ((0.0, 1.0),))
+        if isinstance(condition, Load):
+            values = _body_force(condition, rows, model, areas, exact_total)
+            node, axis = np.repeat(rows, 2), np.tile([0, 1], len(rows))
+            loads.append(Entries(node, axis, values.ravel(), np.full(len(node), number), np.zeros(len(node), int)))
+            continue
+        for axis_number, value in enumerate((condition.x, condition.y)):
+            if value is not None:
+                for row in rows.tolist():
+                    holds.pop((row, axis_number), None)
+                    holds[row, axis_number] = (value, number, HELD[type(condition)])
+    forces = np.zeros((len(model.grid), 2), dtype=kind)
+    table = Profiles(
+        np.cumsum([0, *(len(points) for points in profiles)]),
+        np.array([time for points in profiles for time, _ in points], dtype=float),
+        np.array([factor for points in profiles for _, factor in points], dtype=float),
+    )
+    held = Entries(
+        np.array([node for node, _ in holds], dtype=np.int64),
+        np.array([axis for _, axis in holds], dtype=np.int64),
+        np.array([value for value, _, _ in holds.values()], dtype=float),
+        np.array([profile for _, profile, _ in holds.values()], dtype=np.int64),
+        np.array([held_kind for _, _, held_kind in holds.values()], dtype=np.int64),
+    )
+    nothing = Entries(*(np.empty(0, dtype=kind_) for kind_ in (np.int64, np.int64, float, np.int64, np.int64)))
+    all_loads = Entries(*(np.concatenate(column) for column in zip(nothing, *loads, strict=True)))
+    varies = any(len(points) > 1 for points in profiles)
+    nodes_held = len(held.node)
+    result = Drive(table, all_loads, held, varies, forces, forces.copy(), np.zeros(nodes_held), np.zeros(nodes_held))
+    apply_loads(result, 0.0)
+    result.before[:] = result.force
+    result.held_force[:] = result.force[held.node, held.axis]
+    return result
+
+
+def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Accelerations (n, 2) at time 0 of an undeformed plate of density `rho` (n,), m/s^2."""
+    acceleration = drive.force / rho[:, None]
+    holds = drive.holds
+    for e in range(len(holds.node)):
+        held = holds.value[e] * factor_at(drive.profiles, holds.profile[e], 0.0)
+        acceleration[holds.node[e], holds.axis[e]] = held if holds.kind[e] == ACCELERATION else 0.0
+    return acceleration
+
+
+def _body_force(
+    load: Load, rows: NDArray[np.int64], model: Model, areas: NDArray[np.float64], exact_total: bool
+) -> NDArray[np.float64]:
+    """Body force (rows, 2), N/m^3, of a load at factor 1."""
+    if load.traction is None:
+        assert load.body_force is not None
+        return np.tile(np.array(load.body_force), (len(rows), 1))
+    if exact_total and load.length is not None:
+        spread = np.full(len(rows), load.length / areas[rows].sum())
+    else:
+        spread = 1 / (load.rows * model.grid.delta[rows])
+    return np.asarray(spread[:, None] * np.array(load.traction))
+
+
+@njit
+def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
+    """Factor of profile p at `time`, s: linear between points, constant outside."""
+    first, last = profiles.start[p], profiles.start[p + 1] - 1
+    if time <= profiles.time[first]:
+        return profiles.factor[first]
+    for k in range(first, last):
+        t0, t1 = profiles.time[k], profiles.time[k + 1]
+        if time < t1:
+            return profiles.factor[k] + (profiles.factor[k + 1] - profiles.factor[k]) * (time - t0) / (t1 - t0)
+    return profiles.factor[last]
+
+
+@njit(cache=True)
+def apply_loads(drive, time):  # type: ignore[no-untyped-def]
+    """Put the body forces of `time`, s, in place and keep the last ones."""
+    loads, force = drive.loads, drive.force
+    drive.before[:] = force
+    for e in range(len(loads.node)):
+        force[loads.node[e], loads.axis[e]] = 0
+    for e in range(len(loads.node)):
+        share = loads.value[e] * factor_at(drive.profiles, loads.profile[e], time)
+        force[loads.node[e], loads.axis[e]] += share

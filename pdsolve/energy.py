@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
-from pdsolve.kernels.bond_sums import Motion, strain_energy_density
+from pdsolve.kernels.bond_sums import Motion, energy_densities
 
 
 class Ledger(NamedTuple):
@@ -18,32 +18,41 @@ class Ledger(NamedTuple):
     time: float  # s
     kinetic: float
     strain: float
-    dissipated: float  # spent on breaking bonds
-    work: float  # done by the body forces
+    dissipated: float  # spent on softening and breaking bonds
+    work: float  # done by loads and by holding components of the motion
     momentum_x: float
     momentum_y: float
     broken: int  # directed bonds broken so far
 
-    @property
-    def balance(self) -> float:
-        """(kinetic + strain + dissipated - work) / work: 0 where energy is conserved."""
-        missing = self.kinetic + self.strain + self.dissipated - self.work
-        return missing / abs(self.work) if self.work else 0.0
+    def balance(self, initial: float) -> float:
+        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the larger of the
+        work done and the energy at the start; 0 where energy is conserved."""
+        missing = self.kinetic + self.strain + self.dissipated - self.work - initial
+        scale = max(abs(self.work), initial)
+        return missing / scale if scale else 0.0
 
 
-def ledger(bonds: Bonds, motion: Motion, area: NDArray[np.float64], rho: float, step: int, time: float) -> Ledger:
-    """Draw up the books; `area` (n,), m^2, and `rho`, kg/m^3. Sums run in double precision in the nodes' order."""
-    density = np.empty(len(area))
-    strain_energy_density(bonds, motion, density)
+def ledger(
+    bonds: Bonds, motion: Motion, area: NDArray[np.float64], rho: NDArray[np.float64], step: int, time: float
+) -> Ledger:
+    """Draw up the books; `area` (n,), m^2, and `rho` (n,), kg/m^3. Double precision, in the nodes' order."""
+    strain, softened = strain_energies(bonds, motion)
     velocity = motion.v.astype(np.float64)
     return Ledger(
         step,
         time,
         kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
-        strain=float(np.sum(area * density)),
-        dissipated=float(np.sum(area * motion.dissipated)),
+        strain=float(np.sum(area * strain)),
+        dissipated=float(np.sum(area * (motion.dissipated + softened))),
         work=float(np.sum(area * motion.work)),
         momentum_x=float(np.sum(rho * area * velocity[:, 0])),
         momentum_y=float(np.sum(rho * area * velocity[:, 1])),
         broken=int(np.count_nonzero(motion.broken)),
     )
+
+
+def strain_energies(bonds: Bonds, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
+    strain, softened = np.empty(len(motion.u)), np.empty(len(motion.u))
+    energy_densities(bonds, motion, strain, softened)
+    return strain, softened

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import (
+    Acceleration,
+    AnyCondition,
+    Condition,
+    Displacement,
     Document,
     Grid,
     GridError,
@@ -20,12 +26,19 @@ from pdmesh.grid import (
     Material,
     Selection,
     Settings,
+    Velocity,
     document_of,
     encode,
     grid_of,
     read_file,
 )
 from pdmesh.grid import read_document as parse_document
+
+BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
+
+
+class ModelWarning(UserWarning):
+    """A model that can be solved but may not mean what its author thinks; one line."""
 
 
 class ModelError(ValueError):
@@ -46,23 +59,53 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
-        if self.settings.material.law != "brittle" or self.settings.regions or self.settings.area_rule:
-            raise ModelError(f"{self.name}: found a law, regions or an area_rule this version cannot solve yet")
-        for number, load in enumerate(self.settings.conditions):
-            place = f"{self.name}: $.conditions[{number}]"
-            if not isinstance(load, Load) or load.profile or load.breakable:
-                raise ModelError(f"{place}: found a kind, profile or breakable this version cannot solve yet")
-            if (load.nodes is None) == (load.box is None):
-                raise ModelError(f"{place}: found neither or both of nodes and box, expected one of them")
-            if (load.body_force is None) == (load.traction is None):
-                raise ModelError(f"{place}: found neither or both of body_force and traction, expected one of them")
-            self._selected(load, place)
+        for material in self.materials:
+            fixed = BOND_BASED_NU[material.plane]
+            if material.nu is not None and abs(material.nu - fixed) > 0.01:
+                warnings.warn(
+                    f"{self.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
+                    ModelWarning,
+                    stacklevel=2,
+                )
+        for number, condition in enumerate(self.settings.conditions):
+            self._check_condition(condition, f"{self.name}: $.conditions[{number}]")
+        for number, region in enumerate(self.settings.regions):
+            self._selected(region, f"{self.name}: $.regions[{number}]")
+            if region.material.plane != self.settings.material.plane:
+                raise ModelError(
+                    f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
+                    f" '{self.settings.material.plane}' as elsewhere"
+                )
+
+    def _check_condition(self, condition: AnyCondition, place: str) -> None:
+        self._selected(condition, place)
+        if isinstance(condition, Load) and (condition.body_force is None) == (condition.traction is None):
+            raise ModelError(f"{place}: found neither or both of body_force and traction, expected one of them")
+        if isinstance(condition, Displacement | Velocity | Acceleration) and condition.x is condition.y is None:
+            raise ModelError(f"{place}: found neither x nor y, expected at least one of them")
+        if isinstance(condition, Condition):
+            times = [time for time, _ in condition.profile]
+            if times != sorted(set(times)):
+                raise ModelError(f"{place}.profile: found times {times}, expected them to increase")
 
     @property
-    def material(self) -> Material:
-        """The material, there by construction."""
+    def materials(self) -> tuple[Material, ...]:
+        """The plate's material, then those of its regions."""
         assert self.settings.material is not None
-        return self.settings.material
+        return (self.settings.material, *(region.material for region in self.settings.regions))
+
+    @cached_property
+    def material_of(self) -> NDArray[np.int64]:
+        """The number in `materials` of each node's material (n,)."""
+        numbers = np.zeros(len(self.grid), dtype=np.int64)
+        for number, region in enumerate(self.settings.regions):
+            numbers[self.selected(region)] = number + 1
+        return numbers
+
+    @property
+    def rho(self) -> NDArray[np.float64]:
+        """Each node's density (n,), kg/m^3."""
+        return np.array([material.rho for material in self.materials])[self.material_of]
 
     @property
     def horizons(self) -> NDArray[np.float64]:
@@ -74,6 +117,8 @@ class Model:
         return self._selected(load, self.name)
 
     def _selected(self, load: Selection, place: str) -> NDArray[np.int64]:
+        if (load.nodes is None) == (load.box is None):
+            raise ModelError(f"{place}: found neither or both of nodes and box, expected one of them")
         if load.nodes is not None:
             order = np.argsort(self.grid.ids)
             wanted = np.array(load.nodes, dtype=np.int64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,11 +21,24 @@ from numpy.typing import NDArray
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION = 1
 CHUNK = 1024  # nodes
-FIELDS = {"ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "damage": "1"}  # name: unit, in the order of the view
+FIELDS = {  # name: unit, in the order of the view
+    "ux": "m",
+    "uy": "m",
+    "vx": "m/s",
+    "vy": "m/s",
+    "ax": "m/s^2",
+    "ay": "m/s^2",
+    "energy": "J/m^3",
+    "damage": "1",
+}
 
 
 class ResultsError(ValueError):
     """A database that cannot be used; the message names the file, what was found and what was expected."""
+
+
+class WriteError(ResultsError):
+    """A database that could not be written: a full disk, a folder that may not be written to."""
 
 
 class Nodes(NamedTuple):
@@ -54,7 +67,8 @@ class Frame(NamedTuple):
     time: float  # s
     fields: Mapping[str, NDArray[np.floating]] | None  # (n,) each; None: a checkpoint between two frames
     breaks: Breaks  # since the last transaction
-    ledger: tuple[float, ...]  # as the columns of `history`
+    ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
+    probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
     checkpoint: Mapping[str, NDArray[np.floating]]
 
 
@@ -62,12 +76,15 @@ TABLES = f"""
 CREATE TABLE meta (key TEXT PRIMARY KEY, value);
 CREATE TABLE node ("row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL,
     delta REAL, area REAL, family INTEGER, cut INTEGER);
+CREATE TABLE crack (x0 REAL, y0 REAL, x1 REAL, y1 REAL); -- segments of pre-cracks
 CREATE TABLE frame (step INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT NULL,
     PRIMARY KEY (step, field, chunk));
 CREATE TABLE bond_break (step INTEGER, node INTEGER, neighbour INTEGER);
 CREATE TABLE history (step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER);
+CREATE TABLE probe (step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
+    PRIMARY KEY (node, step));
 CREATE TABLE checkpoint (name TEXT PRIMARY KEY, step INTEGER, type TEXT, data BLOB);
 CREATE TABLE float32_prefix (prefix INTEGER PRIMARY KEY, base REAL, unit REAL); -- sign and exponent of a float32
 PRAGMA application_id = {APPLICATION_ID};
@@ -101,7 +118,7 @@ def _view() -> str:
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 
     columns = [decoded(field) for field in FIELDS]
-    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz")):
+    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
         columns.insert(at, name)
     return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
     n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n"""
@@ -114,14 +131,14 @@ class Writer:
         self.connection = connection
 
     @classmethod
-    def create(cls, path: Path | None, nodes: Nodes, meta: Mapping[str, Any]) -> Writer:
-        """A new database at `path` (in memory if None), replacing what is there.
+    def create(cls, path: Path | None, nodes: Nodes, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:
+        """A new database at `path` (in memory if None), replacing what is there; `cracks` (k, 4) are segments, m.
 
-        Raises ResultsError if it cannot be written.
+        Raises WriteError if it cannot be written.
         """
         if path is not None:
             remove(path)
-        with _explained(path):
+        with _explained(path, WriteError):
             connection = sqlite3.connect(":memory:" if path is None else path, isolation_level=None)
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")
@@ -131,6 +148,7 @@ class Writer:
             columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
             rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
             connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            connection.executemany("INSERT INTO crack VALUES (?, ?, ?, ?)", cracks.tolist())
             writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
             connection.execute("COMMIT")
         return writer
@@ -140,7 +158,7 @@ class Writer:
         """The database at `path`, to go on writing. Raises ResultsError if it is not one of ours."""
         with Results.open(path):
             pass
-        with _explained(path):
+        with _explained(path, WriteError):
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")
@@ -150,7 +168,7 @@ class Writer:
 
     def tell(self, meta: Mapping[str, Any]) -> None:
         """Set keys of the table `meta`."""
-        with _explained(self._path()):
+        with _explained(self._path(), WriteError):
             self.connection.execute("BEGIN")
             self._tell(meta)
             self.connection.execute("COMMIT")
@@ -159,8 +177,8 @@ class Writer:
         self.connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
 
     def write(self, frame: Frame) -> None:
-        """Write a frame in one transaction. Raises ResultsError where the disk does not take it."""
-        with _explained(self._path()):
+        """Write a frame in one transaction. Raises WriteError where the disk does not take it."""
+        with _explained(self._path(), WriteError):
             self.connection.execute("BEGIN")
             if frame.fields is not None:
                 self.connection.execute("INSERT INTO frame VALUES (?, ?)", (frame.step, frame.time))
@@ -168,8 +186,8 @@ class Writer:
                     self._write_field(frame.step, name, values)
             rows = zip(*(column.tolist() for column in frame.breaks), strict=True)
             self.connection.executemany("INSERT INTO bond_break VALUES (?, ?, ?)", rows)
-            marks = ", ".join("?" * len(frame.ledger))
-            self.connection.execute(f"INSERT OR REPLACE INTO history VALUES ({marks})", frame.ledger)
+            for table, lines in (("history", frame.ledger), ("probe", frame.probes)):
+                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * 9)})", lines)
             self.connection.executemany(
                 "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
                 [(name, frame.step, values.dtype.str, values.tobytes()) for name, values in frame.checkpoint.items()],
@@ -187,7 +205,7 @@ class Writer:
         path = self._path()
         self.tell({"status": status})
         if path is not None:
-            with _explained(path):
+            with _explained(path, WriteError):
                 self.connection.execute("PRAGMA journal_mode = DELETE")
             self.connection.close()
 
@@ -203,17 +221,17 @@ def remove(path: Path) -> None:
 
 
 class _explained:
-    """Turns SQLite's errors into a ResultsError that names the file."""
+    """Turns SQLite's errors into one of ours that names the file."""
 
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
+    def __init__(self, path: Path | None, kind: type[ResultsError] = ResultsError) -> None:
+        self.path, self.kind = path, kind
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, sqlite3.Error):
-            raise ResultsError(f"{self.path or 'results in memory'}: {error}") from None
+            raise self.kind(f"{self.path or 'results in memory'}: {error}") from None
 
 
 class Results:
@@ -273,6 +291,10 @@ class Results:
             rows[:, 6].astype(np.int64),
         )
 
+    def cracks(self) -> NDArray[np.float64]:
+        """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
+        return np.array(self._rows("SELECT x0, y0, x1, y1 FROM crack ORDER BY rowid"), dtype=float).reshape(-1, 4)
+
     def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Steps and times (s) of the frames."""
         rows = self._rows("SELECT step, time FROM frame ORDER BY step")
@@ -295,11 +317,17 @@ class Results:
         rows = self._rows("SELECT step, node, neighbour FROM bond_break ORDER BY step, rowid")
         return Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
 
-    def history(self) -> NDArray[np.float64]:
+    def history(self) -> NDArray[np.void]:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
         momentum_y and broken."""
         names = [row[1] for row in self._rows("PRAGMA table_info(history)")]
         rows = self._rows("SELECT * FROM history ORDER BY step")
+        return np.array(rows, dtype=[(name, float) for name in names])
+
+    def probes(self) -> NDArray[np.void]:
+        """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay."""
+        names = [row[1] for row in self._rows("PRAGMA table_info(probe)")]
+        rows = self._rows("SELECT * FROM probe ORDER BY node, step")
         return np.array(rows, dtype=[(name, float) for name in names])
 
     def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from pdsolve.bonds import Assembly
 from pdsolve.model import Model
-from pdsolve.schemes import dual_horizon, one_sided
+from pdsolve.schemes import average_horizon, one_sided
 
 SCHEMES: dict[str, Callable[[Model], Assembly]] = {
     "thesis": one_sided.fill,
-    "conservative": dual_horizon.fill,
+    "conservative": average_horizon.fill,
 }
 EXACT_LOAD = {"thesis": False, "conservative": True}  # the body forces of an edge sum to traction * length

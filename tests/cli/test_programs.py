@@ -1,0 +1,201 @@
+"""The three programs from the outside: words, exit codes, one line for what is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from plates import ROOT
+
+import pdmesh.__main__
+import pdpost.__main__
+import pdsolve.__main__
+from pdmesh import VERSION
+from pdmesh.grid import document_of, write_file
+from pdsolve.model import Model
+
+MAIN: dict[str, Callable[[list[str]], int]] = {
+    "pdmesh": pdmesh.__main__.main,
+    "pdsolve": pdsolve.__main__.main,
+    "pdpost": pdpost.__main__.main,
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def model(here: Path, small_plate: Model) -> Path:
+    """The small plate as a file in a folder of its own."""
+    (here / "models").mkdir()
+    path = here / "models" / "plate.json"
+    write_file(document_of(small_plate.grid, small_plate.settings), path)
+    return path
+
+
+def test_the_pipeline_with_defaults(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each program writes the input's name with its suffix into the current folder, and --json says what."""
+    pytest.importorskip("gmsh", exc_type=OSError)
+    scene = str(ROOT / "geometries" / "duran50.geo")
+    assert MAIN["pdmesh"](["build", scene, "--set", "Run/Duration=2.5e-6", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["nodes"] == 2732
+    assert MAIN["pdsolve"](["duran50.json", "--mode", "thesis", "--json", "-q", "--set", "run.every=25"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["steps"], summary["mode"], summary["status"]) == (100, "thesis", "finished")
+    assert MAIN["pdpost"](["damage", "duran50.sqlite", "--time", "1.3e-6", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["step"] == 50
+    assert sorted(path.name for path in here.iterdir()) == ["duran50.damage.png", "duran50.json", "duran50.sqlite"]
+
+
+@pytest.mark.parametrize("program", MAIN)
+def test_every_program_has_the_common_words(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        MAIN[program](["--version"])
+    assert stop.value.code == 0
+    assert capsys.readouterr().out == f"{program} {VERSION}\n"
+    command = {"pdmesh": ["build"], "pdsolve": [], "pdpost": ["damage"]}[program]
+    with pytest.raises(SystemExit):
+        MAIN[program]([*command, "--help"])
+    text = capsys.readouterr().out
+    for word in ("-o", "--output", "--json", "--force", "--set NAME=VALUE", "-q", "--quiet"):
+        assert word in text
+    if program == "pdsolve":
+        for word in ("--mode {thesis,conservative}", "--threads N", "--precision {float64,float32}", "--resume"):
+            assert word in text
+
+
+@pytest.mark.parametrize("program", MAIN)
+def test_usage_is_two(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        MAIN[program](["--no-such-word"])
+    assert stop.value.code == 2
+    assert "usage" in capsys.readouterr().err
+
+
+def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "plate.sqlite").write_text("precious")
+    assert MAIN["pdsolve"]([str(model)]) == 2
+    assert "plate.sqlite: found a file there already, expected none (--force" in capsys.readouterr().err
+    assert (here / "plate.sqlite").read_text() == "precious"
+    assert MAIN["pdsolve"]([str(model), "--force", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert MAIN["pdpost"](["damage", "plate.sqlite", "-q"]) == 0
+    before = (here / "plate.damage.png").stat().st_mtime_ns
+    assert MAIN["pdpost"](["damage", "plate.sqlite"]) == 2
+    assert (here / "plate.damage.png").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["pdmesh", "build", "none.geo"], "none.geo: cannot be read: No such file or directory"),
+        (["pdmesh", "build", "models/plate.json"], "plate.json"),
+        (["pdsolve", "none.json"], "none.json: cannot be read: No such file or directory"),
+        (["pdsolve", "models/plate.json", "--set", "run.steps=-1"], "Expected `int` >= 0 - at `$.run.steps`"),
+        (["pdsolve", "models/plate.json", "--settings", "none.toml"], "none.toml: cannot be read"),
+        (["pdsolve", "models/plate.json", "-o", "gone/x.sqlite"], "gone/x.sqlite: found no folder"),
+        (["pdsolve", "models/plate.json", "--threads", "1000"], "threads: found 1000, expected 1 to"),
+        (["pdsolve", "--resume", "none.sqlite"], "none.sqlite: found no such file"),
+        (["pdsolve", "--resume", "models/plate.json"], "plate.json: file is not a database"),
+        (["pdsolve", "--resume", "x.sqlite", "--mode", "thesis"], "--resume: found mode given anew"),
+        (["pdpost", "damage", "none.sqlite"], "none.sqlite: found no such file"),
+        (["pdpost", "damage", "models/plate.json"], "plate.json: file is not a database"),
+    ],
+)
+def test_bad_input_is_two_and_one_line(
+    model: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert MAIN[arguments[0]](arguments[1:]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"{arguments[0]}: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert [path.name for path in here.iterdir()] == ["models"]
+
+
+@pytest.mark.parametrize(("option", "value"), [("--frame", "4"), ("--frame", "-5"), ("--time", "nan"), ("-o", "x.foo")])
+def test_pictures_that_cannot_be_drawn(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], option: str, value: str
+) -> None:
+    assert MAIN["pdpost"](["damage", str(small_results), option, value]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert list(here.glob("*.png")) == []
+
+
+def test_an_unstable_run_is_three(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert MAIN["pdsolve"]([str(model), "--set", "run.time_step=1e-6", "--set", "run.steps=200"]) == 3
+    err = capsys.readouterr().err
+    assert "unstable at step" in err
+    assert "warning" in err.splitlines()[0]
+    assert len(err.splitlines()) == 2
+
+
+def test_a_step_above_the_bound_warns(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert MAIN["pdsolve"]([str(model), "--set", "run.time_step=2.2e-7", "--set", "run.steps=2"]) == 0
+    assert "plate.json: the time step 2.2e-07 s is above the bound" in capsys.readouterr().err
+
+
+def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flags = ["--every", "30", "--fields", "uy,energy", "--probe", "0.01,0", "--probe", "0,0", "--until", "quiet:1e-3"]
+    assert MAIN["pdsolve"]([str(model), *flags, "-q"]) == 0
+    connection = sqlite3.connect(here / "plate.sqlite")
+    assert connection.execute("SELECT step FROM frame").fetchall() == [(0,), (30,), (60,)]
+    assert connection.execute("SELECT DISTINCT field FROM field_chunk ORDER BY 1").fetchall() == [("energy",), ("uy",)]
+    assert connection.execute("SELECT count(*), count(DISTINCT node) FROM probe").fetchone() == (6, 2)
+    connection.close()
+    assert MAIN["pdsolve"]([str(model), "--until", "quiet"]) == 2
+    assert "--until: found 'quiet', expected split or quiet:SECONDS" in capsys.readouterr().err
+    assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
+    assert "Invalid enum value 'heat' - at `$.run.fields[0]`" in capsys.readouterr().err
+
+
+def test_a_dry_run_writes_nothing(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert MAIN["pdsolve"]([str(model), "--dry-run", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["nodes"], found["steps"]) == (252, 60)
+    assert [path.name for path in here.iterdir()] == ["models"]
+
+
+def test_ctrl_c_is_130_after_a_checkpoint(model: Path, here: Path) -> None:
+    long = ["--set", "run.steps=2000000", "--set", "run.every=1000000", "--set", "run.time_step=1e-12"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "pdsolve", str(model), *long, "--json"], stdout=subprocess.PIPE, text=True
+    )
+    while not (here / "plate.sqlite").exists():
+        time.sleep(0.05)
+    time.sleep(1.0)
+    os.kill(child.pid, signal.SIGINT)
+    out, _ = child.communicate(timeout=60)
+    assert child.returncode == 130
+    result = json.loads(out)
+    assert result["status"] == "interrupted"
+    assert 0 < result["steps"] < 2000000
+    connection = sqlite3.connect(here / "plate.sqlite")
+    assert connection.execute("SELECT DISTINCT step FROM checkpoint").fetchall() == [(result["steps"],)]
+    connection.close()
+
+
+def test_help_does_not_wait_for_the_solver() -> None:
+    """Nothing heavy is imported for --help."""
+    code = (
+        "import sys, contextlib\n"
+        "from {0}.__main__ import main\n"
+        "with contextlib.suppress(SystemExit): main(['--help'])\n"
+        "heavy = {{'numpy', 'numba', 'scipy', 'shapely', 'matplotlib', 'gmsh', 'tqdm'}} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    for program in MAIN:
+        subprocess.run([sys.executable, "-c", code.format(program)], check=True, stdout=subprocess.DEVNULL)

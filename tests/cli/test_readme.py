@@ -1,0 +1,40 @@
+"""What the README shows works as it stands."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from plates import ROOT
+
+from pdsolve.__main__ import main
+from pdsolve.results import Results
+
+README = (ROOT / "README.md").read_text()
+
+
+def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene(
+    duran_json: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """notch and nodes alone, the rest in the TOML shown: the same bits as the file with everything inside."""
+    monkeypatch.chdir(tmp_path)
+    full = json.loads(duran_json.read_text())
+    Path("bare.json").write_text(json.dumps({"notch": full["notch"], "nodes": full["nodes"]}))
+    (settings,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    Path("settings.toml").write_text(settings)
+    common = ["--mode", "thesis", "--set", "run.steps=450", "--every", "450", "-q"]
+    assert main(["bare.json", "--settings", "settings.toml", *common]) == 0
+    assert main([str(duran_json), *common]) == 0
+    with Results.open(Path("bare.sqlite")) as bare, Results.open(Path("duran50.sqlite")) as whole:
+        assert whole.breaks().step.size > 0
+        assert bare.field("uy", 450).tobytes() == whole.field("uy", 450).tobytes()
+        assert bare.breaks().node.tolist() == whole.breaks().node.tolist()
+
+
+def test_every_scene_and_option_it_names_exists() -> None:
+    for scene in re.findall(r"geometries/\w+\.geo", README):
+        assert (ROOT / scene).is_file()
+    for word in re.findall(r"pdsolve [^\n`]*?(--[a-z-]+)", README):
+        assert word in ("--mode", "--set", "--threads", "--resume", "--settings", "--until", "--dry-run", "--probe")

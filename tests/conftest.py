@@ -1,0 +1,81 @@
+"""What tests share: the Duran plate as a model, solved once, and a small plate to ask questions of."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plates import ROOT, plate, square_grid
+
+import pdsolve
+from pdmesh.grid import Load, Run, document_of, write_file
+from pdsolve.model import Model, read_model
+from pdsolve.results import Results
+
+
+def pytest_configure() -> None:
+    """Drop compiled kernels older than any source: numba looks at a kernel's own file alone, not at its laws."""
+    package = Path(pdsolve.__file__).parent
+    newest = max(source.stat().st_mtime for source in package.rglob("*.py"))
+    for compiled in package.rglob("*.nb[ic]"):
+        if compiled.stat().st_mtime < newest:
+            compiled.unlink()
+
+
+@pytest.fixture(scope="session")
+def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped Duran plate as a grid file."""
+    pytest.importorskip("gmsh", exc_type=OSError)
+    from pdmesh.geo import read_geo
+    from pdmesh.lattice import build_grid
+
+    grid, settings, _ = build_grid(read_geo(ROOT / "geometries" / "duran50.geo"))
+    path = tmp_path_factory.mktemp("duran") / "duran50.json"
+    write_file(document_of(grid, settings), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def solved(duran_json: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The database of the whole Duran run in a mode, solved once a session."""
+    from pdsolve.simulation import Options, simulate
+
+    folder = tmp_path_factory.mktemp("solved")
+
+    def database(mode: str) -> Path:
+        path = folder / f"{mode}.sqlite"
+        if not path.exists():
+            simulate(read_model(duran_json), path, Options(mode)).close()
+        return path
+
+    return database
+
+
+@pytest.fixture
+def small_plate() -> Model:
+    """A cracked plate of 21 x 12 nodes torn apart in 60 steps, bonds breaking."""
+    grid = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[0.0, 0.0, 8e-3, 0.0]]))
+    pull = 6e10
+    return plate(
+        grid,
+        conditions=(
+            Load(box=(0.0, 4.4e-3, 20e-3, 6e-3), body_force=(0.0, pull)),
+            Load(box=(0.0, -6e-3, 20e-3, -4.4e-3), body_force=(0.0, -pull)),
+        ),
+        run=Run(time_step=50e-9, steps=60, every=20),
+    )
+
+
+@pytest.fixture
+def small_results(small_plate: Model, tmp_path: Path) -> Path:
+    """The database of the small plate."""
+    from pdsolve.simulation import simulate
+
+    path = tmp_path / "small.sqlite"
+    simulate(small_plate, path).close()
+    with Results.open(path) as results:
+        assert results.breaks().step.size > 0
+    return path

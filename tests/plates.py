@@ -1,0 +1,46 @@
+"""Plates that tests share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pdmesh.grid import Grid, Horizon, Material, Settings
+from pdsolve.model import Model
+
+ROOT = Path(__file__).parent.parent
+GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
+
+
+def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y0: float = 0.0) -> Grid:
+    """A rectangle of nodes of one spacing, row by row."""
+    y, x = np.mgrid[0:rows, 0:columns]
+    nodes = columns * rows
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.column_stack([x0 + delta * x.ravel(), y0 + delta * y.ravel()]),
+        delta=np.full(nodes, delta),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 4)),
+    )
+
+
+def two_scale_grid() -> Grid:
+    """Fine nodes (1 mm) below, coarse ones (2 mm) above, with a gap of 1.5 mm between."""
+    fine = square_grid(13, 8)
+    coarse = square_grid(7, 4, delta=2e-3, y0=8.5e-3)
+    return Grid(
+        ids=np.arange(1, len(fine) + len(coarse) + 1),
+        position=np.vstack([fine.position, coarse.position]),
+        delta=np.concatenate([fine.delta, coarse.delta]),
+        border=np.zeros(len(fine) + len(coarse), dtype=bool),
+        hole_id=np.full(len(fine) + len(coarse), -1),
+        cracks=np.empty((0, 4)),
+    )
+
+
+def plate(grid: Grid, ratio: float = 3.0, **settings: object) -> Model:
+    """A model of glass on a grid."""
+    return Model(grid, Settings(**{"material": GLASS, "horizon": Horizon(ratio), **settings}))  # type: ignore[arg-type]

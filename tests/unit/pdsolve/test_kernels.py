@@ -1,0 +1,127 @@
+"""The compiled loop against a few lines of numpy, and the books of a breaking bond."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from plates import plate, square_grid, two_scale_grid
+
+from pdmesh.grid import Run
+from pdsolve.bonds import Bonds
+from pdsolve.conditions import Drive, drive
+from pdsolve.energy import strain_energies
+from pdsolve.kernels.bond_sums import Motion, force_on
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.steppers.verlet import advance, stability_bound
+
+
+def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Problem:
+    """A two-scale plate with random displacements of this size, m."""
+    problem = prepare(plate(two_scale_grid(), run=Run(time_step=1e-8)), Options(mode, precision))
+    problem.motion.u[:] = size * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+    return problem
+
+
+def forces(problem: Problem) -> np.ndarray:
+    """Force densities (n, 2) by the kernel."""
+    nodes = range(len(problem.model.grid))
+    return np.array([force_on(problem.assembly.bonds, problem.motion, i, 1, 1e-8) for i in nodes])
+
+
+def numpy_forces(problem: Problem) -> np.ndarray:
+    """The same from the definition, |xi + eta| - |xi| over |xi|."""
+    bonds, u = problem.assembly.bonds, problem.motion.u.astype(float)
+    source = np.repeat(np.arange(len(u)), np.diff(bonds.start))
+    reference = bonds.xi.astype(float)
+    y = reference + u[bonds.neighbour] - u[source]
+    xi, length = np.hypot(*reference.T), np.hypot(*y.T)
+    pull = bonds.stiffness * (length - xi) / xi / length
+    return np.column_stack([np.bincount(source, pull * y[:, axis], minlength=len(u)) for axis in (0, 1)])
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_forces_are_those_of_the_definition(mode: str) -> None:
+    problem = random_problem(mode)
+    expected = numpy_forces(problem)
+    assert np.abs(forces(problem) - expected).max() <= 1e-10 * np.abs(expected).max()  # measured 3e-12
+
+
+def test_single_precision_loses_nothing_to_cancellation() -> None:
+    problem = random_problem(precision="float32")
+    expected = numpy_forces(problem)
+    assert np.abs(forces(problem) - expected).max() <= 3e-6 * np.abs(expected).max()  # measured 4e-7
+
+
+def test_forces_derive_from_the_energy() -> None:
+    """Conservative mode: area * force = - dE/du, by central differences."""
+    problem = random_problem(size=1e-6)
+    area, motion = problem.assembly.area, problem.motion
+
+    def energy() -> float:
+        return float(np.sum(area * strain_energies(problem.assembly.bonds, motion)[0]))
+
+    force, h = forces(problem), 1e-9
+    for node in (0, 40, 100, 110, 131):
+        for axis in (0, 1):
+            at = motion.u[node, axis]
+            motion.u[node, axis] = at + h
+            above = energy()
+            motion.u[node, axis] = at - h
+            slope = (above - energy()) / (2 * h)
+            motion.u[node, axis] = at
+            assert -slope == pytest.approx(area[node] * force[node, axis], rel=1e-5)  # measured 1e-8
+
+
+def test_a_translation_and_a_turn_make_no_force() -> None:
+    problem = random_problem(size=0.0)
+    x = problem.model.grid.position
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    scale = np.abs(numpy_forces(random_problem(size=1e-3 * 1e-3))).max()
+    problem.motion.u[:] = x @ turn.T - x + [1e-3, 2e-3]
+    assert np.abs(forces(problem)).max() <= 1e-8 * scale  # measured 6e-10
+
+
+def two_nodes(stiffness: float, peak: float = 1e-3) -> tuple[Bonds, Motion, Drive]:
+    """Two nodes 1 mm apart with a bond each way that is gone at a stretch of 1e-3, flying apart; no loads."""
+    bonds = Bonds(
+        start=np.array([0, 1, 2]),
+        neighbour=np.array([1, 0], dtype=np.int32),
+        xi=np.array([[1e-3, 0.0], [-1e-3, 0.0]]),
+        stiffness=np.full(2, stiffness),
+        peak=np.full(2, peak),
+        limit=np.full(2, 1e-3),
+    )
+    v = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    rest, broken, worst = np.zeros((2, 2)), np.zeros(2, dtype=np.int32), np.zeros(2 if peak < 1e-3 else 0)
+    motion = Motion(rest, v, rest.copy(), broken, worst, np.zeros(2), np.zeros(2))
+    return bonds, motion, drive(plate(square_grid(2, 1)), np.ones(2), True, np.float64)
+
+
+@pytest.mark.parametrize("dt", [4e-8, 2e-8, 1e-8])
+def test_a_breaking_bond_takes_its_energy_along(dt: float) -> None:
+    """Booked as c xi s_n s_(n+1) / 2, what a bond takes is what the motion loses, whatever the time step."""
+    bonds, motion, nothing = two_nodes(stiffness=1e12)
+    start = 1e3 / 2 * float((motion.v**2).sum())
+    advance(bonds, motion, nothing, np.full(2, 1e3), dt, 1, round(4e-6 / dt) + 1)
+    assert motion.broken[0] == motion.broken[1] > 0
+    spent = float(motion.dissipated.sum())
+    assert spent > 0.4 * start
+    assert 1e3 / 2 * float((motion.v**2).sum()) + spent == pytest.approx(start, rel=1e-12)  # measured 1e-13
+
+
+def test_a_bond_breaks_in_the_first_step_over_its_limit() -> None:
+    bonds, motion, nothing = two_nodes(stiffness=0.0)
+    advance(bonds, motion, nothing, np.full(2, 1e3), 0.95e-7, 1, 20)
+    assert motion.broken.tolist() == [6, 6]  # the stretch grows by 1.9e-4 a step
+
+
+def test_the_bound_of_a_full_lattice() -> None:
+    """Silling and Askari's bound for one node amid its family, by hand."""
+    problem = prepare(plate(two_scale_grid()), Options())
+    bonds = problem.assembly.bonds
+    per_bond = bonds.stiffness / np.hypot(*bonds.xi.T)
+    stiffest = max(per_bond[a:b].sum() for a, b in pairwise(bonds.start))
+    assert stability_bound(bonds, problem.model.rho) == pytest.approx((2 * 2235.0 / stiffest) ** 0.5, rel=1e-14)
+    assert problem.time_step == pytest.approx(0.8 * problem.bound)

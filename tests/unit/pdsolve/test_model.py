@@ -1,0 +1,104 @@
+"""What makes a model, and what is missing from one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plates import GLASS, plate, square_grid
+
+from pdmesh.grid import Horizon, Load, Run, Settings, document_of, write_file
+from pdsolve.conditions import drive
+from pdsolve.model import ModelError, model_of, read_model
+
+TOML = """
+material = {E = 65e9, rho = 2235, G0 = 204}
+horizon = {ratio = 4}
+run = {time_step = 25e-9, steps = 1700}
+[[conditions]]
+kind = "load"
+box = [0, 0.002, 0.1, 0.1]
+body_force = [0, 1.5e9]
+"""
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    """A file with notch and nodes, and nothing of a material."""
+    path = tmp_path / "bare.json"
+    write_file(document_of(square_grid(5, 4), Settings()), path)
+    return path
+
+
+def test_a_bare_file_needs_a_material(bare: Path) -> None:
+    with pytest.raises(ModelError, match=r"bare\.json: \$\.material: found none, expected E, rho and G0"):
+        read_model(bare)
+
+
+def test_settings_from_toml_and_from_assignments(bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text(TOML)
+    model = read_model(bare, tmp_path / "settings.toml", [("run.steps", "5"), ("material.plane", "strain")])
+    assert (model.settings.run.steps, model.settings.run.time_step) == (5, 25e-9)
+    assert model.materials[0].plane == "strain"
+    assert model.settings.horizon.ratio == 4
+    (load,) = model.settings.conditions
+    assert model.selected(load).tolist() == list(range(10, 20))
+
+
+def test_settings_from_assignments_alone(bare: Path) -> None:
+    model = read_model(bare, assignments=[("material", "{E = 1e9, rho = 1e3, G0 = 1}"), ("run", "{steps = 3}")])
+    assert model.materials[0].E == 1e9
+    assert model.settings.run.steps == 3
+
+
+def test_a_model_comes_back_from_its_text() -> None:
+    model = plate(square_grid(5, 4), conditions=(Load(nodes=(1, 2), traction=(1.0, 0.0), rows=1),), run=Run(steps=7))
+    again = model_of(model.to_json(), "again")
+    assert again.settings == model.settings
+    assert np.array_equal(again.grid.position, model.grid.position)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("run.steps", "many", r"Expected `int`, got `str` - at `\$.run.steps`"),
+        ("run.stepz", "3", r"unknown field `stepz` - at `\$.run`"),
+        ("material.E", "-1", r"Expected `float` > 0.0 - at `\$.material.E`"),
+        ("horizon.ratio", "nan", r"\$.horizon.ratio"),
+        ("conditions", "[{kind = 'load', box = [9, 9, 9, 9], body_force = [0, 1]}]", r"box: found no node in \[9"),
+        ("conditions", "[{kind = 'load', nodes = [99], body_force = [0, 1]}]", "nodes: found id 99"),
+        ("conditions", "[{kind = 'load', body_force = [0, 1]}]", "found neither or both of nodes and box"),
+        ("conditions", "[{kind = 'load', nodes = [1]}]", "found neither or both of body_force and traction"),
+        ("conditions", "[{kind = 'lode', nodes = [1]}]", r"Invalid value 'lode' - at `\$.conditions\[0\].kind`"),
+    ],
+)
+def test_wrong_settings_are_named(bare: Path, name: str, value: str, message: str) -> None:
+    material = ("material", "{E = 65e9, rho = 2235, G0 = 204}")
+    with pytest.raises(ModelError, match=message):
+        read_model(bare, assignments=[material, (name, value)])
+
+
+def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text("material = ")
+    with pytest.raises(ModelError, match=r"settings\.toml: Invalid value \(at"):
+        read_model(bare, tmp_path / "settings.toml")
+
+
+def test_a_traction_as_the_thesis_spreads_it_and_exactly() -> None:
+    """12 MPa over 4 rows of 2 mm: 1.5e9 N/m^3 at each node; or so much that the sum is traction * length."""
+    grid = square_grid(51, 10, delta=2e-3)
+    top = tuple(range(51 * 6 + 1, 51 * 10 + 1))
+    model = plate(grid, conditions=(Load(nodes=top, traction=(0.0, 12e6), rows=4, length=0.1),))
+    area = np.full(len(grid), 3e-6)
+    thesis = drive(model, area, False, np.float64).force
+    assert thesis[-204:, 1] == pytest.approx(1.5e9, rel=1e-14)
+    assert np.count_nonzero(thesis) == 204
+    exact = drive(model, area, True, np.float64).force
+    assert (exact[:, 1] * area).sum() == pytest.approx(12e6 * 0.1, rel=1e-14)
+
+
+def test_horizons_follow_the_spacing() -> None:
+    assert plate(square_grid(3, 3, delta=2e-3), ratio=4).horizons == pytest.approx(8e-3)
+    assert Settings().horizon == Horizon(3.0)
+    assert GLASS.law == "brittle"

@@ -1,0 +1,189 @@
+"""Runs: the same bits on other threads and after a stop, a stop where physics ends."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import msgspec
+import numba
+import numpy as np
+import pytest
+
+from pdmesh.grid import Run
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.results import Results, ResultsError
+from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
+
+
+def with_run(model: Model, **run: object) -> Model:
+    """The model with other run settings."""
+    settings = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(model.settings.run, **run))
+    return dataclasses.replace(model, settings=settings)
+
+
+def everything(results: Results) -> list[object]:
+    """All that a run has computed, to compare bit by bit."""
+    step, state = results.checkpoint()
+    frames = [results.field(name, int(s)).tobytes() for s in results.frames()[0] for name in ("ux", "uy", "damage")]
+    breaks = sorted(zip(*(column.tolist() for column in results.breaks()), strict=True))
+    return [step, {name: values.tobytes() for name, values in state.items()}, frames, breaks]
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_run_in_memory_breaks_bonds_and_ends(small_plate: Model, mode: str, precision: str) -> None:
+    with simulate(small_plate, options=Options(mode, precision)) as results:
+        assert results.meta()["status"] == "finished"
+        assert results.frames()[0].tolist() == [0, 20, 40, 60]
+        summary = results.summary()
+    assert summary["steps"] == 60
+    assert summary["broken_bonds"] > 0
+    assert summary["bonds"] == len(prepare(small_plate, Options(mode)).assembly.bonds.neighbour)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_one_thread_and_two_give_the_same_bits(small_plate: Model, mode: str) -> None:
+    with (
+        simulate(small_plate, options=Options(mode, threads=1)) as one,
+        simulate(small_plate, options=Options(mode, threads=2)) as two,
+    ):
+        assert everything(one) == everything(two)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_stopped_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path, precision: str) -> None:
+    options = Options("conservative", precision)
+    path = tmp_path / "stopped.sqlite"
+    model = with_run(small_plate, every=15)
+    monkey = pytest.MonkeyPatch()
+    with monkey.context() as patch:  # look at the watcher every seven steps
+        bonds = len(prepare(model, options).assembly.bonds.neighbour)
+        patch.setattr("pdsolve.simulation.PATIENCE", 7.0 * bonds)
+        with simulate(model, path, options, watch=lambda progress: progress.step >= 36) as results:
+            assert results.meta()["status"] == "interrupted"
+            assert results.checkpoint()[0] == 37
+            assert results.frames()[0].tolist() == [0, 15, 30]
+            assert results.breaks().step.max() > 30
+    with resume(path) as resumed, simulate(model, options=options) as whole:
+        assert resumed.meta()["status"] == "finished"
+        assert everything(resumed) == everything(whole)
+
+
+def test_a_watcher_sees_progress(small_plate: Model) -> None:
+    seen: list[Progress] = []
+    simulate(small_plate, watch=lambda progress: bool(seen.append(progress))).close()
+    assert [progress.step for progress in seen] == [20, 40, 60]
+    assert seen[-1].broken > 0
+
+
+def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path) -> None:
+    bound = prepare(small_plate, Options()).bound
+    model = with_run(small_plate, time_step=3 * bound, steps=400, every=20)
+    path = tmp_path / "unstable.sqlite"
+    with (
+        pytest.warns(ModelWarning, match="above the bound"),
+        pytest.raises(UnstableError, match=r"unstable at step \d+, .* s, node \d+: energy is .* surely stable up to"),
+    ):
+        simulate(model, path)
+    with Results.open(path) as results:
+        assert results.meta()["status"] == "unstable"
+        for step in results.frames()[0]:
+            assert np.isfinite(results.field("uy", int(step))).all()
+
+
+def test_no_time_step_takes_most_of_the_bound(small_plate: Model) -> None:
+    problem = prepare(with_run(small_plate, time_step=None), Options())
+    assert problem.time_step == pytest.approx(0.8 * problem.bound, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(mode="thessis"), "mode: found 'thessis', expected one of thesis, conservative"),
+        (Options(precision="float16"), "precision: found 'float16', expected float64 or float32"),
+        (Options(threads=0), "threads: found 0, expected 1 to"),
+    ],
+)
+def test_options_that_are_none(small_plate: Model, options: Options, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        simulate(small_plate, options=options)
+
+
+def test_no_steps_are_a_run_too(small_plate: Model) -> None:
+    with simulate(with_run(small_plate, steps=0)) as results:
+        assert results.frames()[0].tolist() == [0]
+    assert Run(steps=0).steps == 0
+
+
+def bilinear(model: Model) -> Model:
+    """The model in a softening material."""
+    material = msgspec.structs.replace(model.settings.material, law="bilinear", kr=3.0)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material))
+
+
+def test_a_softening_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path) -> None:
+    model, path = bilinear(small_plate), tmp_path / "softening.sqlite"
+    with simulate(model, path, watch=lambda progress: progress.step >= 40) as results:
+        assert results.checkpoint()[1]["softened_bond"].size > 0
+    with resume(path) as resumed, simulate(model) as whole:
+        assert everything(resumed) == everything(whole)
+        assert resumed.breaks().step.size > 0
+
+
+def test_probes_follow_the_node_nearest_to_them(small_plate: Model) -> None:
+    model = with_run(small_plate, probes=((7.1e-3, 0.4e-3), (12e-3, -5.5e-3)), ledger=5)
+    with simulate(model) as results:
+        probes, history = results.probes(), results.history()
+        seen = {name: results.field(name, 40) for name in ("ux", "uy", "vx", "vy")}
+    near, far = 6 * 21 + 8, 13
+    assert np.unique(probes["node"]).tolist() == [far, near]
+    assert history["step"].tolist() == list(range(0, 61, 5))
+    assert probes["step"][probes["node"] == near].tolist() == history["step"].tolist()
+    (row,) = probes[(probes["node"] == near) & (probes["step"] == 40)]
+    for name, values in seen.items():
+        assert np.float32(row[name]) == values[near - 1]
+
+
+def test_fields_are_those_asked_for(small_plate: Model) -> None:
+    model = with_run(small_plate, fields=("ax", "energy"))
+    with simulate(model) as results:
+        assert results.field("energy", 60).max() > 0
+        assert np.abs(results.field("ax", 60)).max() > 0
+        with pytest.raises(ResultsError, match="found no field 'damage', expected one of ax, energy"):
+            results.field("damage", 60)
+
+
+def test_energy_fields_add_up_to_the_ledger(small_plate: Model) -> None:
+    with simulate(with_run(small_plate, fields=("energy",))) as results:
+        total = float(np.sum(results.nodes().area * results.field("energy", 40)))
+        assert total == pytest.approx(float(results.history()["strain"][2]), rel=1e-6)
+
+
+def test_a_run_stops_when_the_plate_has_split(small_plate: Model) -> None:
+    model = with_run(small_plate, steps=2000, until="split", ledger=10)
+    with simulate(model) as results:
+        assert results.meta()["status"] == "finished"
+        summary = results.summary()
+    assert summary["stopped"] == "split"
+    assert summary["steps"] < 2000
+    with simulate(with_run(small_plate, steps=summary["steps"] - 10, until="split", ledger=10)) as results:
+        assert results.summary()["stopped"] is None  # not ten steps before
+
+
+def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:
+    model = with_run(small_plate, steps=5000, until="quiet", quiet=2e-6, ledger=10)
+    with simulate(model) as results:
+        steps, last = results.summary()["steps"], int(results.breaks().step.max())
+        assert results.summary()["stopped"] == "quiet"
+    assert 40 <= steps - last < 50  # 2 us are 40 steps; looked at every ten
+
+
+def test_a_plan_knows_what_a_run_takes(small_plate: Model) -> None:
+    found = plan(small_plate)
+    with simulate(small_plate) as results:
+        summary = results.summary()
+    assert (found.nodes, found.bonds, found.steps) == (summary["nodes"], summary["bonds"], 60)
+    assert found.memory > 50 * found.bonds
+    assert found.wall_time > 0
