@@ -18,7 +18,7 @@ def thesis_areas(
 
     The four deltas (m) are those of the nearest node of each side, among the nodes that `position` (n, 2) sees
     within its `horizon` (n,), and the node's own delta where that side is empty. A side is the quadrant around
-    its axis. The rule over-counts where the gap between two zones is one fine delta.
+    its axis, its diagonals included; so an interface whose gap is one fine delta is counted a tenth short.
     """
     distance, near = cKDTree(position).query(position, k=min(NEAREST, len(position) - 1) + 1)
     distance, near = distance[:, 1:], near[:, 1:]

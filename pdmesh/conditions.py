@@ -38,7 +38,8 @@ class Place:
         for spacing in np.unique(delta):
             some, slack = delta == spacing, SLACK * float(spacing)
             strip = self.shape.buffer(self.rows * float(spacing) - 2 * slack, cap_style="flat", join_style="mitre")
-            inside[some] = shapely.contains_xy(strip.buffer(slack), position[some])
+            beside = shapely.contains_xy(strip.buffer(slack), position[some])
+            inside[some] = beside & near(position[some], self.shape, self.rows * float(spacing) * (1 - SLACK))
         return inside
 
 

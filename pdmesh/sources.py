@@ -66,7 +66,7 @@ def read_scene(
         for word in refine:
             request = refinement(word)
             scene = replace(scene, refinements=(*scene.refinements, request))
-            kept[REFINE + request.target] = word
+            kept[REFINE + word] = word
         return replace(scene, parameters=tuple(kept.items()))
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
@@ -137,10 +137,8 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         from pdmesh.geo import read_cad
 
         return read_cad(path, assignments)
-    raise SceneError(
-        f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {', '.join(CAD)} or a mesh's"
-        f" ({', '.join(MESHES)})"
-    )
+    meshes = "" if suffix in MESHES else f", or a mesh's: {', '.join(MESHES)}"
+    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {', '.join(CAD)}{meshes}")
 
 
 def _again(path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool) -> Scene:

@@ -72,7 +72,7 @@ def test_a_model_builds_itself_again(scene: str, folder: Path, capsys: pytest.Ca
     assert main(["build", "first.json", "--trust", "--set", f"{name}=1e-3", "-o", "third.json", "-q"]) == 0
     third = read_file(folder / "third.json")
     assert third.parameters["Peridynamics/" * (scene == DURAN) + name] == 1e-3
-    assert third.parameters["--refine crack"] == "crack:2e-3"
+    assert third.parameters["--refine crack:2e-3"] == "crack:2e-3"
     assert len(third.nodes) > len(read_file(folder / "first.json").nodes)
     assert capsys.readouterr().out == ""
 
@@ -82,6 +82,14 @@ def test_a_model_with_a_program_in_it_is_not_run_untrusted(capsys: pytest.Captur
     assert main(["build", "model.json", "-o", "again.json"]) == 2
     assert "found a Python program, expected a drawing (--trust runs it)" in capsys.readouterr().err
     assert not (folder / "again.json").exists()
+
+
+def test_two_refinements_of_the_same_kind(folder: Path) -> None:
+    words = ["--refine", "crack:4e-3:5e-4", "--refine", "crack:1e-3:2.5e-4"]
+    assert main(["build", SCRIPT, *words, "-o", "a.json", "-q"]) == 0
+    assert len({node.delta[0] for node in read_file(folder / "a.json").nodes}) == 3
+    assert main(["build", "a.json", "--trust", "-o", "b.json", "-q"]) == 0
+    assert (folder / "a.json").read_bytes() == (folder / "b.json").read_bytes()
 
 
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,6 +161,7 @@ REFUSED = {
     "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "found no folder"),
     "picture of no kind": (["preview", SCRIPT, "-o", "plate.doc"], "found suffix '.doc'"),
     "parameters of a mesh": (["params", "part.vtu"], "found suffix '.vtu', expected .geo, .py or .json"),
+    "plan of a mesh": (["plan", "part.vtu"], "part.vtu: found suffix '.vtu', expected .geo, .py, .json"),
     "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
 }  # fmt: skip
 

@@ -237,3 +237,11 @@ def test_a_large_plate_can_be_meant() -> None:
 def test_a_condition_that_finds_no_node(plate: Scene) -> None:
     with pytest.raises(SceneError, match="load '1': found no node"):
         build_grid(plate.load(box(0.0102, 0.0102, 0.0108, 0.0108), body_force=(1, 0)))
+
+
+def test_rows_around_a_hole(plate: Scene) -> None:
+    scene = plate.hole(Circle(0.02, 0.01, 0.005))
+    grid, settings, _ = build_grid(scene.load(scene.holes[0].exterior, body_force=(1e9, 0), rows=2))
+    radius = np.hypot(*(grid.position - (0.02, 0.01)).T)
+    (load,) = settings.conditions
+    assert load.nodes == tuple(grid.ids[radius < 0.007 * (1 - 1e-3)].tolist())
