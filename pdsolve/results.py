@@ -302,7 +302,7 @@ class Results:
 
     def field(self, name: str, step: int) -> NDArray[np.float32]:
         """A field (n,) of the frame at `step`. Raises ResultsError, naming those there are, if it is not there."""
-        rows = self._rows("SELECT data FROM field_chunk WHERE step = ? AND field = ? ORDER BY chunk", (step, name))
+        rows = self._rows("SELECT data FROM field_chunk WHERE step = ? AND field = ? ORDER BY chunk", (int(step), name))
         if not rows:
             steps, _ = self.frames()
             if step not in steps:
