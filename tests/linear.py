@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import cg, spsolve
 
 from pdsolve.bonds import Bonds
 from pdsolve.problem import Problem
@@ -39,10 +39,19 @@ def weighted(problem: Problem) -> csr_matrix:
 
 def equilibrium(problem: Problem, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements (n, 2) at rest under the loads of time 0, the components `held` (n, 2) being those of `at`."""
-    K, free = operator(problem.assembly.bonds), ~held.ravel()
+    free = ~held.ravel()
     u = np.where(held, at, 0.0).ravel()
-    rest = problem.drive.force.ravel() - K @ u
-    u[free] += spsolve(K[free][:, free].tocsc(), rest[free])
+    symmetric = problem.options.mode == "conservative"
+    area = np.repeat(problem.assembly.area, 2)
+    K = weighted(problem) if symmetric else operator(problem.assembly.bonds)
+    rest = (problem.drive.force.ravel() * (area if symmetric else 1.0) - K @ u)[free]
+    inner = K[free][:, free]
+    if not symmetric:
+        u[free] += spsolve(inner.tocsc(), rest)
+        return u.reshape(-1, 2)
+    found, failed = cg(inner, rest, rtol=1e-10, maxiter=20000, M=diags(1 / inner.diagonal()))
+    assert not failed
+    u[free] += found
     return u.reshape(-1, 2)
 
 

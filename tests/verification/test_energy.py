@@ -87,8 +87,8 @@ def test_the_balance_closes_to_second_order(law: str, action: str) -> None:
     coarse, broken = missing(LAWS[law], action, 0.25)
     fine, _ = missing(LAWS[law], action, 0.125)
     assert broken > 100
-    assert coarse <= 1e-3  # measured
-    assert coarse / fine >= 3.5  # measured
+    assert coarse <= 1e-3  # measured 7e-6 to 8.1e-4
+    assert coarse / fine >= 3.5  # measured 3.65 to 5.4
 
 
 def test_a_jump_of_velocity_is_of_second_order_too() -> None:
@@ -101,8 +101,8 @@ def test_a_jump_of_velocity_is_of_second_order_too() -> None:
         for share, fresh in ((0.25, problem), (0.125, prepare(flying, Options(threads=1))))
     ]
     assert [broken for _, broken in found] == [0, 0]
-    assert found[0][0] == pytest.approx(3.6e-3, rel=0.1)  # measured
-    assert found[0][0] / found[1][0] >= 3.5  # measured
+    assert found[0][0] == pytest.approx(3.6e-3, rel=0.1)  # measured 3.6e-3
+    assert found[0][0] / found[1][0] >= 3.5  # measured 4.06
 
 
 def test_a_slow_pull_stores_the_work_it_takes() -> None:
@@ -123,9 +123,9 @@ def test_a_slow_pull_stores_the_work_it_takes() -> None:
     rest = prepare(model, Options(threads=1))
     rest.motion.u[:] = equilibrium(rest, held, at)
     assert books.broken == 0
-    assert books.kinetic <= 1e-4 * books.strain  # measured
-    assert books.strain == pytest.approx(books.work, rel=1e-4)  # measured
-    assert books.strain == pytest.approx(rest.books(0).strain, rel=1e-3)  # measured
+    assert books.kinetic <= 1e-4 * books.strain  # measured 3e-7
+    assert books.strain == pytest.approx(books.work, rel=1e-4)  # measured 2.7e-7
+    assert books.strain == pytest.approx(rest.books(0).strain, rel=1e-3)  # measured 3.3e-5
 
 
 def test_momentum_and_angular_momentum_of_a_free_plate() -> None:
@@ -145,4 +145,4 @@ def test_momentum_and_angular_momentum_of_a_free_plate() -> None:
     scale = np.array([1, 1, np.hypot(*position.T).max()]) * (mass * speed).sum()
     problem.march(1, 2001)
     assert 0 < np.count_nonzero(motion.broken) < len(motion.broken)
-    assert np.abs((momenta() - before) / scale).max() <= 1e-12  # measured
+    assert np.abs((momenta() - before) / scale).max() <= 1e-12  # measured 1.3e-16

@@ -65,7 +65,7 @@ def test_the_conservative_rule_at_an_interface() -> None:
     there, back = bonds.stiffness[at], bonds.stiffness[between(bonds, right, left)]
     assert there == pytest.approx(back, rel=1e-14)  # equal areas
     mean = (c[0] + c[1]) / 2
-    assert there / mean == pytest.approx(1.0, abs=0.6)  # before the energy correction
+    assert there / mean == pytest.approx(0.925, abs=1e-3)  # what the energy correction makes of it
     own_peak = np.sqrt((c[0] * peak[0] ** 2 + c[1] * peak[1] ** 2) / (2 * mean))
     own_limit = (c[0] * peak[0] * limit[0] + c[1] * peak[1] * limit[1]) / (2 * mean * own_peak)
     assert bonds.peak[at] == pytest.approx(own_peak, rel=1e-12)
@@ -128,10 +128,10 @@ def test_a_bar_of_two_halves_stretches_as_springs_in_series() -> None:
         side: np.polyfit(x[far], u[far], 1)[0]
         for side, far in (("stiff", (x > -30e-3) & (x < -10e-3)), ("soft", (x < 30e-3) & (x > 10e-3)))
     }
-    assert slope["soft"] / slope["stiff"] == pytest.approx(65 / 20, rel=1e-6)  # measured
+    assert slope["soft"] / slope["stiff"] == pytest.approx(65 / 20, rel=1e-6)  # measured 4e-10
     stress = {side: slope[side] * E for side, E in (("stiff", 65e9), ("soft", 20e9))}
     classical = 2e-6 / (37e-3 / 65e9 + 37e-3 / 20e9)
-    assert stress["stiff"] == pytest.approx(classical, rel=0.05)  # measured
+    assert stress["stiff"] == pytest.approx(classical, rel=0.05)  # measured 1.6e-2
     assert (
         np.abs(operator(strip.assembly.bonds) @ np.column_stack([u, 0 * u]).ravel()).reshape(-1, 2)[~ends, 0].max()
         < 1e-6 * 65e9 * 1e-6 / 1e-3
