@@ -44,3 +44,23 @@ def two_scale_grid() -> Grid:
 def plate(grid: Grid, ratio: float = 3.0, **settings: object) -> Model:
     """A model of glass on a grid."""
     return Model(grid, Settings(**{"material": GLASS, "horizon": Horizon(ratio), **settings}))  # type: ignore[arg-type]
+
+
+def interface_grid(
+    fine_columns: int, coarse_columns: int, coarse_rows: int, delta: float = 1e-3, gap: float = 1.5
+) -> Grid:
+    """Fine nodes left of x = 0, coarse ones (twice the spacing) to the right of x = `gap` fine spacings.
+
+    With the gap of 1.5 the nodes' squares tile the plate.
+    """
+    fine = square_grid(fine_columns, 2 * coarse_rows, delta, x0=(1 - fine_columns) * delta)
+    coarse = square_grid(coarse_columns, coarse_rows, 2 * delta, x0=gap * delta, y0=delta / 2)
+    nodes = len(fine) + len(coarse)
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.vstack([fine.position, coarse.position]),
+        delta=np.concatenate([fine.delta, coarse.delta]),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 4)),
+    )

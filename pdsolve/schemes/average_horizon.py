@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Assembly, Pairs, areas, assembled, both_ways, chosen, inside_plate, pairs_within
-from pdsolve.lattice import calibration, hu_beta, lattice_ratios
+from pdsolve.lattice import ROUND_OFF, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.laws.micromodulus import micromodulus
 from pdsolve.model import Model
@@ -37,7 +37,8 @@ def fill(model: Model) -> Assembly:
     beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
     modulus, peak, limit = _mean_of_ends(model, pairs, reach)
     modulus *= beta
-    stiff = modulus > 0
+    scaled = modulus * reach**3
+    stiff = scaled > ROUND_OFF * scaled.max(initial=0.0)
     pairs, modulus, peak, limit = chosen(pairs, stiff), modulus[stiff], peak[stiff], limit[stiff]
     inside = inside_plate(grid, pairs)
     pairs, modulus, peak, limit = chosen(pairs, inside), modulus[inside], peak[inside], limit[inside]

@@ -1,0 +1,56 @@
+"""A cut-out of a plate whose opposite sides are joined: waves without edges, in the solver itself."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pdmesh.grid import Grid
+from pdsolve.bonds import Assembly, Bonds
+from pdsolve.conditions import drive
+from pdsolve.kernels.bond_sums import Motion
+from pdsolve.model import Model
+from pdsolve.problem import Problem
+
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
+
+
+def joined(problem: Problem, box: Box) -> Problem:
+    """The nodes of `problem` with x0 <= x < x1 and y0 <= y < y1, their bonds led around the box."""
+    grid, bonds = problem.model.grid, problem.assembly.bonds
+    low, high = np.array(box[:2]), np.array(box[2:])
+    x = grid.position
+    inside = ((x >= low - 1e-9) & (x < high - 1e-9)).all(axis=1)
+    rows = np.flatnonzero(inside)
+    wrapped = x.copy()
+    for axis in np.flatnonzero(np.isfinite(high - low)):
+        wrapped[:, axis] = low[axis] + (x[:, axis] - low[axis] + 1e-9) % (high[axis] - low[axis]) - 1e-9
+    distance, image = cKDTree(x[rows]).query(wrapped)
+    sub = Model(_some(grid, rows), problem.model.settings)
+    chosen = np.concatenate([np.arange(bonds.start[row], bonds.start[row + 1]) for row in rows])
+    neighbour = bonds.neighbour[chosen]
+    assert distance[neighbour].max() < 1e-9, "the box is not a period of the grid"
+    counts = np.diff(bonds.start)[rows]
+    own = Bonds(
+        np.concatenate([[0], np.cumsum(counts)]),
+        image[neighbour].astype(np.int32),
+        *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
+    )
+    area, n, b = problem.assembly.area[rows], len(rows), len(chosen)
+    worst = np.zeros(b if len(problem.motion.worst) else 0)
+    motion = Motion(*(np.zeros((n, 2)) for _ in range(3)), np.zeros(b, dtype=np.int32), worst, np.zeros(n), np.zeros(n))
+    return dataclasses.replace(
+        problem,
+        model=sub,
+        assembly=Assembly(own, area, problem.assembly.family[rows]),
+        drive=drive(sub, area, True, np.float64),
+        motion=motion,
+        rho=problem.rho[rows],
+    )
+
+
+def _some(grid: Grid, rows: np.ndarray) -> Grid:
+    columns = {name: getattr(grid, name)[rows] for name in ("ids", "position", "delta", "border", "hole_id")}
+    return dataclasses.replace(grid, **columns, areas=None if grid.areas is None else grid.areas[rows])
