@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -16,11 +16,13 @@ from scipy.sparse.csgraph import connected_components
 from pdsolve.bonds import Assembly, Bonds
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
+from pdsolve.kernels.blocks import LANES, Blocks, Tracks
 from pdsolve.kernels.bond_sums import Motion
+from pdsolve.kernels.layout import aligned, blocks_of, energies, revive
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Breaks, Nodes
 from pdsolve.schemes import EXACT_LOAD, SCHEMES
-from pdsolve.steppers.verlet import advance, stability_bound
+from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
 SAFETY = 0.8  # of the stability bound, for a model that names no time step
 CRACKED = 0.35  # damage above which a node belongs to a crack
@@ -37,6 +39,7 @@ class Options:
     mode: str = "conservative"
     precision: str = "float64"
     threads: int | None = None  # None: all there are
+    kernel: str | None = None  # "blocks" or "textbook"; None: blocks where the nodes are a lattice
 
 
 class Softened(NamedTuple):
@@ -44,6 +47,14 @@ class Softened(NamedTuple):
 
     bond: NDArray[np.int64]
     worst: NDArray[np.floating]
+
+
+class Fast(NamedTuple):
+    """The same bonds and motion as the fast kernel wants them; the arrays of `Motion` look into those of `tracks`."""
+
+    blocks: Blocks
+    tracks: Tracks
+    whole: NDArray[np.uint64]  # masks of the slots with all bonds there
 
 
 @dataclass(frozen=True)
@@ -59,15 +70,30 @@ class Problem:
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
+    fast: Fast | None  # None: by the textbook
+
+    @property
+    def kernel(self) -> str:
+        """The name of the kernel in use."""
+        return "blocks" if self.fast else "textbook"
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1."""
+        if self.fast:
+            advance_blocks(self.fast.blocks, self.fast.tracks, self.drive, self.time_step, first, last)
+            return
         advance(self.assembly.bonds, self.motion, self.drive, self.rho, self.time_step, first, last)
 
     def books(self, step: int) -> Ledger:
         """The ledger after `step`."""
-        assembly = self.assembly
-        return ledger(assembly.bonds, self.motion, assembly.area, self.model.rho, step, step * self.time_step)
+        area, rho = self.assembly.area, self.model.rho
+        return ledger(self.energies(), self.motion, area, rho, step, step * self.time_step)
+
+    def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
+        if self.fast:
+            return energies(self.fast.blocks, self.fast.tracks, len(self.model.grid))
+        return strain_energies(self.assembly.bonds, self.motion)
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
@@ -84,7 +110,7 @@ class Problem:
             if name == "damage":
                 found[name] = self.damage()
             elif name == "energy":
-                found[name] = strain_energies(self.assembly.bonds, motion)[0]
+                found[name] = self.energies()[0]
             else:
                 found[name] = getattr(motion, name[0])[:, "xy".index(name[1])]
         return found
@@ -141,6 +167,8 @@ class Problem:
         node, neighbour = (order[np.searchsorted(ids, column, sorter=order)] for column in breaks[1:])
         key = self.source.astype(np.int64) * len(ids) + self.assembly.bonds.neighbour
         motion.broken[np.searchsorted(key, node * len(ids) + neighbour)] = breaks.step
+        if self.fast:
+            revive(self.fast.blocks, motion.broken, motion.worst, self.fast.whole)
         apply_loads(self.drive, step * self.time_step)
 
     def bytes(self) -> int:
@@ -151,6 +179,7 @@ class Problem:
             self.rho,
             self.drive.force,
             self.drive.before,
+            *(self.fast.blocks if self.fast else ()),
         ]
         return int(sum(array.nbytes for array in arrays))
 
@@ -179,6 +208,9 @@ def prepare(model: Model, options: Options) -> Problem:
     nodes, rho = len(model.grid), model.rho.astype(kind)
     velocity = initial_velocity(model)
     softens = bool((exact.bonds.peak < exact.bonds.limit).any())
+    blocks = None if options.kernel == "textbook" else blocks_of(exact.bonds, kind, cores)
+    if options.kernel == "blocks" and blocks is None:
+        raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
     motion = Motion(
         u=np.zeros((nodes, 2), dtype=kind),
         v=velocity.astype(kind),
@@ -188,7 +220,50 @@ def prepare(model: Model, options: Options) -> Problem:
         dissipated=np.zeros(nodes),
         work=np.zeros(nodes),
     )
+    fast = None
+    if blocks is not None:
+        tracks = _tracks(motion, driven, rho, len(blocks.softened))
+        fast = Fast(blocks, tracks, blocks.mask.copy())
+        motion, driven = _looking_into(tracks, motion, driven)
     energy = float(np.sum(model.rho / 2 * exact.area * (velocity**2).sum(axis=1)))
-    problem = Problem(model, options, exact._replace(bonds=bonds), driven, motion, rho, step, bound, energy)
+    problem = Problem(model, options, exact._replace(bonds=bonds), driven, motion, rho, step, bound, energy, fast)
     problem.march(1, 1)  # no step: compiles before the clock runs
     return problem
+
+
+def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int) -> Tracks:
+    """Motion and loads in `count` whole blocks."""
+    room = count * LANES
+
+    def spread(values: NDArray[np.generic], idle: float = 0.0) -> NDArray[Any]:
+        wide = np.full((*values.shape[1:], room), idle, dtype=values.dtype)
+        wide[..., : len(values)] = values.T
+        return aligned(wide)
+
+    block = drive.holds.node // LANES
+    held = np.argsort(block, kind="stable")
+    loaded = np.zeros(count, dtype=np.bool_)
+    loaded[drive.loads.node // LANES] = True
+    return Tracks(
+        u=aligned(np.stack([spread(motion.u)] * 3)),
+        v=spread(motion.v),
+        a=spread(motion.a),
+        force=spread(drive.force),
+        before=spread(drive.before),
+        rho=spread(rho, 1.0),
+        dissipated=spread(motion.dissipated),
+        work=spread(motion.work),
+        broken=motion.broken,
+        worst=motion.worst,
+        loaded=loaded,
+        held=held,
+        held_start=np.searchsorted(block[held], np.arange(count + 1)),
+    )
+
+
+def _looking_into(tracks: Tracks, motion: Motion, drive: Drive) -> tuple[Motion, Drive]:
+    """Motion and loads, node by node, as views of the tracks."""
+    nodes = len(motion.u)
+    views = {name: getattr(tracks, name)[..., :nodes].T for name in ("v", "a", "dissipated", "work")}
+    force, before = tracks.force[:, :nodes].T, tracks.before[:, :nodes].T
+    return motion._replace(u=tracks.u[0, :, :nodes].T, **views), drive._replace(force=force, before=before)

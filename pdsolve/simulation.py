@@ -85,7 +85,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
     with Results.open(output) as results:
         meta = results.meta()
         model = model_of(meta["model"], str(output))
-        problem = prepare(model, Options(meta["mode"], meta["precision"], threads))
+        problem = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         step, state = results.checkpoint()
         problem.restore(step, state, results.breaks())
     notes = _Notes(problem, step)
@@ -219,6 +219,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
         "mode": problem.options.mode,
         "precision": problem.options.precision,
         "threads": numba.get_num_threads(),
+        "kernel": problem.kernel,
         "time_step": problem.time_step,
         "stable_time_step": problem.bound,
         "initial_energy": problem.initial_energy,
@@ -238,6 +239,7 @@ def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_e
         "mode": problem.options.mode,
         "precision": problem.options.precision,
         "threads": numba.get_num_threads(),
+        "kernel": problem.kernel,
         "wall_time": wall,
         "bond_updates_per_second": bonds * steps / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,
