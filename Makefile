@@ -1,6 +1,8 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
 # make test    set up, run the quick tests
 # make check   lint, types, import contracts
+# make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
+# make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -8,7 +10,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test check install gmsh-libraries clean
+.PHONY: demo test check bench-speed bench-quick install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -52,6 +54,14 @@ gmsh-libraries: $(VENV)/install.done
 		else \
 			echo "Gmsh needs libraries of the system; on Debian and Ubuntu: sudo $$line"; exit 2; \
 		fi; }
+
+bench-speed: gmsh-libraries
+	@mkdir -p build
+	$(BIN)/pdmesh build geometries/$(SCENE).geo -o build/$(SCENE).json --force
+	$(BIN)/python -m benchmarks.speed --scene build/$(SCENE).json -o benchmarks/speed.json
+
+bench-quick: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.speed --quick
 
 clean:
 	rm -rf $(VENV) demo build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

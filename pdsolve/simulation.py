@@ -19,7 +19,7 @@ from pdsolve.problem import Options, Problem, prepare
 from pdsolve.results import Frame, Results, ResultsError, Writer, remove
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
-PATIENCE = 5e6  # bond updates between two looks at the watcher, some 20 ms
+PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 SAMPLE = 5  # steps timed for an estimate
 DEFAULT = Options()
 

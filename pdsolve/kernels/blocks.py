@@ -279,17 +279,15 @@ def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-untyped-def]
-    """Fill (m,) arrays with the energy the nodes' intact bonds hold and have spent on softening, J/m^3."""
+    """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3."""
     for b in prange(len(blocks.start) - 1):
-        _energies_of(blocks, worst, u, strain, softened, b)
+        _energies_of(blocks, worst, u, strain, softened, np.int64(b))
 
 
 @njit(error_model="numpy")
 def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-untyped-def]
     s = blocks.scratch[get_thread_id()]
     first = np.uint64(b) * LANE_COUNT
-    strain[first : first + LANE_COUNT] = 0
-    softened[first : first + LANE_COUNT] = 0
     _begin(u, first, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
         _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)

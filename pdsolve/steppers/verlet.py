@@ -130,57 +130,63 @@ def _release_component(v, a, rho, work, holds, profiles, held_speed, held_force,
 def advance_blocks(blocks, tracks, drive, dt, first, last):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after."""
     u, holds, profiles = tracks.u, drive.holds, drive.profiles
-    speed, force = drive.held_speed, drive.held_force
-    if first < last:
-        _start_blocks(blocks.scratch, tracks, u[0], u[1], holds, profiles, speed, dt, first * dt)
-    for step in range(first, last):
-        now = (step - first + 1) % 3
-        before, after, is_last = u[(now + 2) % 3], u[(now + 1) % 3], step == last - 1
-        if drive.varies:
-            apply_loads(drive, step * dt)
-        _sweep_blocks(blocks, tracks, u[now], before, after, holds, profiles, speed, force, dt, step, is_last)
-    if (last - first) % 3 != 0:
-        u[0] = u[(last - first) % 3]
+    speed, force, steps = drive.held_speed, drive.held_force, last - first
+    for taken in range(steps + 1 if steps > 0 else 0):
+        if taken > 0 and drive.varies:
+            apply_loads(drive, (first + taken - 1) * dt)
+        before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
+        starts, ends, step = taken == 0, taken == steps, first + taken - 1
+        _sweep(blocks, tracks, now, before, after, holds, profiles, speed, force, dt, step, starts, ends)
+    if steps > 0 and steps % 3 != 0:
+        _copy(u, steps % 3)
 
 
 @njit(parallel=True, cache=True)
-def _start_blocks(scratch, tracks, u, after, holds, profiles, held_speed, dt, time):  # type: ignore[no-untyped-def]
+def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends):  # type: ignore[no-untyped-def]
     for b in prange(len(tracks.loaded)):
-        _start_block(scratch, tracks, u, after, holds, profiles, held_speed, dt, time, b)
+        _sweep_block(
+            blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, np.int64(b)
+        )
 
 
 @njit
-def _start_block(scratch, tracks, u, after, holds, profiles, held_speed, dt, time, b):  # type: ignore[no-untyped-def]
-    s = scratch[get_thread_id()]
-    _take_acceleration(tracks.a, s, b)
-    _drift_lanes(tracks.v, s, u, after, dt, b)
-    _hold_block(tracks, after, holds, profiles, held_speed, dt, time, b)
-
-
-@njit(parallel=True, cache=True)
-def _sweep_blocks(blocks, tracks, u, before, after, holds, profiles, held_speed, held_force, dt, step, is_last):  # type: ignore[no-untyped-def]
-    for b in prange(len(tracks.loaded)):
-        _sweep_block(blocks, tracks, u, before, after, holds, profiles, held_speed, held_force, dt, step, is_last, b)
-
-
-@njit
-def _sweep_block(blocks, tracks, u, before, after, holds, profiles, held_speed, held_force, dt, step, is_last, b):  # type: ignore[no-untyped-def]
-    s = sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b)
-    if tracks.loaded[b]:
-        _load_lanes(tracks.force, tracks.before, tracks.v, tracks.work, s, dt, b)
-    _accelerate_lanes(tracks.rho, s, b)
+def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, b):  # type: ignore[no-untyped-def]
+    """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
     holds_some = tracks.held_start[b] < tracks.held_start[b + 1]
-    if is_last or holds_some:
-        _keep_acceleration(tracks.a, s, b)
-    if holds_some:
-        for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
-            e, v, a = tracks.held[k], tracks.v.T, tracks.a.T
-            _release_component(v, a, tracks.rho, tracks.work, holds, profiles, held_speed, held_force, e, dt, step * dt)
+    if starts:
+        s = blocks.scratch[get_thread_id()]
         _take_acceleration(tracks.a, s, b)
-    _kick_lanes(tracks.v, s, dt, b)
-    if not is_last:
-        _drift_lanes(tracks.v, s, u, after, dt, b)
-        _hold_block(tracks, after, holds, profiles, held_speed, dt, (step + 1) * dt, b)
+    else:
+        s = sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b)
+        if tracks.loaded[b]:
+            _load_lanes(tracks.force, tracks.before, tracks.v, tracks.work, s, dt, b)
+        _accelerate_lanes(tracks.rho, s, b)
+        if ends or holds_some:
+            _keep_acceleration(tracks.a, s, b)
+        if holds_some:
+            _release_block(tracks, holds, profiles, speed, force, dt, step * dt, b)
+            _take_acceleration(tracks.a, s, b)
+        _kick_lanes(tracks.v, s, dt, b)
+    if not ends:
+        _kick_lanes(tracks.v, s, dt, b)
+        _drift_lanes(tracks.v, u, after, dt, b)
+        if holds_some:
+            _hold_block(tracks, after, holds, profiles, speed, dt, (step + 1) * dt, b)
+
+
+@njit
+def _copy(u, last):  # type: ignore[no-untyped-def]
+    for axis in range(2):
+        for i in range(u.shape[2]):
+            u[0, axis, i] = u[last, axis, i]
+
+
+@njit
+def _release_block(tracks, holds, profiles, speed, force, dt, time, b):  # type: ignore[no-untyped-def]
+    v, a = tracks.v.T, tracks.a.T
+    for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
+        e = tracks.held[k]
+        _release_component(v, a, tracks.rho, tracks.work, holds, profiles, speed, force, e, dt, time)
 
 
 @njit
@@ -235,9 +241,8 @@ def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _drift_lanes(v, s, u, after, dt, b):  # type: ignore[no-untyped-def]
-    first, whole = np.uint64(b) * LANE_COUNT, s.dtype.type(dt)
-    _kick_lanes(v, s, dt, b)
+def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
+    first, whole = np.uint64(b) * LANE_COUNT, v.dtype.type(dt)
     for lane in range(LANE_COUNT):
         after[0, first + lane] = u[0, first + lane] + whole * v[0, first + lane]
         after[1, first + lane] = u[1, first + lane] + whole * v[1, first + lane]
