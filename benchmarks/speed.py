@@ -158,7 +158,7 @@ def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: in
             variants.append(Variant("textbook float64, 1 thread", 1, stepper(textbook)))
     seconds = interleaved(variants, rounds)
     assert not fast.motion.broken.any(), "a bond broke: this is not the intact cost"
-    bonds = len(fast.assembly.bonds.neighbour)
+    bonds = len(fast.neighbour)
     ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
     return {"grid": name, "nodes": len(grid), "bonds": bonds, "law": law, "mode": mode, "ns": ns, "ratios": ratios(ns)}
 
@@ -190,7 +190,7 @@ def growing(scene: Path, mode: str, rounds: int) -> dict[str, Any]:
                 problem.motion.v[:] = problem.motion.a[:] = 0
             began = time.perf_counter()
             problem.march(1, steps + 1)
-            ns = (time.perf_counter() - began) / steps / len(problem.assembly.bonds.neighbour) * 1e9
+            ns = (time.perf_counter() - began) / steps / len(problem.neighbour) * 1e9
             best[name] = min(best.get(name, np.inf), ns)
     return {"scene": scene.stem, "mode": mode, "steps": steps, "ns": best, "ratio": best["growing"] / best["intact"]}
 

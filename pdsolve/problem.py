@@ -63,7 +63,10 @@ class Problem:
 
     model: Model
     options: Options
-    assembly: Assembly
+    start: NDArray[np.int64]  # (n + 1,) bonds of a node, as in Bonds
+    neighbour: NDArray[np.int32]  # (b,)
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) as in Assembly
     drive: Drive
     motion: Motion
     rho: NDArray[np.floating]  # (n,) kg/m^3, in the run's precision
@@ -77,6 +80,11 @@ class Problem:
         """The name of the kernel in use."""
         return "blocks" if self.fast else "textbook"
 
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The whole list of bonds, in the run's precision; made anew for the fast kernel, which does without."""
+        return _in_precision(SCHEMES[self.options.mode](self.model), self.options.precision)
+
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1."""
         if self.fast:
@@ -86,7 +94,7 @@ class Problem:
 
     def books(self, step: int) -> Ledger:
         """The ledger after `step`."""
-        area, rho = self.assembly.area, self.model.rho
+        area, rho = self.area, self.model.rho
         return ledger(self.energies(), self.motion, area, rho, step, step * self.time_step)
 
     def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -97,10 +105,13 @@ class Problem:
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
-        start, family = self.assembly.bonds.start, self.assembly.family
-        running = np.concatenate([[0], np.cumsum(self.motion.broken == 0)])
-        intact = running[start[1:]] - running[start[:-1]]
-        return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
+        broken = self._rows(np.flatnonzero(self.motion.broken))
+        intact = np.diff(self.start) - np.bincount(broken, minlength=len(self.family))
+        return np.where(self.family > 0, 1 - intact / np.maximum(self.family, 1), 0.0)
+
+    def _rows(self, bonds: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The rows of the nodes whose bonds these are."""
+        return np.searchsorted(self.start, bonds, side="right") - 1
 
     def fields(self, names: Iterable[str]) -> dict[str, NDArray[np.floating]]:
         """The fields (n,) of these names now."""
@@ -118,26 +129,25 @@ class Problem:
     @cached_property
     def source(self) -> NDArray[np.int32]:
         """Row (b,) of the node whose bond it is."""
-        counts = np.diff(self.assembly.bonds.start)
+        counts = np.diff(self.start)
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
     def nodes(self) -> Nodes:
         """The nodes as results know them."""
-        grid, assembly = self.model.grid, self.assembly
-        cut = assembly.family - np.diff(assembly.bonds.start)
-        return Nodes(grid.ids, grid.position, grid.delta, assembly.area, assembly.family, cut)
+        grid, cut = self.model.grid, self.family - np.diff(self.start)
+        return Nodes(grid.ids, grid.position, grid.delta, self.area, self.family, cut)
 
     def breaks_after(self, step: int) -> Breaks:
         """Bonds broken after `step`, in order."""
         broken, ids = self.motion.broken, self.model.grid.ids
         new = np.flatnonzero(broken > step)
         new = new[np.argsort(broken[new], kind="stable")]
-        return Breaks(broken[new].astype(np.int64), ids[self.source[new]], ids[self.assembly.bonds.neighbour[new]])
+        return Breaks(broken[new].astype(np.int64), ids[self._rows(new)], ids[self.neighbour[new]])
 
     def pieces(self) -> int:
         """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
         sound = self.damage() <= CRACKED
-        ends = self.source, self.assembly.bonds.neighbour
+        ends = self.source, self.neighbour
         whole = (self.motion.broken == 0) & sound[ends[0]] & sound[ends[1]]
         nodes = len(sound)
         graph = coo_matrix((np.ones(int(whole.sum()), dtype=bool), (ends[0][whole], ends[1][whole])), (nodes, nodes))
@@ -165,7 +175,7 @@ class Problem:
         ids = self.model.grid.ids
         order = np.argsort(ids)
         node, neighbour = (order[np.searchsorted(ids, column, sorter=order)] for column in breaks[1:])
-        key = self.source.astype(np.int64) * len(ids) + self.assembly.bonds.neighbour
+        key = self.source.astype(np.int64) * len(ids) + self.neighbour
         motion.broken[np.searchsorted(key, node * len(ids) + neighbour)] = breaks.step
         if self.fast:
             revive(self.fast.blocks, motion.broken, motion.worst, self.fast.whole)
@@ -174,12 +184,11 @@ class Problem:
     def bytes(self) -> int:
         """Memory of the arrays that marching uses."""
         arrays: list[NDArray[np.generic]] = [
-            *self.assembly.bonds,
+            *(self.fast.blocks if self.fast else self.assembly.bonds),
             *self.motion,
             self.rho,
             self.drive.force,
             self.drive.before,
-            *(self.fast.blocks if self.fast else ()),
         ]
         return int(sum(array.nbytes for array in arrays))
 
@@ -202,8 +211,6 @@ def prepare(model: Model, options: Options) -> Problem:
         if not np.isfinite(bound):
             raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
         step = SAFETY * bound
-    rounded = [np.ascontiguousarray(column, dtype=kind) for column in exact.bonds[2:]]
-    bonds = Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded)
     driven = drive(model, exact.area, EXACT_LOAD[options.mode], kind)
     nodes, rho = len(model.grid), model.rho.astype(kind)
     velocity = initial_velocity(model)
@@ -215,8 +222,8 @@ def prepare(model: Model, options: Options) -> Problem:
         u=np.zeros((nodes, 2), dtype=kind),
         v=velocity.astype(kind),
         a=initial_acceleration(driven, rho),
-        broken=np.zeros(len(bonds.neighbour), dtype=np.int32),
-        worst=np.zeros(len(bonds.neighbour) if softens else 0, dtype=kind),
+        broken=np.zeros(len(exact.bonds.neighbour), dtype=np.int32),
+        worst=np.zeros(len(exact.bonds.neighbour) if softens else 0, dtype=kind),
         dissipated=np.zeros(nodes),
         work=np.zeros(nodes),
     )
@@ -226,9 +233,17 @@ def prepare(model: Model, options: Options) -> Problem:
         fast = Fast(blocks, tracks, blocks.mask.copy())
         motion, driven = _looking_into(tracks, motion, driven)
     energy = float(np.sum(model.rho / 2 * exact.area * (velocity**2).sum(axis=1)))
-    problem = Problem(model, options, exact._replace(bonds=bonds), driven, motion, rho, step, bound, energy, fast)
+    listed = exact.bonds.start, exact.bonds.neighbour, exact.area, exact.family
+    problem = Problem(model, options, *listed, driven, motion, rho, step, bound, energy, fast)
+    if fast is None:
+        vars(problem)["assembly"] = _in_precision(exact, options.precision)  # to be asked for at once
     problem.march(1, 1)  # no step: compiles before the clock runs
     return problem
+
+
+def _in_precision(exact: Assembly, precision: str) -> Assembly:
+    rounded = (np.ascontiguousarray(column, dtype=precision) for column in exact.bonds[2:])
+    return exact._replace(bonds=Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded))
 
 
 def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int) -> Tracks:

@@ -99,7 +99,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)
     per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, len(problem.assembly.bonds.neighbour)
+    steps, bonds = model.settings.run.steps, len(problem.neighbour)
     return Plan(len(model.grid), bonds, steps, problem.time_step, problem.bound, problem.bytes(), per_step * steps)
 
 
@@ -228,7 +228,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
 
 
 def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_early: bool) -> dict[str, Any]:
-    bonds = len(problem.assembly.bonds.neighbour)
+    bonds = len(problem.neighbour)
     return {
         "nodes": len(problem.model.grid),
         "bonds": bonds,

@@ -188,7 +188,8 @@ def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # ty
         eta_x, eta_y = s[_EX + lane], s[_EY + lane]
         e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
         q = np.sqrt(one + e)
-        pull, stretch = stiffness[row, lane] * e / (one + e + q), e / (q + one)
+        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
+        pull, stretch = stiffness[row, lane] * loss, q * loss
         pull = zero if stretch > limit[bound, lane] else pull
         s[FX + lane] += pull * (x + eta_x)
         s[FY + lane] += pull * (y + eta_y)
@@ -205,7 +206,8 @@ def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row,
         eta_x, eta_y = s[_EX + lane], s[_EY + lane]
         e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
         q = np.sqrt(one + e)
-        pull, stretch = stiffness[row, lane] * e / (one + e + q), e / (q + one)
+        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
+        pull, stretch = stiffness[row, lane] * loss, q * loss
         peak, limit, worst = peaks[bound, lane], limits[bound, lane], s[_WORST + lane]
         risen = stretch if stretch > peak else worst
         risen = risen if risen > worst else worst
