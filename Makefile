@@ -3,6 +3,8 @@
 # make check   lint, types, import contracts
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
+# make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
+# make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -10,7 +12,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test slow thesis check install gmsh-libraries clean
+.PHONY: demo test slow thesis check bench-speed bench-quick install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -60,6 +62,14 @@ gmsh-libraries: $(VENV)/install.done
 		else \
 			echo "Gmsh needs libraries of the system; on Debian and Ubuntu: sudo $$line"; exit 2; \
 		fi; }
+
+bench-speed: gmsh-libraries
+	@mkdir -p build
+	$(BIN)/pdmesh build geometries/$(SCENE).geo -o build/$(SCENE).json --force
+	$(BIN)/python -m benchmarks.speed --scene build/$(SCENE).json -o benchmarks/speed.json
+
+bench-quick: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.speed --quick
 
 clean:
 	rm -rf $(VENV) demo build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -162,7 +162,8 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
 def apply_loads(drive, time):  # type: ignore[no-untyped-def]
     """Put the body forces of `time`, s, in place and keep the last ones."""
     loads, force = drive.loads, drive.force
-    drive.before[:] = force
+    for e in range(len(loads.node)):
+        drive.before[loads.node[e], loads.axis[e]] = force[loads.node[e], loads.axis[e]]
     for e in range(len(loads.node)):
         force[loads.node[e], loads.axis[e]] = 0
     for e in range(len(loads.node)):

@@ -33,10 +33,18 @@ class Ledger(NamedTuple):
 
 
 def ledger(
-    bonds: Bonds, motion: Motion, area: NDArray[np.float64], rho: NDArray[np.float64], step: int, time: float
+    energies: tuple[NDArray[np.float64], NDArray[np.float64]],
+    motion: Motion,
+    area: NDArray[np.float64],
+    rho: NDArray[np.float64],
+    step: int,
+    time: float,
 ) -> Ledger:
-    """Draw up the books; `area` (n,), m^2, and `rho` (n,), kg/m^3. Double precision, in the nodes' order."""
-    strain, softened = strain_energies(bonds, motion)
+    """Draw up the books, in double precision and in the nodes' order.
+
+    `energies` are what the bonds hold and have spent on softening (n,), J/m^3; `area` (n,), m^2; `rho` (n,), kg/m^3.
+    """
+    strain, softened = energies
     velocity = motion.v.astype(np.float64)
     return Ledger(
         step,

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -17,11 +17,13 @@ from scipy.sparse.csgraph import connected_components
 from pdsolve.bonds import Assembly, Bonds
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
+from pdsolve.kernels.blocks import LANES, Blocks, Tracks
 from pdsolve.kernels.bond_sums import Motion
+from pdsolve.kernels.layout import aligned, blocks_of, energies, revive
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Nodes
 from pdsolve.schemes import EXACT_LOAD, SCHEMES
-from pdsolve.steppers.verlet import advance, stability_bound
+from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
 SAFETY = 0.8  # of the stability bound, for a model that names no time step
 CRACKED = 0.35  # damage above which a node belongs to a crack
@@ -38,6 +40,7 @@ class Options:
     mode: str = "conservative"
     precision: str = "float64"
     threads: int | None = None  # None: all there are
+    kernel: str | None = None  # "blocks" or "textbook"; None: blocks where the nodes are a lattice
 
 
 class Softened(NamedTuple):
@@ -47,35 +50,69 @@ class Softened(NamedTuple):
     worst: NDArray[np.floating]
 
 
+class Fast(NamedTuple):
+    """The same bonds and motion as the fast kernel wants them; the arrays of `Motion` look into those of `tracks`."""
+
+    blocks: Blocks
+    tracks: Tracks
+    whole: NDArray[np.uint64]  # masks of the slots with all bonds there
+
+
 @dataclass(frozen=True)
 class Problem:
     """A model prepared for marching; n nodes, b bonds. The arrays of `motion` and `drive` change with time."""
 
     model: Model
     options: Options
-    assembly: Assembly
+    start: NDArray[np.int64]  # (n + 1,) bonds of a node, as in Bonds
+    neighbour: NDArray[np.int32]  # (b,)
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) as in Assembly
     drive: Drive
     motion: Motion
     rho: NDArray[np.floating]  # (n,) kg/m^3, in the run's precision
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
+    fast: Fast | None  # None: by the textbook
+
+    @property
+    def kernel(self) -> str:
+        """The name of the kernel in use."""
+        return "blocks" if self.fast else "textbook"
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The whole list of bonds, in the run's precision; made anew for the fast kernel, which does without."""
+        return _in_precision(SCHEMES[self.options.mode](self.model), self.options.precision)
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1."""
+        if self.fast:
+            advance_blocks(self.fast.blocks, self.fast.tracks, self.drive, self.time_step, first, last)
+            return
         advance(self.assembly.bonds, self.motion, self.drive, self.rho, self.time_step, first, last)
 
     def books(self, step: int) -> Ledger:
         """The ledger after `step`."""
-        assembly = self.assembly
-        return ledger(assembly.bonds, self.motion, assembly.area, self.model.rho, step, step * self.time_step)
+        area, rho = self.area, self.model.rho
+        return ledger(self.energies(), self.motion, area, rho, step, step * self.time_step)
+
+    def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
+        if self.fast:
+            return energies(self.fast.blocks, self.fast.tracks, len(self.model.grid))
+        return strain_energies(self.assembly.bonds, self.motion)
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
-        start, family = self.assembly.bonds.start, self.assembly.family
-        running = np.concatenate([[0], np.cumsum(self.motion.broken == 0)])
-        intact = running[start[1:]] - running[start[:-1]]
-        return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
+        broken = self._rows(np.flatnonzero(self.motion.broken))
+        intact = np.diff(self.start) - np.bincount(broken, minlength=len(self.family))
+        return np.where(self.family > 0, 1 - intact / np.maximum(self.family, 1), 0.0)
+
+    def _rows(self, bonds: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The rows of the nodes whose bonds these are."""
+        return np.searchsorted(self.start, bonds, side="right") - 1
 
     def fields(self, names: Iterable[str]) -> dict[str, NDArray[np.floating]]:
         """The fields (n,) of these names now."""
@@ -85,7 +122,7 @@ class Problem:
             if name == "damage":
                 found[name] = self.damage()
             elif name == "energy":
-                found[name] = strain_energies(self.assembly.bonds, motion)[0]
+                found[name] = self.energies()[0]
             else:
                 found[name] = getattr(motion, name[0])[:, "xy".index(name[1])]
         return found
@@ -93,26 +130,25 @@ class Problem:
     @cached_property
     def source(self) -> NDArray[np.int32]:
         """Row (b,) of the node whose bond it is."""
-        counts = np.diff(self.assembly.bonds.start)
+        counts = np.diff(self.start)
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
     def nodes(self) -> Nodes:
         """The nodes as results know them."""
-        grid, assembly = self.model.grid, self.assembly
-        cut = assembly.family - np.diff(assembly.bonds.start)
-        return Nodes(grid.ids, grid.position, grid.delta, assembly.area, assembly.family, cut)
+        grid, cut = self.model.grid, self.family - np.diff(self.start)
+        return Nodes(grid.ids, grid.position, grid.delta, self.area, self.family, cut)
 
     def breaks_after(self, step: int) -> Breaks:
         """Bonds broken after `step`, in order."""
         broken, ids = self.motion.broken, self.model.grid.ids
         new = np.flatnonzero(broken > step)
         new = new[np.argsort(broken[new], kind="stable")]
-        return Breaks(broken[new].astype(np.int64), ids[self.source[new]], ids[self.assembly.bonds.neighbour[new]])
+        return Breaks(broken[new].astype(np.int64), ids[self._rows(new)], ids[self.neighbour[new]])
 
     def pieces(self) -> int:
         """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
         sound = self.damage() <= CRACKED
-        ends = self.source, self.assembly.bonds.neighbour
+        ends = self.source, self.neighbour
         whole = (self.motion.broken == 0) & sound[ends[0]] & sound[ends[1]]
         nodes = len(sound)
         graph = coo_matrix((np.ones(int(whole.sum()), dtype=bool), (ends[0][whole], ends[1][whole])), (nodes, nodes))
@@ -140,14 +176,16 @@ class Problem:
         ids = self.model.grid.ids
         order = np.argsort(ids)
         node, neighbour = (order[np.searchsorted(ids, column, sorter=order)] for column in breaks[1:])
-        key = self.source.astype(np.int64) * len(ids) + self.assembly.bonds.neighbour
+        key = self.source.astype(np.int64) * len(ids) + self.neighbour
         motion.broken[np.searchsorted(key, node * len(ids) + neighbour)] = breaks.step
+        if self.fast:
+            revive(self.fast.blocks, motion.broken, motion.worst, self.fast.whole)
         apply_loads(self.drive, step * self.time_step)
 
     def bytes(self) -> int:
         """Memory of the arrays that marching uses."""
         arrays: list[NDArray[np.generic]] = [
-            *self.assembly.bonds,
+            *(self.fast.blocks if self.fast else self.assembly.bonds),
             *self.motion,
             self.rho,
             self.drive.force,
@@ -180,22 +218,74 @@ def prepare(model: Model, options: Options) -> Problem:
             ModelWarning,
             stacklevel=2,
         )
-    rounded = [np.ascontiguousarray(column, dtype=kind) for column in exact.bonds[2:]]
-    bonds = Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded)
     driven = drive(model, exact.area, EXACT_LOAD[options.mode], kind)
     nodes, rho = len(model.grid), model.rho.astype(kind)
     velocity = initial_velocity(model)
     softens = bool((exact.bonds.peak < exact.bonds.limit).any())
+    blocks = None if options.kernel == "textbook" else blocks_of(exact.bonds, kind, cores)
+    if options.kernel == "blocks" and blocks is None:
+        raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
     motion = Motion(
         u=np.zeros((nodes, 2), dtype=kind),
         v=velocity.astype(kind),
         a=initial_acceleration(driven, rho),
-        broken=np.zeros(len(bonds.neighbour), dtype=np.int32),
-        worst=np.zeros(len(bonds.neighbour) if softens else 0, dtype=kind),
+        broken=np.zeros(len(exact.bonds.neighbour), dtype=np.int32),
+        worst=np.zeros(len(exact.bonds.neighbour) if softens else 0, dtype=kind),
         dissipated=np.zeros(nodes),
         work=np.zeros(nodes),
     )
+    fast = None
+    if blocks is not None:
+        tracks = _tracks(motion, driven, rho, len(blocks.softened))
+        fast = Fast(blocks, tracks, blocks.mask.copy())
+        motion, driven = _looking_into(tracks, motion, driven)
     energy = float(np.sum(model.rho / 2 * exact.area * (velocity**2).sum(axis=1)))
-    problem = Problem(model, options, exact._replace(bonds=bonds), driven, motion, rho, step, bound, energy)
+    listed = exact.bonds.start, exact.bonds.neighbour, exact.area, exact.family
+    problem = Problem(model, options, *listed, driven, motion, rho, step, bound, energy, fast)
+    if fast is None:
+        vars(problem)["assembly"] = _in_precision(exact, options.precision)  # to be asked for at once
     problem.march(1, 1)  # no step: compiles before the clock runs
     return problem
+
+
+def _in_precision(exact: Assembly, precision: str) -> Assembly:
+    rounded = (np.ascontiguousarray(column, dtype=precision) for column in exact.bonds[2:])
+    return exact._replace(bonds=Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded))
+
+
+def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int) -> Tracks:
+    """Motion and loads in `count` whole blocks."""
+    room = count * LANES
+
+    def spread(values: NDArray[np.generic], idle: float = 0.0) -> NDArray[Any]:
+        wide = np.full((*values.shape[1:], room), idle, dtype=values.dtype)
+        wide[..., : len(values)] = values.T
+        return aligned(wide)
+
+    block = drive.holds.node // LANES
+    held = np.argsort(block, kind="stable")
+    loaded = np.zeros(count, dtype=np.bool_)
+    loaded[drive.loads.node // LANES] = True
+    return Tracks(
+        u=aligned(np.stack([spread(motion.u)] * 3)),
+        v=spread(motion.v),
+        a=spread(motion.a),
+        force=spread(drive.force),
+        before=spread(drive.before),
+        rho=spread(rho, 1.0),
+        dissipated=spread(motion.dissipated),
+        work=spread(motion.work),
+        broken=motion.broken,
+        worst=motion.worst,
+        loaded=loaded,
+        held=held,
+        held_start=np.searchsorted(block[held], np.arange(count + 1)),
+    )
+
+
+def _looking_into(tracks: Tracks, motion: Motion, drive: Drive) -> tuple[Motion, Drive]:
+    """Motion and loads, node by node, as views of the tracks."""
+    nodes = len(motion.u)
+    views = {name: getattr(tracks, name)[..., :nodes].T for name in ("v", "a", "dissipated", "work")}
+    force, before = tracks.force[:, :nodes].T, tracks.before[:, :nodes].T
+    return motion._replace(u=tracks.u[0, :, :nodes].T, **views), drive._replace(force=force, before=before)

@@ -19,7 +19,7 @@ from pdsolve.problem import Options, Problem, prepare
 from pdsolve.results import Frame, Results, ResultsError, Writer, remove
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
-PATIENCE = 5e6  # bond updates between two looks at the watcher, some 20 ms
+PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 SAMPLE = 5  # steps timed for an estimate
 DEFAULT = Options()
 
@@ -85,7 +85,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
     with Results.open(output) as results:
         meta = results.meta()
         model = model_of(meta["model"], str(output))
-        problem = prepare(model, Options(meta["mode"], meta["precision"], threads))
+        problem = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         step, state = results.checkpoint()
         problem.restore(step, state, results.breaks())
     notes = _Notes(problem, step)
@@ -99,7 +99,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)
     per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, len(problem.assembly.bonds.neighbour)
+    steps, bonds = model.settings.run.steps, len(problem.neighbour)
     return Plan(len(model.grid), bonds, steps, problem.time_step, problem.bound, problem.bytes(), per_step * steps)
 
 
@@ -219,6 +219,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
         "mode": problem.options.mode,
         "precision": problem.options.precision,
         "threads": numba.get_num_threads(),
+        "kernel": problem.kernel,
         "time_step": problem.time_step,
         "stable_time_step": problem.bound,
         "initial_energy": problem.initial_energy,
@@ -227,7 +228,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
 
 
 def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_early: bool) -> dict[str, Any]:
-    bonds = len(problem.assembly.bonds.neighbour)
+    bonds = len(problem.neighbour)
     return {
         "nodes": len(problem.model.grid),
         "bonds": bonds,
@@ -238,6 +239,7 @@ def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_e
         "mode": problem.options.mode,
         "precision": problem.options.precision,
         "threads": numba.get_num_threads(),
+        "kernel": problem.kernel,
         "wall_time": wall,
         "bond_updates_per_second": bonds * steps / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,

@@ -56,13 +56,13 @@ def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
     return Limits(critical / material.kr, critical)
 
 
-@njit
+@njit(error_model="numpy")
 def intact_share(worst: float, peak: float, limit: float) -> float:
     """Share of its stiffness a bond has kept that was stretched to `worst`, between peak and limit."""
     return peak * (limit - worst) / ((limit - peak) * worst)
 
 
-@njit
+@njit(error_model="numpy")
 def spent_share(worst: float, peak: float, limit: float) -> float:
     """Share of its energy c xi s_p s_0 / 2 a bond has spent that was stretched to `worst`."""
     return (worst - peak) / (limit - peak)

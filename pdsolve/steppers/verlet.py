@@ -8,11 +8,12 @@ that of the scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import get_thread_id, njit, prange
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
 from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, apply_loads, factor_at
+from pdsolve.kernels.blocks import FX, FY, LANE_COUNT, sum_block
 from pdsolve.kernels.bond_sums import force_on
 
 
@@ -75,40 +76,176 @@ def _kick_node(motion, dt, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _hold(motion, drive, dt, time):  # type: ignore[no-untyped-def]
-    """Put the held components where they are to be at `time`, s."""
-    holds = drive.holds
-    for e in range(len(holds.node)):
-        i, axis = holds.node[e], holds.axis[e]
-        drive.held_speed[e] = motion.v[i, axis] - dt / 2 * motion.a[i, axis]
-        before = motion.u[i, axis] - dt * motion.v[i, axis]
-        if holds.kind[e] == DISPLACEMENT:
-            motion.u[i, axis] = holds.value[e] * factor_at(drive.profiles, holds.profile[e], time)
-            motion.v[i, axis] = (motion.u[i, axis] - before) / dt
-        elif holds.kind[e] == VELOCITY:
-            motion.v[i, axis] = holds.value[e] * factor_at(drive.profiles, holds.profile[e], time - dt / 2)
-            motion.u[i, axis] = before + dt * motion.v[i, axis]
+    for e in range(len(drive.holds.node)):
+        _hold_component(motion.u, motion.v, motion.a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+
+
+@njit
+def _hold_component(u, v, a, holds, profiles, held_speed, e, dt, time):  # type: ignore[no-untyped-def]
+    """Put the held component e where it is to be at `time`, s; u, v, a are (n, 2)."""
+    i, axis = holds.node[e], holds.axis[e]
+    held_speed[e] = v[i, axis] - dt / 2 * a[i, axis]
+    before = u[i, axis] - dt * v[i, axis]
+    if holds.kind[e] == DISPLACEMENT:
+        u[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time)
+        v[i, axis] = (u[i, axis] - before) / dt
+    elif holds.kind[e] == VELOCITY:
+        v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)
+        u[i, axis] = before + dt * v[i, axis]
 
 
 @njit(cache=True)
 def _release(motion, drive, rho, dt, time):  # type: ignore[no-untyped-def]
-    """Give the held components the acceleration they are to have, and book what holding them took.
+    for e in range(len(drive.holds.node)):
+        speed, force = drive.held_speed, drive.held_force
+        _release_component(motion.v, motion.a, rho, motion.work, drive.holds, drive.profiles, speed, force, e, dt, time)
+
+
+@njit
+def _release_component(v, a, rho, work, holds, profiles, held_speed, held_force, e, dt, time):  # type: ignore[no-untyped-def]
+    """Give the held component e the acceleration it is to have, and book what holding it took.
 
     The hold must supply the change of kinetic energy and stand against the mean force on the component.
     """
-    holds = drive.holds
-    for e in range(len(holds.node)):
-        i, axis = holds.node[e], holds.axis[e]
-        force, way = rho[i] * motion.a[i, axis], dt * motion.v[i, axis]
-        motion.a[i, axis] = 0
-        value = holds.value[e] * factor_at(drive.profiles, holds.profile[e], time)
-        if holds.kind[e] == ACCELERATION:
-            motion.a[i, axis] = value
-        elif holds.kind[e] == VELOCITY:
-            motion.v[i, axis] = value
-        speed = motion.v[i, axis] + dt / 2 * motion.a[i, axis]
-        motion.work[i] += rho[i] / 2 * (speed * speed - drive.held_speed[e] * drive.held_speed[e])
-        motion.work[i] -= (drive.held_force[e] + force) / 2 * way
-        drive.held_force[e] = force
+    i, axis = holds.node[e], holds.axis[e]
+    force, way = rho[i] * a[i, axis], dt * v[i, axis]
+    a[i, axis] = 0
+    value = holds.value[e] * factor_at(profiles, holds.profile[e], time)
+    if holds.kind[e] == ACCELERATION:
+        a[i, axis] = value
+    elif holds.kind[e] == VELOCITY:
+        v[i, axis] = value
+    speed = v[i, axis] + dt / 2 * a[i, axis]
+    work[i] += rho[i] / 2 * (speed * speed - held_speed[e] * held_speed[e])
+    work[i] -= (held_force[e] + force) / 2 * way
+    held_force[e] = force
+
+
+# The same for blocks, one sweep a step: a block is summed, kicked and drifted on to the next step by one thread, as its
+# neighbours look at the displacements of this step alone; those of three steps are kept in turn. Kick and drift are
+# two roundings, and never contracted, so that it does not show where a sequence of steps was taken apart.
+
+
+@njit(cache=True)
+def advance_blocks(blocks, tracks, drive, dt, first, last):  # type: ignore[no-untyped-def]
+    """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after."""
+    u, holds, profiles = tracks.u, drive.holds, drive.profiles
+    speed, force, steps = drive.held_speed, drive.held_force, last - first
+    for taken in range(steps + 1 if steps > 0 else 0):
+        if taken > 0 and drive.varies:
+            apply_loads(drive, (first + taken - 1) * dt)
+        before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
+        starts, ends, step = taken == 0, taken == steps, first + taken - 1
+        _sweep(blocks, tracks, now, before, after, holds, profiles, speed, force, dt, step, starts, ends)
+    if steps > 0 and steps % 3 != 0:
+        _copy(u, steps % 3)
+
+
+@njit(parallel=True, cache=True)
+def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends):  # type: ignore[no-untyped-def]
+    for b in prange(len(tracks.loaded)):
+        _sweep_block(
+            blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, np.int64(b)
+        )
+
+
+@njit
+def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, b):  # type: ignore[no-untyped-def]
+    """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
+    holds_some = tracks.held_start[b] < tracks.held_start[b + 1]
+    if starts:
+        s = blocks.scratch[get_thread_id()]
+        _take_acceleration(tracks.a, s, b)
+    else:
+        s = sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b)
+        if tracks.loaded[b]:
+            _load_lanes(tracks.force, tracks.before, tracks.v, tracks.work, s, dt, b)
+        _accelerate_lanes(tracks.rho, s, b)
+        if ends or holds_some:
+            _keep_acceleration(tracks.a, s, b)
+        if holds_some:
+            _release_block(tracks, holds, profiles, speed, force, dt, step * dt, b)
+            _take_acceleration(tracks.a, s, b)
+        _kick_lanes(tracks.v, s, dt, b)
+    if not ends:
+        _kick_lanes(tracks.v, s, dt, b)
+        _drift_lanes(tracks.v, u, after, dt, b)
+        if holds_some:
+            _hold_block(tracks, after, holds, profiles, speed, dt, (step + 1) * dt, b)
+
+
+@njit
+def _copy(u, last):  # type: ignore[no-untyped-def]
+    for axis in range(2):
+        for i in range(u.shape[2]):
+            u[0, axis, i] = u[last, axis, i]
+
+
+@njit
+def _release_block(tracks, holds, profiles, speed, force, dt, time, b):  # type: ignore[no-untyped-def]
+    v, a = tracks.v.T, tracks.a.T
+    for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
+        e = tracks.held[k]
+        _release_component(v, a, tracks.rho, tracks.work, holds, profiles, speed, force, e, dt, time)
+
+
+@njit
+def _hold_block(tracks, u, holds, profiles, held_speed, dt, time, b):  # type: ignore[no-untyped-def]
+    for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
+        _hold_component(u.T, tracks.v.T, tracks.a.T, holds, profiles, held_speed, tracks.held[k], dt, time)
+
+
+@njit(error_model="numpy")
+def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
+    """Add the loads to the forces of block b, and the work they do."""
+    first = np.uint64(b) * LANE_COUNT
+    for lane in range(LANE_COUNT):
+        i = first + lane
+        s[FX + lane] += force[0, i]
+        s[FY + lane] += force[1, i]
+        work[i] += (before[0, i] + force[0, i]) / 2 * (dt * v[0, i])
+        work[i] += (before[1, i] + force[1, i]) / 2 * (dt * v[1, i])
+
+
+@njit(error_model="numpy")
+def _accelerate_lanes(rho, s, b):  # type: ignore[no-untyped-def]
+    """From force densities to accelerations, which then are in FX and FY."""
+    first = np.uint64(b) * LANE_COUNT
+    for lane in range(LANE_COUNT):
+        s[FX + lane] /= rho[first + lane]
+        s[FY + lane] /= rho[first + lane]
+
+
+@njit
+def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+    first = np.uint64(b) * LANE_COUNT
+    for lane in range(LANE_COUNT):
+        a[0, first + lane] = s[FX + lane]
+        a[1, first + lane] = s[FY + lane]
+
+
+@njit
+def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+    first = np.uint64(b) * LANE_COUNT
+    for lane in range(LANE_COUNT):
+        s[FX + lane] = a[0, first + lane]
+        s[FY + lane] = a[1, first + lane]
+
+
+@njit
+def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
+    first, half = np.uint64(b) * LANE_COUNT, s.dtype.type(dt / 2)
+    for lane in range(LANE_COUNT):
+        v[0, first + lane] += half * s[FX + lane]
+        v[1, first + lane] += half * s[FY + lane]
+
+
+@njit
+def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
+    first, whole = np.uint64(b) * LANE_COUNT, v.dtype.type(dt)
+    for lane in range(LANE_COUNT):
+        after[0, first + lane] = u[0, first + lane] + whole * v[0, first + lane]
+        after[1, first + lane] = u[1, first + lane] + whole * v[1, first + lane]
 
 
 def stability_bound(bonds: Bonds, rho: NDArray[np.floating]) -> float:

@@ -1,0 +1,276 @@
+"""How fast the solver is: the fast kernel against the textbook loop and numpy, in one interleaved run.
+
+`python -m benchmarks.speed` writes speed.json and speed.png; `--quick` measures one plate and fails where the fast
+kernel is less than `LEAST` times the textbook loop. benchmarks/README.md says how each number is made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numba
+import numpy as np
+
+from benchmarks import lammps_peri
+from pdmesh.grid import Grid, Horizon, Material, Run, Settings
+from pdsolve.model import Model, read_model
+from pdsolve.problem import Options, Problem, prepare
+
+LEAST = 4.0  # times the textbook loop, in the quick form
+SAMPLE = 0.05  # s of one measurement
+ROUNDS, QUICK_ROUNDS = 9, 9
+GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
+LAWS = {"brittle": GLASS, "bilinear": Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)}
+PLATES = {"4k": (101, 42), "13k": (131, 101), "64k": (400, 160), "1M": (1000, 1000)}
+TEXTBOOK_UP_TO, NUMPY_UP_TO = 200_000, 200_000  # nodes; above, their lists of bonds are too long for a desktop
+
+
+class Variant(NamedTuple):
+    """One way to take steps."""
+
+    name: str
+    threads: int
+    take: Callable[[int], None]  # this many steps
+
+
+def square(columns: int, rows: int) -> Grid:
+    """A rectangle of nodes of 1 mm, row by row."""
+    y, x = np.mgrid[0:rows, 0:columns]
+    nodes = columns * rows
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=1e-3 * np.column_stack([x.ravel(), y.ravel()]),
+        delta=np.full(nodes, 1e-3),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 4)),
+    )
+
+
+def grids(names: list[str]) -> dict[str, Grid]:
+    """The plates of one scale of these names, and the grids of the shipped scenes."""
+    found = {name: square(*PLATES[name]) for name in names if name in PLATES}
+    scenes = sorted(Path(__file__).parent.parent.glob("geometries/*.geo"))
+    wanted = [scene for scene in scenes if scene.stem in names]
+    if wanted:
+        from pdmesh.geo import read_geo
+        from pdmesh.lattice import build_grid
+
+        for scene in wanted:
+            found[scene.stem] = build_grid(read_geo(scene))[0]
+    return found
+
+
+def shaken(grid: Grid, law: str, mode: str, precision: str, kernel: str) -> Problem:
+    """A plate in small random motion that breaks nothing."""
+    model = Model(grid, Settings(material=LAWS[law], horizon=Horizon(3.0), run=Run(time_step=2e-8)))
+    problem = prepare(model, Options(mode, precision, kernel=kernel))
+    motion = problem.motion
+    motion.u[:] = 1e-9 * np.random.default_rng(0).standard_normal(motion.u.shape)
+    return problem
+
+
+class NumpyBonds:
+    """The solver as one would write it in numpy: a list of bonds, bincount for the sums."""
+
+    def __init__(self, problem: Problem) -> None:
+        bonds = problem.assembly.bonds
+        self.i, self.j, self.xi = problem.source, bonds.neighbour, bonds.xi.astype(float)
+        self.length = np.hypot(*self.xi.T)
+        self.stiffness, self.peak, self.limit = bonds.stiffness, bonds.peak, bonds.limit
+        self.intact, self.worst = np.ones(len(self.i), dtype=bool), bonds.peak.copy()
+        self.softens = bool((bonds.peak < bonds.limit).any())
+        self.rho, self.dt = problem.model.rho, problem.time_step
+        self.u, self.v, self.a = (getattr(problem.motion, name).astype(float) for name in "uva")
+
+    def take(self, steps: int) -> None:
+        """Take some steps."""
+        for _ in range(steps):
+            self.v += self.dt / 2 * self.a
+            self.u += self.dt * self.v
+            y = self.xi + self.u[self.j] - self.u[self.i]
+            now = np.hypot(y[:, 0], y[:, 1])
+            stretch = now / self.length - 1
+            self.intact &= stretch <= self.limit
+            pull = np.where(self.intact, self.stiffness * stretch / now, 0.0)
+            if self.softens:
+                self.worst = np.maximum(self.worst, stretch)
+                pull *= self.peak * (self.limit - self.worst) / ((self.limit - self.peak) * self.worst)
+            for axis in (0, 1):
+                self.a[:, axis] = np.bincount(self.i, pull * y[:, axis], minlength=len(self.u)) / self.rho
+            self.v += self.dt / 2 * self.a
+
+
+def stepper(problem: Problem) -> Callable[[int], None]:
+    """Takes steps of a problem, one sequence after the other."""
+    at = 1
+
+    def take(steps: int) -> None:
+        nonlocal at
+        problem.march(at, at + steps)
+        at += steps
+
+    return take
+
+
+def interleaved(variants: list[Variant], rounds: int) -> dict[str, float]:
+    """Seconds a step of each variant: the least of `rounds` measurements, taken in turn."""
+    steps, best = {}, {}
+    for variant in variants:
+        numba.set_num_threads(variant.threads)
+        variant.take(1)
+        began = time.perf_counter()
+        variant.take(1)
+        steps[variant.name] = max(1, int(SAMPLE / (time.perf_counter() - began)))
+        best[variant.name] = float("inf")
+    for _ in range(rounds):
+        for variant in variants:
+            numba.set_num_threads(variant.threads)
+            began = time.perf_counter()
+            variant.take(steps[variant.name])
+            best[variant.name] = min(best[variant.name], (time.perf_counter() - began) / steps[variant.name])
+    return best
+
+
+def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: int) -> dict[str, Any]:
+    """ns a bond and step of all variants on one grid."""
+    fast = shaken(grid, law, mode, "float64", "blocks")
+    variants = [Variant("blocks float64", threads, stepper(fast))]
+    if threads > 1:
+        variants.append(Variant("blocks float64, 1 thread", 1, stepper(fast)))
+    variants.append(Variant("blocks float32", threads, stepper(shaken(grid, law, mode, "float32", "blocks"))))
+    if len(grid) <= TEXTBOOK_UP_TO:
+        textbook = shaken(grid, law, mode, "float64", "textbook")
+        single = shaken(grid, law, mode, "float32", "textbook")
+        variants.append(Variant("textbook float64", threads, stepper(textbook)))
+        variants.append(Variant("textbook float32", threads, stepper(single)))
+        variants.append(Variant("numpy float64", 1, NumpyBonds(textbook).take))
+        if threads > 1:
+            variants.append(Variant("textbook float64, 1 thread", 1, stepper(textbook)))
+    seconds = interleaved(variants, rounds)
+    assert not fast.motion.broken.any(), "a bond broke: this is not the intact cost"
+    bonds = len(fast.neighbour)
+    ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
+    return {"grid": name, "nodes": len(grid), "bonds": bonds, "law": law, "mode": mode, "ns": ns, "ratios": ratios(ns)}
+
+
+def ratios(ns: dict[str, float]) -> dict[str, float]:
+    """What the requirements are about."""
+    pairs = {
+        "textbook / blocks, float64": ("textbook float64", "blocks float64"),
+        "textbook float64 / blocks float32": ("textbook float64", "blocks float32"),
+        "textbook / blocks, float32": ("textbook float32", "blocks float32"),
+        "numpy / blocks, float64": ("numpy float64", "blocks float64"),
+        "textbook / blocks, float64, 1 thread": ("textbook float64, 1 thread", "blocks float64, 1 thread"),
+        "1 thread / all": ("blocks float64, 1 thread", "blocks float64"),
+    }
+    return {name: ns[slow] / ns[quick] for name, (slow, quick) in pairs.items() if slow in ns and quick in ns}
+
+
+def growing(scene: Path, mode: str, rounds: int) -> dict[str, Any]:
+    """ns a bond of a whole run whose crack grows, against the same plate left alone."""
+    model = read_model(scene)
+    steps = model.settings.run.steps
+    best: dict[str, float] = {}
+    for _ in range(rounds):
+        for name in ("growing", "intact"):
+            problem = prepare(model, Options(mode))
+            if name == "intact":
+                for load in (problem.drive.force, problem.drive.before):
+                    load[:] = 0
+                problem.motion.v[:] = problem.motion.a[:] = 0
+            began = time.perf_counter()
+            problem.march(1, steps + 1)
+            ns = (time.perf_counter() - began) / steps / len(problem.neighbour) * 1e9
+            best[name] = min(best.get(name, np.inf), ns)
+    return {"scene": scene.stem, "mode": mode, "steps": steps, "ns": best, "ratio": best["growing"] / best["intact"]}
+
+
+def chart(rows: list[dict[str, Any]], path: Path) -> None:
+    """ns a bond against nodes: all variants."""
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    modes = sorted({(row["mode"], row["law"]) for row in rows})
+    figure, axes = plt.subplots(1, len(modes), figsize=(4 * len(modes), 4), sharey=True, squeeze=False)
+    for axis, (mode, law) in zip(axes[0], modes, strict=True):
+        for name in sorted({name for row in rows for name in row["ns"]}):
+            points = sorted(
+                (row["nodes"], row["ns"][name])
+                for row in rows
+                if (row["mode"], row["law"]) == (mode, law) and name in row["ns"]
+            )
+            axis.loglog(*zip(*points, strict=True), marker="o", label=name)
+        axis.set(title=f"{law}, {mode}", xlabel="nodes")
+        axis.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("ns per directed bond and step")
+    axes[0, -1].legend(fontsize="x-small")
+    figure.savefig(path, dpi=150, bbox_inches="tight")
+
+
+def tell(row: dict[str, Any]) -> None:
+    """A line or two on a measurement."""
+    print(f"{row['grid']} ({row['nodes']} nodes, {row['bonds']} bonds), {row['law']}, {row['mode']}")
+    print("   ns a bond: " + ", ".join(f"{name} {value:.3g}" for name, value in row["ns"].items()))
+    print("   " + "; ".join(f"{name}: {value:.3g}" for name, value in row["ratios"].items()), flush=True)
+
+
+def quick(threads: int) -> int:
+    """The check for continuous integration."""
+    row = measure("4k", square(*PLATES["4k"]), "brittle", "conservative", QUICK_ROUNDS, threads)
+    tell(row)
+    found = row["ratios"]["textbook / blocks, float64"]
+    if found < LEAST:
+        print(f"the fast kernel is {found:.3g} times the textbook loop, expected at least {LEAST:g}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmarks.speed", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help=f"one plate; fails below {LEAST:g} times the textbook")
+    parser.add_argument("--grids", default="4k,13k,64k,duran50", help="of 4k, 13k, 64k, 1M and the shipped scenes")
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--scene", type=Path, help="a grid file whose whole run is timed too")
+    parser.add_argument("-o", "--output", type=Path, default=Path("speed.json"))
+    args = parser.parse_args(arguments)
+    threads = min(2, numba.config.NUMBA_NUM_THREADS)
+    if args.quick:
+        return quick(threads)
+    rows = []
+    for name, grid in grids(args.grids.split(",")).items():
+        for law in LAWS:
+            for mode in ("thesis", "conservative"):
+                rows.append(measure(name, grid, law, mode, args.rounds, threads))
+                tell(rows[-1])
+    others = {}
+    if lammps_peri.available():
+        others["LAMMPS peri/pmb, 1 thread"] = lammps_peri.ns_per_bond()
+        print(f"LAMMPS peri/pmb, 1 thread: {others['LAMMPS peri/pmb, 1 thread']:.3g} ns a bond")
+    numba.set_num_threads(threads)
+    runs = [growing(args.scene, mode, 3) for mode in ("thesis", "conservative")] if args.scene else []
+    for run in runs:
+        print(f"{run['scene']}, {run['mode']}: growing / intact {run['ratio']:.3g}")
+    machine = {
+        "processor": platform.processor(),
+        "cores": os.cpu_count(),
+        "threads": threads,
+        "numba": numba.__version__,
+    }
+    args.output.write_text(json.dumps({"machine": machine, "intact": rows, "others": others, "runs": runs}, indent=1))
+    chart(rows, args.output.with_suffix(".png"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,313 @@
+"""The sum over a node's bonds, fast: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
+
+Layout, after the sliced ELL format of sparse matrices:
+    block    64 consecutive nodes; a node's place in it is its lane
+    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of the lanes
+             are consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 64 (ids).
+    table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
+             inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers
+    mask     one bit a lane: there is a bond, and it is intact. A full mask skips the test.
+
+What numba makes of the loops over lanes is vector code as long as they read and write one scratch array at places
+known to the compiler, gather into it first and count in unsigned integers; benchmarks/ watches over that.
+
+Symbols as in bond_sums, which says the same in a few lines and is what this is tested against. A block is first
+summed as if nothing broke, keeping the largest e. Where that is below the lowest peak of the block's bonds nothing can
+have broken or softened; otherwise, and where a bond has softened before, the block is summed again with the laws asked.
+Which of the two it is depends on the state alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import get_thread_id, njit, prange
+from numpy.typing import NDArray
+
+from pdsolve.laws.bilinear import intact_share, spent_share
+
+LANES = 64
+FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+# Where the rows of 64 begin in a thread's scratch array
+_EX, _EY, _UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(10))
+LANE_COUNT, _ONE, _NONE = np.uint64(LANES), np.uint64(1), np.uint64(0)
+
+
+class Blocks(NamedTuple):
+    """Bonds in blocks: n nodes, b bonds, s slots."""
+
+    start: NDArray[np.int64]  # (blocks + 1,) slots of a block
+    vector: NDArray[np.int32]  # (s,) row of `vectors`
+    base: NDArray[np.int64]  # (s,) node next to lane 0, or -1 - row of `ids`
+    pull: NDArray[np.int32]  # (s,) row of `stiffness`
+    bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
+    mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
+    bond: NDArray[np.int32]  # (s, 64) number of the lane's bond
+    ids: NDArray[np.uint32]  # (., 64) neighbours
+    vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
+    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|
+    peak: NDArray[np.floating]  # (., 64)
+    limit: NDArray[np.floating]  # (., 64)
+    threshold: NDArray[np.floating]  # (blocks,) of e, below which nothing breaks or softens
+    softened: NDArray[np.bool_]  # (blocks,) whether a bond has been above its peak
+    scratch: NDArray[np.floating]  # (threads, .) room for the sums of a block
+
+
+class Tracks(NamedTuple):
+    """The motion of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
+
+    u: NDArray[np.floating]  # (3, 2, m) displacements of three steps in turn, m
+    v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
+    a: NDArray[np.floating]  # (2, m) acceleration, m/s^2
+    force: NDArray[np.floating]  # (2, m) body force now, N/m^3
+    before: NDArray[np.floating]  # (2, m) body force one step ago
+    rho: NDArray[np.floating]  # (m,) kg/m^3
+    dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
+    work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
+    broken: NDArray[np.int32]  # (b,) as in bond_sums.Motion
+    worst: NDArray[np.floating]  # (b,) or (0,), likewise
+    loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
+    held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
+    held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
+
+
+@njit(error_model="numpy")
+def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: ignore[no-untyped-def]
+    """Force densities on the nodes of block b, N/m^3, at u (2, m): in the rows FX and FY of the array returned.
+
+    Bonds over their limit break in this `step`; `before` (2, m) are the displacements one step ago.
+    """
+    s = blocks.scratch[get_thread_id()]
+    first = np.uint64(b) * LANE_COUNT
+    if not blocks.softened[b]:
+        _begin(u, first, s)
+        _add_intact(blocks, u, b, s)
+        if not _exceeds(s, blocks.threshold[b]):
+            return s
+    _begin(u, first, s)
+    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
+        _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
+        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
+        if len(worst) > 0:
+            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            _add_softening(
+                x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.peak, blocks.limit, blocks.bound[slot], s
+            )
+            if _remember(blocks.bond, worst, slot, s):
+                blocks.softened[b] = True
+        else:
+            _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
+        if _exceeds(s, s.dtype.type(0)):
+            _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
+    return s
+
+
+@njit(error_model="numpy")
+def _begin(u, first, s):  # type: ignore[no-untyped-def]
+    """The block's displacements, and nothing else yet."""
+    zero = s.dtype.type(0)
+    for lane in range(LANE_COUNT):
+        s[_UX + lane] = u[0, first + lane]
+        s[_UY + lane] = u[1, first + lane]
+    for lane in range(LANE_COUNT):
+        s[FX + lane] = zero
+        s[FY + lane] = zero
+        s[_TOP + lane] = zero
+
+
+@njit(error_model="numpy")
+def _gather(u, base, ids, mask, s):  # type: ignore[no-untyped-def]
+    """eta of a slot's bonds, 0 where there is no bond."""
+    if base >= 0:
+        first = np.uint64(base)
+        for lane in range(LANE_COUNT):
+            s[_EX + lane] = u[0, first + lane] - s[_UX + lane]
+            s[_EY + lane] = u[1, first + lane] - s[_UY + lane]
+    else:
+        row = np.uint64(-1 - base)
+        for lane in range(LANE_COUNT):
+            s[_EX + lane] = u[0, ids[row, lane]] - s[_UX + lane]
+            s[_EY + lane] = u[1, ids[row, lane]] - s[_UY + lane]
+    if mask != FULL:
+        zero = s.dtype.type(0)
+        for lane in range(LANE_COUNT):
+            there = ((mask >> lane) & _ONE) != _NONE
+            s[_EX + lane] = s[_EX + lane] if there else zero
+            s[_EY + lane] = s[_EY + lane] if there else zero
+
+
+@njit(error_model="numpy")
+def _vector(vectors, row):  # type: ignore[no-untyped-def]
+    """xi_x, xi_y and 1 / |xi|^2 of a row of the table."""
+    at = np.uint64(row)
+    return vectors[at, 0], vectors[at, 1], vectors[at, 2]
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
+    """Forces as if nothing broke, and the largest e. In one piece, with `_gather` repeated: calls cost a quarter."""
+    ids, stiffness, zero, one = blocks.ids, blocks.stiffness, s.dtype.type(0), s.dtype.type(1)
+    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
+        base, mask = blocks.base[slot], blocks.mask[slot]
+        if base >= 0:
+            first = np.uint64(base)
+            for lane in range(LANE_COUNT):
+                s[_EX + lane] = u[0, first + lane] - s[_UX + lane]
+                s[_EY + lane] = u[1, first + lane] - s[_UY + lane]
+        else:
+            scattered = np.uint64(-1 - base)
+            for lane in range(LANE_COUNT):
+                s[_EX + lane] = u[0, ids[scattered, lane]] - s[_UX + lane]
+                s[_EY + lane] = u[1, ids[scattered, lane]] - s[_UY + lane]
+        if mask != FULL:
+            for lane in range(LANE_COUNT):
+                there = ((mask >> lane) & _ONE) != _NONE
+                s[_EX + lane] = s[_EX + lane] if there else zero
+                s[_EY + lane] = s[_EY + lane] if there else zero
+        at, row = np.uint64(blocks.vector[slot]), np.uint64(blocks.pull[slot])
+        x, y, inverse = blocks.vectors[at, 0], blocks.vectors[at, 1], blocks.vectors[at, 2]
+        x2, y2 = (x + x) * inverse, (y + y) * inverse
+        for lane in range(LANE_COUNT):
+            eta_x, eta_y = s[_EX + lane], s[_EY + lane]
+            e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
+            pull = stiffness[row, lane] * e / (one + e + np.sqrt(one + e))  # q (q + 1) = q^2 + q
+            s[FX + lane] += pull * (x + eta_x)
+            s[FY + lane] += pull * (y + eta_y)
+            top = s[_TOP + lane]
+            s[_TOP + lane] = e if e > top else top
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # type: ignore[no-untyped-def]
+    """Forces of the bonds below their limit; how far stretches are above it."""
+    row, bound, zero, one = np.uint64(pull_row), np.uint64(limit_row), s.dtype.type(0), s.dtype.type(1)
+    x2, y2 = (x + x) * inverse, (y + y) * inverse
+    for lane in range(LANE_COUNT):
+        eta_x, eta_y = s[_EX + lane], s[_EY + lane]
+        e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
+        q = np.sqrt(one + e)
+        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
+        pull, stretch = stiffness[row, lane] * loss, q * loss
+        pull = zero if stretch > limit[bound, lane] else pull
+        s[FX + lane] += pull * (x + eta_x)
+        s[FY + lane] += pull * (y + eta_y)
+        s[_STRETCH + lane] = stretch
+        s[_TOP + lane] = stretch - limit[bound, lane]
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row, s):  # type: ignore[no-untyped-def]
+    """The same where bonds soften, and the largest stretches above their peaks so far."""
+    row, bound, zero, one = np.uint64(pull_row), np.uint64(bound_row), s.dtype.type(0), s.dtype.type(1)
+    x2, y2 = (x + x) * inverse, (y + y) * inverse
+    for lane in range(LANE_COUNT):
+        eta_x, eta_y = s[_EX + lane], s[_EY + lane]
+        e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
+        q = np.sqrt(one + e)
+        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
+        pull, stretch = stiffness[row, lane] * loss, q * loss
+        peak, limit, worst = peaks[bound, lane], limits[bound, lane], s[_WORST + lane]
+        risen = stretch if stretch > peak else worst
+        risen = risen if risen > worst else worst
+        worst = worst if stretch > limit else risen
+        share = intact_share(worst, peak, limit)
+        share = share if worst > zero else one
+        share = zero if stretch > limit else share
+        s[FX + lane] += share * pull * (x + eta_x)
+        s[FY + lane] += share * pull * (y + eta_y)
+        s[_WORST + lane] = worst
+        s[_STRETCH + lane] = stretch
+        s[_TOP + lane] = stretch - limit
+
+
+@njit(error_model="numpy")
+def _exceeds(s, threshold):  # type: ignore[no-untyped-def]
+    """Whether a lane's top is above the threshold. Counting is vector code, looking for the largest is not."""
+    above = 0
+    for lane in range(LANE_COUNT):
+        above += 1 if s[_TOP + lane] > threshold else 0
+    return above > 0
+
+
+@njit(error_model="numpy")
+def _recall(bond, mask, worst, slot, s):  # type: ignore[no-untyped-def]
+    """The largest stretches above the peak so far, 0 where there is no bond."""
+    zero = s.dtype.type(0)
+    for lane in range(LANE_COUNT):
+        there = ((mask >> lane) & _ONE) != _NONE
+        s[_WORST + lane] = worst[np.uint32(bond[slot, lane])] if there else zero
+
+
+@njit(error_model="numpy")
+def _remember(bond, worst, slot, s):  # type: ignore[no-untyped-def]
+    """Write the largest stretches down; returns whether there are any."""
+    some, zero = 0, s.dtype.type(0)
+    for lane in range(LANE_COUNT):
+        some += 1 if s[_WORST + lane] > zero else 0
+    if some > 0:
+        for lane in range(LANE_COUNT):
+            if s[_WORST + lane] > zero:
+                worst[bond[slot, lane]] = s[_WORST + lane]
+    return some > 0
+
+
+@njit(error_model="numpy")
+def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # type: ignore[no-untyped-def]
+    """Take out the bonds over their limit, one by one, and book what they have spent."""
+    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
+    for lane in range(LANE_COUNT):
+        if s[_TOP + lane] > 0:
+            i, j = first + lane, _neighbour(blocks, slot, lane)
+            peak, limit = blocks.peak[blocks.bound[slot], lane], blocks.limit[blocks.bound[slot], lane]
+            if len(worst) > 0 and peak < limit:
+                spent = peak * limit
+            else:
+                eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
+                e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+                spent = s[_STRETCH + lane] * (e / (np.sqrt(1 + e) + 1))
+            dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
+            broken[blocks.bond[slot, lane]] = step
+            blocks.mask[slot] &= ~(_ONE << lane)
+
+
+@njit(error_model="numpy")
+def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
+    """The node that the bond of a lane goes to."""
+    base = blocks.base[slot]
+    return np.uint64(base) + lane if base >= 0 else np.uint64(blocks.ids[-1 - base, lane])
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-untyped-def]
+    """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3."""
+    for b in prange(len(blocks.start) - 1):
+        _energies_of(blocks, worst, u, strain, softened, np.int64(b))
+
+
+@njit(error_model="numpy")
+def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-untyped-def]
+    s = blocks.scratch[get_thread_id()]
+    first = np.uint64(b) * LANE_COUNT
+    _begin(u, first, s)
+    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
+        _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
+        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
+        row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
+        for lane in range(LANE_COUNT):
+            eta_x, eta_y = s[_EX + lane], s[_EY + lane]
+            e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+            stretch = e / (np.sqrt(1 + e) + 1)
+            s[_STRETCH + lane] = blocks.stiffness[row, lane] / inverse / 4 * stretch * stretch
+        if blocks.softened[b]:
+            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            for lane in range(LANE_COUNT):
+                largest = s[_WORST + lane]
+                if largest > 0:
+                    peak, limit = blocks.peak[bound, lane], blocks.limit[bound, lane]
+                    whole = blocks.stiffness[row, lane] / inverse / 4 * peak * limit
+                    softened[first + lane] += whole * spent_share(largest, peak, limit)
+                    s[_STRETCH + lane] *= intact_share(largest, peak, limit)
+        for lane in range(LANE_COUNT):
+            strain[first + lane] += s[_STRETCH + lane]

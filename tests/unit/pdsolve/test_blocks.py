@@ -1,0 +1,188 @@
+"""The fast kernel against the textbook loop: the same forces, the same broken bonds, the same energies."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import msgspec
+import numba
+import numpy as np
+import pytest
+from plates import GLASS, plate, square_grid, two_scale_grid
+
+from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
+from pdsolve.model import Model, ModelError
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import simulate
+
+SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
+
+
+def cracked() -> Grid:
+    """21 x 12 nodes with a crack to the middle."""
+    return dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[0.0, 0.0, 8e-3, 0.0]]))
+
+
+def holed() -> Grid:
+    """25 x 20 nodes less those in a round hole."""
+    full = square_grid(25, 20)
+    keep = np.hypot(*(full.position - [12e-3, 9.5e-3]).T) >= 3.2e-3
+    columns = {name: getattr(full, name)[keep] for name in ("ids", "position", "delta", "border", "hole_id")}
+    angle = np.linspace(0, 2 * np.pi, 33)[:-1]
+    ring = np.array([12e-3, 9.5e-3]) + 3.2e-3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    outline = np.array([[0.0, 0.0], [24e-3, 0.0], [24e-3, 19e-3], [0.0, 19e-3]])
+    return dataclasses.replace(full, **columns, outline=(outline,), holes=(ring,))
+
+
+GRIDS = {"one scale": square_grid(21, 12), "two scales": two_scale_grid(), "cracked": cracked(), "holed": holed()}
+
+
+def torn(grid: Grid, **settings: object) -> Model:
+    """The upper and lower edge of a plate pulled apart, one faster and faster."""
+    low, high = grid.position.min(axis=0).tolist(), grid.position.max(axis=0).tolist()
+    delta = float(grid.delta.max())
+    return plate(
+        grid,
+        **{
+            "conditions": (
+                Load(box=(low[0], high[1] - delta, high[0], high[1]), body_force=(0.0, 4e10)),
+                Load(
+                    box=(low[0], low[1], high[0], low[1] + delta),
+                    body_force=(0.0, -4e10),
+                    profile=((0.0, 0.5), (2e-6, 1.5)),
+                ),
+            ),
+            "run": Run(time_step=40e-9, steps=120, every=40),
+            **settings,
+        },
+    )
+
+
+def both(model: Model, mode: str, precision: str = "float64") -> tuple[Problem, Problem]:
+    """The problem for the fast kernel and for the textbook loop."""
+    fast, textbook = (prepare(model, Options(mode, precision, kernel=kernel)) for kernel in (None, "textbook"))
+    assert (fast.kernel, textbook.kernel) == ("blocks", "textbook")
+    return fast, textbook
+
+
+def nearly(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
+    """Whether the arrays agree, as a share of the largest."""
+    return bool(np.abs(found - expected).max() <= tolerance * max(np.abs(expected).max(), 1e-300))
+
+
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+@pytest.mark.parametrize("name", GRIDS)
+def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
+    """Large random displacements: accelerations, broken bonds, what breaking and softening spent, energies."""
+    fast, textbook = both(plate(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
+    for problem in (fast, textbook):
+        random = np.random.default_rng(3)
+        problem.motion.u[:] = 3e-7 * random.standard_normal(problem.motion.u.shape)
+        problem.motion.v[:] = 3.0 * random.standard_normal(problem.motion.u.shape)
+        problem.march(1, 2)
+        problem.march(2, 3)
+    assert 0 < (textbook.motion.broken > 0).mean() < 0.9
+    assert np.array_equal(fast.motion.broken, textbook.motion.broken)
+    assert (textbook.motion.worst.max(initial=0.0) > 0) == (law == "bilinear")
+    for field in ("u", "v", "a", "dissipated", "worst"):
+        if len(textbook.motion.worst) or field != "worst":
+            assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-12), field  # measured 1e-14
+    for found, expected in zip(fast.energies(), textbook.energies(), strict=True):
+        assert nearly(found, expected, 1e-12)
+
+
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+@pytest.mark.parametrize("name", GRIDS)
+def test_a_whole_run(name: str, mode: str, law: str) -> None:
+    """A plate torn to pieces: the same bonds break in the same steps, and the books agree."""
+    fast, textbook = both(torn(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
+    for problem in (fast, textbook):
+        for first in range(1, 121, 8):
+            problem.march(first, first + 8)
+    assert (textbook.motion.broken > 0).any()
+    assert np.array_equal(fast.motion.broken, textbook.motion.broken)
+    for field in ("u", "v", "work"):
+        assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-10), field
+    assert fast.books(120)[2:] == pytest.approx(textbook.books(120)[2:], rel=1e-10, abs=1e-9)
+
+
+def test_held_components() -> None:
+    """Displacements, velocities and accelerations prescribed in time, and what holding them takes."""
+    conditions = (
+        Displacement(box=(0.0, 0.0, 20e-3, 1e-3), x=0.0, y=1e-6, profile=((0.0, 0.0), (1e-6, 1.0), (2e-6, -1.0))),
+        Velocity(box=(0.0, 10e-3, 9e-3, 11e-3), y=2.0, profile=((0.0, 1.0), (2e-6, 0.0))),
+        Acceleration(box=(15e-3, 10e-3, 20e-3, 11e-3), x=1e6),
+    )
+    fast, textbook = both(torn(GRIDS["one scale"], conditions=conditions), "conservative")
+    for problem in (fast, textbook):
+        problem.march(1, 30)
+        problem.march(30, 61)
+    assert np.abs(textbook.motion.work).max() > 0
+    for field in ("u", "v", "a", "work"):
+        assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-11), field
+    assert nearly(fast.drive.held_force, textbook.drive.held_force, 1e-11)
+
+
+def test_single_precision() -> None:
+    fast, _ = both(plate(two_scale_grid()), "conservative", "float32")
+    _, textbook = both(plate(two_scale_grid()), "conservative")
+    for problem in (fast, textbook):
+        problem.motion.u[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+        problem.march(1, 2)
+    assert fast.motion.a.dtype == np.float32
+    assert nearly(fast.motion.a, textbook.motion.a, 3e-6)  # measured 3e-7
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
+    """However many threads, and wherever a sequence of steps is taken apart."""
+    model = torn(cracked(), material=SOFT)
+    problems = []
+    for threads, parts in ((1, (1, 61)), (2, (1, 61)), (2, (1, 2, 3, 20, 24, 61))):
+        problem = prepare(model, Options("conservative", precision, threads))
+        for first, last in itertools.pairwise(parts):
+            problem.march(first, last)
+        problems.append(problem)
+    assert (problems[0].motion.broken > 0).any()
+    for other in problems[1:]:
+        for field in ("u", "v", "a", "broken", "worst", "dissipated", "work"):
+            assert getattr(other.motion, field).tobytes() == getattr(problems[0].motion, field).tobytes(), field
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_what_is_not_a_number_spreads(precision: str) -> None:
+    """A displacement that is not a number reaches the node's neighbours, and no one else, in the next step."""
+    problem = prepare(plate(square_grid(21, 12)), Options(precision=precision))
+    problem.motion.u[130, 0] = np.nan
+    problem.march(1, 2)
+    bonds = problem.assembly.bonds
+    near = np.append(bonds.neighbour[bonds.start[130] : bonds.start[131]], 130)
+    assert np.array_equal(np.flatnonzero(np.isnan(problem.motion.a).any(axis=1)), np.sort(near))
+
+
+def test_the_order_of_nodes_does_not_matter() -> None:
+    grid, random = square_grid(21, 12), np.random.default_rng(0)
+    shuffled = random.permutation(len(grid))
+    names = ("ids", "position", "delta", "border", "hole_id")
+    fast, textbook = both(plate(dataclasses.replace(grid, **{n: getattr(grid, n)[shuffled] for n in names})), "thesis")
+    for problem in (fast, textbook):
+        problem.motion.u[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+        problem.march(1, 2)
+    assert nearly(fast.motion.a, textbook.motion.a, 1e-12)
+
+
+def test_nodes_without_a_lattice_are_left_to_the_textbook() -> None:
+    grid = square_grid(21, 12)
+    scattered = dataclasses.replace(grid, position=grid.position + 1e-5 * np.random.default_rng(0).random((252, 2)))
+    assert prepare(plate(scattered), Options()).kernel == "textbook"
+    with pytest.raises(ModelError, match="kernel: found nodes without a lattice"):
+        prepare(plate(scattered), Options(kernel="blocks"))
+
+
+def test_the_results_say_which_kernel() -> None:
+    with simulate(torn(square_grid(9, 6), run=Run(time_step=1e-8, steps=1))) as results:
+        assert results.meta()["kernel"] == results.summary()["kernel"] == "blocks"
