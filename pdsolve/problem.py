@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -29,8 +30,10 @@ SAFETY = 0.8  # of the stability bound, for a model that names no time step
 CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
-# On Linux the OpenMP layer starts a parallel loop three times as fast as numba's own.
+# On Linux the OpenMP layer starts a parallel loop three times as fast as numba's own. Its threads wait for each other
+# by spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs nothing.
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 
 
 @dataclass(frozen=True)
