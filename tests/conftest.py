@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plates import ROOT, plate, square_grid
+from plates import GEOMETRIES, plate, square_grid
 
 import pdsolve
 from pdmesh.grid import Load, Run, document_of, write_file
@@ -32,7 +32,7 @@ def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from pdmesh.geo import read_geo
     from pdmesh.lattice import build_grid
 
-    grid, settings, _ = build_grid(read_geo(ROOT / "geometries" / "duran50.geo"))
+    grid, settings, _ = build_grid(read_geo(GEOMETRIES / "duran50.geo"))
     path = tmp_path_factory.mktemp("duran") / "duran50.json"
     write_file(document_of(grid, settings), path)
     return path

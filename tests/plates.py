@@ -10,6 +10,7 @@ from pdmesh.grid import Grid, Horizon, Material, Settings
 from pdsolve.model import Model
 
 ROOT = Path(__file__).parent.parent
+GEOMETRIES = ROOT / "geometries"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 
 

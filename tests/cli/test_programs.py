@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from plates import ROOT
+from plates import GEOMETRIES
 
 import pdmesh.__main__
 import pdpost.__main__
@@ -30,13 +30,6 @@ MAIN: dict[str, Callable[[list[str]], int]] = {
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty current folder."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def model(here: Path, small_plate: Model) -> Path:
     """The small plate as a file in a folder of its own."""
     (here / "models").mkdir()
@@ -48,7 +41,7 @@ def model(here: Path, small_plate: Model) -> Path:
 def test_the_pipeline_with_defaults(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each program writes the input's name with its suffix into the current folder, and --json says what."""
     pytest.importorskip("gmsh", exc_type=OSError)
-    scene = str(ROOT / "geometries" / "duran50.geo")
+    scene = str(GEOMETRIES / "duran50.geo")
     assert MAIN["pdmesh"](["build", scene, "--set", "Run/Duration=2.5e-6", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["nodes"] == 2732
     assert MAIN["pdsolve"](["duran50.json", "--mode", "thesis", "--json", "-q", "--set", "run.every=25"]) == 0

@@ -1,9 +1,11 @@
-"""The JSON of the thesis: written, read back, broken."""
+"""The grid file: what is written is read back, what is wrong is refused in one line, whatever it is."""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plates import GLASS, square_grid, two_scale_grid
 
+from pdmesh import files
 from pdmesh.grid import (
     Acceleration,
     Displacement,
@@ -30,8 +33,12 @@ from pdmesh.grid import (
     grid_of,
     read_document,
     read_file,
+    schema,
     write_file,
 )
+from pdmesh.lattice import build_grid
+from pdmesh.report import info
+from pdmesh.scene import Circle, Material, Scene, box, ramp
 
 BARE: dict[str, Any] = {
     "notch": [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]],
@@ -42,11 +49,11 @@ BARE: dict[str, Any] = {
 }
 FULL = Settings(
     material=GLASS,
-    horizon=Horizon(4),
-    regions=(Region(box=(0, 0, 1, 1), material=GLASS),),
+    horizon=Horizon(4.0),
+    regions=(Region(box=(0.0, 0.0, 1.0, 1.0), material=GLASS),),
     conditions=(
         Load(name="top", nodes=(1, 2), traction=(0.0, 1e6), rows=2, length=0.1, profile=((0.0, 0.0), (1e-6, 1.0))),
-        Displacement(box=(0, 0, 1, 1), x=0.0),
+        Displacement(box=(0.0, 0.0, 1.0, 1.0), x=0.0),
         Velocity(nodes=(3,), x=32.0),
         Acceleration(nodes=(3,), y=1.0, breakable=True),
         InitialVelocity(nodes=(3,), y=1.0),
@@ -54,6 +61,46 @@ FULL = Settings(
     run=Run(time_step=1e-9, steps=3, every=1),
     area_rule="cells",
 )
+
+
+def scene() -> Scene:
+    """One of everything."""
+    return (
+        Scene(box(0, 0, 0.01, 0.006), 1e-3, Material(E=1e9, rho=1e3, G0=10.0, law="bilinear", kr=2.0))
+        .hole(Circle(0.007, 0.003, 0.001))
+        .crack([(0, 0.0035), (0.003, 0.0035), (0.004, 0.0045)])
+        .region(box(0, 0, 0.002, 0.006), Material(E=2e9, rho=1e3, G0=10.0))
+        .load("top", traction=(0, 1e6), rows=2, profile=ramp(1e-6))
+        .load("right", body_force=(1e9, 0))
+        .fix("bottom", x=None)
+        .move("left", velocity=(1, None))
+        .move(box(0.004, 0, 0.006, 0.006), initial_velocity=(1, 0))
+    )
+
+
+def document() -> Document:
+    grid, found, _ = build_grid(scene())
+    return document_of(grid, found)
+
+
+FULL_TEXT = encode(document_of(two_scale_grid(), FULL))
+TEXT = encode(document())
+PLAIN: dict[str, Any] = json.loads(TEXT)
+
+
+@pytest.mark.parametrize("everything", [False, True])
+def test_a_file_comes_back_as_it_was(everything: bool, tmp_path: Path) -> None:
+    before, found = build_grid(scene())[:2] if everything else (two_scale_grid(), FULL)
+    write_file(document_of(before, found), tmp_path / "grid.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["grid.json"]
+    again = read_file(tmp_path / "grid.json")
+    assert again == document_of(before, found)
+    assert encode(again) == (tmp_path / "grid.json").read_bytes() == (TEXT if everything else FULL_TEXT)
+    grid = grid_of(again, "grid.json")
+    for field in ("ids", "position", "delta", "border", "hole_id", "cracks", "areas"):
+        assert np.array_equal(getattr(grid, field), getattr(before, field)), field
+    assert len(grid.outline + grid.holes) == len(before.outline + before.holes) == 2 * everything
+    assert all(map(np.array_equal, grid.outline + grid.holes, before.outline + before.holes))
 
 
 def test_the_thesis_file_is_read() -> None:
@@ -68,89 +115,39 @@ def test_nodes_are_written_exactly_as_the_thesis_writes_them() -> None:
     lines = encode(document_of(square_grid(2, 1), Settings())).decode().splitlines()
     assert '  {"id":2,"border":"false","position":[0.001,0.0,0.0],"hole_id":-1,"delta":[0.001,0.001,1.0]}' in lines
     assert json.loads("\n".join(lines))["notch"] == []
+    assert PLAIN["notch"][0] == [0, 0.0035, 0, 0.003, 0.0035, 0]
+    assert PLAIN["nodes"][0] == {
+        "id": 1, "border": "true", "position": [0, 0, 0], "hole_id": -1, "delta": [1e-3, 1e-3, 1]
+    }  # fmt: skip
 
 
-def test_a_file_comes_back_as_it_was(tmp_path: Path) -> None:
-    document = document_of(two_scale_grid(), FULL)
-    write_file(document, tmp_path / "grid.json")
-    again = read_file(tmp_path / "grid.json")
-    assert again == document
-    grid = grid_of(again, "grid.json")
-    assert np.array_equal(grid.position, two_scale_grid().position)
-    assert [path.name for path in tmp_path.iterdir()] == ["grid.json"]
+def test_schema_names_every_key() -> None:
+    found = schema()
+    assert found["$schema"].startswith("https://json-schema.org/")
+    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN)
+    kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity"}
+    tags = {
+        entry["properties"]["kind"]["enum"][0] for entry in found["$defs"].values() if "kind" in entry["properties"]
+    }
+    assert tags == kinds
+    json.dumps(found, allow_nan=False)
 
 
-def broken(path: list[Any], value: Any) -> str:
-    """The bare file with one value replaced, or removed if it is None."""
-    data = json.loads(json.dumps(BARE))
-    inside = data
-    for key in path[:-1]:
-        inside = inside[key]
-    if value is None:
-        del inside[path[-1]]
-    else:
-        inside[path[-1]] = value
-    return json.dumps(data)
+def test_written_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "plate.json"
+    write_file(document(), path)
+    assert path.read_bytes() == TEXT
+    assert stat.S_IMODE(path.stat().st_mode) & 0o600 == 0o600
 
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
 
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        (["nodes", 1, "border"], "yes", r"Invalid enum value 'yes' - at `\$.nodes\[1\].border`"),
-        (["nodes", 1, "border"], True, r"Expected `str`, got `bool` - at `\$.nodes\[1\].border`"),
-        (["nodes", 1, "delta"], [0, 0, 1], r"\$.nodes\[1\].delta: found \[0.0, 0.0, 1.0\], expected positive numbers"),
-        (["nodes", 1, "delta"], [1, 2, 1], r"\$.nodes\[1\].delta: found .* expected delta x equal to delta y"),
-        (["nodes", 1, "position"], [0, 0], r"Expected `array` of length 3 - at `\$.nodes\[1\].position`"),
-        (["nodes", 1, "position"], [0, 0, 1], r"\$.nodes\[1\].position: found .* expected the same z for all nodes"),
-        (["nodes", 1, "id"], 1, r"\$.nodes: id 1 found 2 times, expected once"),
-        (["nodes", 1, "hole_id"], None, r"missing required field `hole_id` - at `\$.nodes\[1\]`"),
-        (["nodes"], [], r"\$.nodes: found none, expected at least one"),
-        (["notch"], None, "missing required field `notch`"),
-        (["nods"], [], "unknown field `nods`"),
-        (["version"], 2, r"\$.version: found 2, expected 1"),
-        (["areas"], [1.0], r"\$.areas: found 1, expected 2"),
-        (["material"], {"E": -1, "rho": 1, "G0": 1}, r"Expected `float` > 0.0 - at `\$.material.E`"),
-    ],
-)
-def test_wrong_values_are_named_with_their_place(path: list[Any], value: Any, message: str) -> None:
-    with pytest.raises(GridError, match=message) as error:
-        grid_of(read_document(broken(path, value), "grid.json"), "grid.json")
-    assert str(error.value).startswith("grid.json: ")
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "NaN", '{"notch": [], "nodes": [NaN]}', "\ufeff{}"])
-def test_what_is_not_a_grid_is_refused(text: str) -> None:
-    with pytest.raises(GridError, match=r"grid\.json: "):
-        read_document(text, "grid.json")
-
-
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", "null"])
-def test_numbers_that_are_none_are_refused(number: str) -> None:
-    text = json.dumps(BARE).replace("[1, 0.5, 0]", f"[{number}, 0.5, 0]")
-    with pytest.raises(GridError):
-        read_document(text, "grid.json")
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.integers(0, 10**6), st.binary(max_size=4))
-def test_a_damaged_file_is_refused_or_read_never_a_traceback(at: int, patch: bytes) -> None:
-    data = encode(document_of(two_scale_grid(), FULL))
-    at %= len(data)
-    with contextlib.suppress(GridError):
-        grid_of(read_document(data[:at] + patch + data[at + len(patch) :], "grid.json"), "grid.json")
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.integers(0, 10**6))
-def test_a_truncated_file_is_refused(at: int) -> None:
-    data = encode(document_of(two_scale_grid(), FULL)).rstrip()
-    with pytest.raises(GridError):
-        read_document(data[: at % len(data)], "grid.json")
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(GridError, match=r"none\.json: cannot be read: No such file"):
-        read_file(tmp_path / "none.json")
+    monkeypatch.setattr(files.os, "replace", fail)
+    path.write_text("before")
+    with pytest.raises(OSError, match="No space"):
+        write_file(document(), path)
+    assert path.read_text() == "before"
+    assert os.listdir(tmp_path) == ["plate.json"]
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
@@ -159,3 +156,141 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(TypeError):
         write_file(document, tmp_path / "grid.json")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+
+
+def changed(**changes: Any) -> bytes:
+    return json.dumps(PLAIN | changes).encode()
+
+
+def node(**changes: Any) -> bytes:
+    return changed(nodes=[PLAIN["nodes"][0] | changes, *PLAIN["nodes"][1:]])
+
+
+def without_in_node(key: str) -> bytes:
+    node = {name: value for name, value in PLAIN["nodes"][0].items() if name != key}
+    return changed(nodes=[node, *PLAIN["nodes"][1:]])
+
+
+def without(key: str) -> bytes:
+    return json.dumps({name: value for name, value in PLAIN.items() if name != key}).encode()
+
+
+BAD = {
+    "nothing": (b"", "truncated"),
+    "an open brace": (b"{", "truncated"),
+    "cut short": (TEXT[:1000], "truncated"),
+    "something behind": (TEXT + b"x", "trailing"),
+    "not JSON": (b"<html>", "malformed|invalid"),
+    "not text": (b"\xff\xfe{}", "malformed|invalid|utf-8"),
+    "a byte order mark": ("\ufeff{}".encode(), "malformed|invalid"),
+    "a null": (b"null", "Expected `object`, got `null`"),
+    "a NaN": (b"NaN", "malformed|invalid"),
+    "a list": (b"[]", "Expected `object`, got `array`"),
+    "deep": (b'{"notch": ' + b"[" * 100_000, "Expected|recursion|depth|truncated"),
+    "no nodes key": (without("nodes"), "missing required field `nodes`"),
+    "no notch key": (without("notch"), "missing required field `notch`"),
+    "no nodes": (changed(nodes=[]), r"\$.nodes: found none, expected at least one"),
+    "unknown key": (changed(nods=1), "unknown field `nods`"),
+    "another version": (changed(version=99), r"\$.version: found 99, expected 1"),
+    "NaN": (TEXT.replace(b'"position":[0.0', b'"position":[NaN', 1), "malformed|invalid"),
+    "infinity": (TEXT.replace(b'"position":[0.0', b'"position":[Infinity', 1), "malformed|invalid"),
+    "too large a number": (TEXT.replace(b'"position":[0.0', b'"position":[1e999', 1), "out of range"),
+    "null": (node(position=None), r"got `null` - at `\$.nodes\[0\].position`"),
+    "null for a number": (node(position=[None, 0, 0]), r"got `null` - at `\$.nodes\[0\].position\[0\]`"),
+    "two coordinates": (node(position=[0, 0]), r"Expected `array` of length 3 - at `\$.nodes\[0\].position`"),
+    "a word": (node(position=["a", 0, 0]), r"got `str` - at `\$.nodes\[0\].position\[0\]`"),
+    "border as a truth": (node(border=True), r"Expected `str`, got `bool` - at `\$.nodes\[0\].border`"),
+    "border of another word": (node(border="yes"), r"Invalid enum value 'yes' - at `\$.nodes\[0\].border`"),
+    "no hole_id": (without_in_node("hole_id"), r"missing required field `hole_id` - at `\$.nodes\[0\]`"),
+    "id a fraction": (node(id=1.5), r"Expected `int`, got `float` - at `\$.nodes\[0\].id`"),
+    "id beyond 64 bits": (node(id=10**30), r"\$.nodes\[0\].id|out of range|Expected"),
+    "id twice": (node(id=2), r"\$.nodes: id 2 found 2 times, expected once"),
+    "no spacing": (node(delta=[0, 0, 1]), r"\$.nodes\[0\].delta: found \[0.0, 0.0, 1.0\], expected positive"),
+    "uneven spacing": (node(delta=[1e-3, 2e-3, 1]), r"\$.nodes\[0\].delta: found .* expected delta x equal to delta y"),
+    "another plane": (node(position=[0, 0, 1]), r"\$.nodes\[1\].position: found .* expected the same z for all nodes"),
+    "areas missing": (changed(areas=[1.0]), rf"\$.areas: found 1, expected {len(PLAIN['nodes'])}"),
+    "area of nothing": (changed(areas=[0.0] * len(PLAIN["nodes"])), r"> 0.0 - at `\$.areas\[0\]`"),
+    "unknown law": (changed(material=PLAIN["material"] | {"law": "elastic"}), "Invalid enum value 'elastic'"),
+    "negative E": (changed(material=PLAIN["material"] | {"E": -1}), r"Expected `float` > 0.0 - at `\$.material.E`"),
+    "unknown condition": (changed(conditions=[{"kind": "heat"}]), r"'heat' - at `\$.conditions\[0\].kind`"),
+    "horizon of nothing": (changed(horizon={"ratio": 0}), r"at `\$.horizon.ratio`"),
+    "crack of five numbers": (changed(notch=[[0, 0, 0, 1, 1]]), r"at `\$.notch\[0\]`"),
+    "outline of two points": (changed(outline=[[[0, 0], [1, 1]]]), r"\$.outline\[0\]: found 2 points"),
+    "crossing outline": (changed(outline=[[[0, 0], [1, 1], [1, 0], [0, 1]]]), r"\$.outline\[0\]: found Self-inter"),
+    "condition on no node": (changed(conditions=[{"kind": "load", "rows": 1}]), r"\$.conditions\[0\]: found"),
+    "far away": (node(position=[1e300, 0, 0]), r"\$.nodes\[0\].position: found .* expected metres"),
+}  # fmt: skip
+
+
+SEEN_BY_INFO = ("crossing outline", "condition on no node")  # what the grid alone does not show
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_wrong_files(name: str, tmp_path: Path) -> None:
+    data, message = BAD[name]
+    path = tmp_path / "bad.json"
+    path.write_bytes(data)
+    with pytest.raises(GridError, match=f"(?i){message}") as caught:
+        info(read_file(path), str(path))
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    if name not in SEEN_BY_INFO:
+        with pytest.raises(GridError, match=f"(?i)^grid.json: .*{message}"):
+            grid_of(read_document(data, "grid.json"), "grid.json")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(GridError, match=r"none\.json: cannot be read: No such file"):
+        read_file(tmp_path / "none.json")
+    with pytest.raises(GridError, match="cannot be read"):
+        read_file(tmp_path)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.binary(max_size=60))
+def test_any_bytes(data: bytes) -> None:
+    with contextlib.suppress(GridError):
+        grid_of(read_document(data, "any.json"), "any.json")
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 10**6), st.binary(max_size=4))
+def test_a_damaged_file_is_refused_or_read_never_a_traceback(at: int, patch: bytes) -> None:
+    at %= len(FULL_TEXT)
+    with contextlib.suppress(GridError):
+        grid_of(read_document(FULL_TEXT[:at] + patch + FULL_TEXT[at + len(patch) :], "grid.json"), "grid.json")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_truncated_file_is_refused(at: int) -> None:
+    with pytest.raises(GridError):
+        read_document(FULL_TEXT[: at % len(FULL_TEXT.rstrip())], "grid.json")
+
+
+SMALL = {name: value for name, value in PLAIN.items() if name not in ("areas", "regions")} | {
+    "nodes": PLAIN["nodes"][:4],
+    "conditions": [{"kind": "load", "nodes": [1, 2], "traction": [0, 1.0], "rows": 1, "profile": [[0, 0], [1, 1]]}],
+}
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=2),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=400, deadline=None, derandomize=True)
+@given(st.data())
+def test_any_damage_to_a_file(data: st.DataObject) -> None:
+    """One value somewhere in a good file replaced by any other: it is read, or refused with a GridError."""
+    whole: Any = json.loads(json.dumps(SMALL))
+    here = whole
+    while True:
+        keys = list(here) if isinstance(here, dict) else range(len(here))
+        key = data.draw(st.sampled_from(keys))
+        if not isinstance(here[key], dict | list) or not here[key] or data.draw(st.integers(0, 3)) == 0:
+            break
+        here = here[key]
+    here[key] = data.draw(anything)
+    with contextlib.suppress(GridError):
+        assert info(read_document(json.dumps(whole), "any.json"), "any.json")["nodes"] > 0

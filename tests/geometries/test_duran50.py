@@ -8,22 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdmesh.grid import grid_of, read_file
 from pdpost.cracks import growth
 from pdsolve.results import Results
-
-
-def test_the_grid(duran_json: Path) -> None:
-    """2732 nodes: 101 x 22 of 1 mm, 51 x 10 of 2 mm; 204 loaded nodes a side."""
-    document = read_file(duran_json)
-    grid = grid_of(document, "duran50.json")
-    fine, coarse = (np.unique(grid.position[grid.delta == delta, 1]) for delta in (1e-3, 2e-3))
-    assert (len(grid), (grid.delta == 1e-3).sum(), (grid.delta == 2e-3).sum()) == (2732, 101 * 22, 51 * 10)
-    assert fine == pytest.approx(1e-3 * np.arange(-10.5, 11), abs=1e-12)
-    assert coarse == pytest.approx([-0.02, -0.018, -0.016, -0.014, -0.012, 0.012, 0.014, 0.016, 0.018, 0.02], abs=1e-12)
-    assert [len(load.nodes or ()) for load in document.conditions] == [204, 204]
-    assert grid.areas is not None
-    assert grid.areas.sum() == pytest.approx(4e-3, rel=1e-12)  # measured 4e-16
 
 
 def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]) -> None:

@@ -1,40 +1,60 @@
-"""Drawings that Gmsh reads, and those that get one clear sentence."""
+"""Gmsh drawings, read by Gmsh: both kernels, CAD files, parameters, and what is refused."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from plates import ROOT
-from shapely import Point
+import shapely
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from plates import GEOMETRIES
 
 pytest.importorskip("gmsh", exc_type=OSError)
 
 from pdmesh import geo
-from pdmesh.geo import read_geo
+from pdmesh.geo import read_cad, read_geo, read_outline, read_parameters
+from pdmesh.lattice import build_grid
 from pdmesh.scene import SceneError
 
-DURAN = ROOT / "geometries" / "duran50.geo"
-PLATE = """
+DURAN = GEOMETRIES / "duran50.geo"
+HEAD = """
 DefineConstant[
-  h = {1e-3, Name "Peridynamics/Zones/all/Spacing"}, E = {1e9, Name "Peridynamics/Material/E"},
-  rho = {1e3, Name "Peridynamics/Material/rho"}, G0 = {100, Name "Peridynamics/Material/G0"},
-  dt = {1e-8, Name "Peridynamics/Run/Time step"}, T = {1e-6, Name "Peridynamics/Run/Duration"}
+  spacing = {1e-3, Min 1e-5, Max 0.1, Name "Peridynamics/Zones/plate/Spacing", Units "m", Help "Between nodes"},
+  pull = {1e6, Name "Peridynamics/Loads/top/Traction y", Units "Pa"},
+  law = {"brittle", Choices{"brittle", "bilinear"}, Name "Peridynamics/Material/Force law"},
+  E = {65e9, Name "Peridynamics/Material/E"}, rho = {2235, Name "Peridynamics/Material/rho"},
+  G0 = {204, Name "Peridynamics/Material/G0"}
 ];
-Point(1) = {0, 0, 0}; Point(2) = {0.02, 0, 0}; Point(3) = {0.02, 0.01, 0}; Point(4) = {0, 0.01, 0};
-Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
-Point(5) = {0.01, 0.005, 0}; Point(6) = {0.013, 0.005, 0}; Point(7) = {0.007, 0.005, 0};
-Circle(5) = {6, 5, 7}; Circle(6) = {7, 5, 6};
-Curve Loop(1) = {1, 2, 3, 4}; Curve Loop(2) = {5, 6};
-Plane Surface(1) = {1, 2};
-Physical Surface("zone:all") = {1};
 """
+BUILT_IN = (
+    HEAD
+    + """
+Point(1) = {0, 0, 0}; Point(2) = {0.04, 0, 0}; Point(3) = {0.04, 0.02, 0}; Point(4) = {0, 0.02, 0};
+Point(5) = {0.02, 0.01, 0}; Point(6) = {0.025, 0.01, 0}; Point(7) = {0.015, 0.01, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Circle(5) = {6, 5, 7}; Circle(6) = {7, 5, 6};
+Curve Loop(1) = {1, 2, 3, 4}; Curve Loop(2) = {5, 6}; Plane Surface(1) = {1, 2};
+Physical Surface("zone:plate") = {1};
+Physical Curve("load:top") = {3};
+"""
+)
+OPEN_CASCADE = (
+    HEAD
+    + """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.04, 0.02}; Disk(2) = {0.02, 0.01, 0, 0.005};
+BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };
+Physical Surface("zone:plate") = {3};
+Physical Curve("load:top") = Curve In BoundingBox{-0.001, 0.019, -1, 0.041, 0.021, 1};
+"""
+)
 
 
-def drawing(folder: Path, text: str) -> Path:
-    """A file with this text."""
-    path = folder / "plate.geo"
-    path.write_text(text)
+def written(folder: Path, text: str, name: str = "plate.geo") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -47,6 +67,46 @@ def test_the_duran_drawing() -> None:
     assert dict(scene.parameters)["Peridynamics/Horizon ratio"] == 4
 
 
+def test_both_kernels_draw_the_same_plate(tmp_path: Path) -> None:
+    built_in = read_geo(written(tmp_path, BUILT_IN))
+    open_cascade = read_geo(written(tmp_path, OPEN_CASCADE))
+    assert len(built_in.holes) == len(open_cascade.holes) == 1
+    area = 0.04 * 0.02 - np.pi * 0.005**2
+    for scene in (built_in, open_cascade):
+        assert scene.shape.area == pytest.approx(area, rel=2e-4)  # measured: 1.3e-4 and 1.4e-4, of the chords
+        hole, centre = scene.holes[0].exterior, (0.02, 0.01)
+        assert 0 < 0.005 - shapely.distance(hole, shapely.Point(centre)) <= 0.01 * 1e-3
+        assert np.hypot(*(shapely.get_coordinates(hole) - centre).T).max() - 0.005 <= 0.01 * 1e-3
+    first, second = (build_grid(scene)[0].position for scene in (built_in, open_cascade))
+    assert np.array_equal(first, second)
+
+
+def test_chords_follow_the_spacing(tmp_path: Path) -> None:
+    path = written(tmp_path, BUILT_IN)
+    for value in (1e-3, 1e-4):
+        hole = read_geo(path, [("Zones/plate/Spacing", str(value))]).holes[0]
+        corners = shapely.get_coordinates(hole.exterior) - (0.02, 0.01)
+        sagitta = 0.005 - np.hypot(*((corners[1:] + corners[:-1]) / 2).T).min()
+        assert 0.1 * 0.01 * value < sagitta <= 0.01 * value  # halving overshoots by up to 4
+
+
+def test_splines_and_several_loops(tmp_path: Path) -> None:
+    text = BUILT_IN.replace("Circle(5) = {6, 5, 7};", "Point(8) = {0.02, 0.017, 0}; Spline(5) = {6, 8, 7};")
+    scene = read_geo(written(tmp_path, text))
+    assert scene.shape.area < 0.04 * 0.02 - np.pi * 0.005**2
+    assert scene.holes[0].bounds[3] == pytest.approx(0.017, abs=1e-4)
+
+
+def test_assignments_reach_the_drawing(tmp_path: Path) -> None:
+    path = written(tmp_path, BUILT_IN)
+    scene = read_geo(path, [("Peridynamics/Zones/plate/Spacing", "5e-4"), ("Material/Force law", "bilinear")])
+    assert scene.spacing == 5e-4
+    assert scene.material is not None
+    assert scene.material.law == "bilinear"
+    assert dict(scene.parameters)["Peridynamics/Zones/plate/Spacing"] == 5e-4
+    assert scene.drawing == path.read_text(encoding="utf-8")
+
+
 def test_parameters_are_set_by_name_with_or_without_the_prefix() -> None:
     assignments = [("Plate/Length", "0.2"), ("Peridynamics/Material/Micromodulus", "constant")]
     scene = read_geo(DURAN, assignments)
@@ -54,70 +114,228 @@ def test_parameters_are_set_by_name_with_or_without_the_prefix() -> None:
     assert scene.material.micromodulus == "constant"
 
 
-def test_a_round_hole_keeps_to_the_chord_tolerance(tmp_path: Path) -> None:
-    (hole,) = read_geo(drawing(tmp_path, PLATE)).holes
-    off = [
-        abs(Point(0.01, 0.005).distance(hole.exterior.interpolate(s / 997, normalized=True)) - 3e-3) for s in range(997)
-    ]
-    assert max(off) <= geo.CHORD_TOLERANCE * 1e-3  # measured 3.6e-6 of 1e-5
+def test_parameters_with_unit_and_meaning(tmp_path: Path) -> None:
+    found = {entry.name: entry for entry in read_parameters(written(tmp_path, BUILT_IN))}
+    spacing = found["Peridynamics/Zones/plate/Spacing"]
+    assert (spacing.value, spacing.unit, spacing.meaning) == (1e-3, "m", "Between nodes")
+    assert found["Peridynamics/Material/Force law"].value == "brittle"
+    assert len(found) == 6
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("= {1};\n", "= {1};", "last line: found no line end, expected one"),
-        ('"zone:all"', '"zon:all"', r'Physical Surface\("zon:all"\): expected Physical Surface\("zone:NAME"\)'),
-        (
-            'Surface("zone:all") = {1}',
-            'Surface("zone:all") = {9}',
-            "Gmsh says: Warning: Skipping unknown surface 9",
-        ),
-        ('"zone:all"', '"zone:fine"', r'Physical Surface\("zone:all"\): found none, expected one for'),
-        ("1e-3, Name", "-1e-3, Name", "zone 'all': spacing: found -0.001 m, expected more than 0 m"),
-        ("Material/rho", "Material/rhoo", "parameter 'Peridynamics/Material/rho': found none, expected a number"),
-        ("G0 = {100", "G0 = {-100", "Peridynamics/Material: Expected `float` > 0"),
-        ("Line(1) = {1, 2}", "Line(1) = {1, 2", r"plate\.geo', line 8: syntax error"),
-        ("{1, 2};\nPhysical", "{1, 2};\nExit;\nPhysical", "line 13: found 'Exit'"),
-        ("Physical S", 'SystemCall "touch /tmp/pdmesh-was-here";\nPhysical S', "line 13: found 'SystemCall'"),
-        ("Physical S", 'Printf("x") > "/tmp/pdmesh-was-here";\nPhysical S', "line 13: found 'Printf'"),
-    ],
-)
-def test_bad_drawings_get_one_sentence(tmp_path: Path, old: str, new: str, message: str) -> None:
-    assert old in PLATE
-    path = drawing(tmp_path, PLATE.replace(old, new))
-    with pytest.raises(SceneError, match=message) as error:
+@pytest.fixture(scope="module")
+def cad(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a plate of 40 x 20 mm with a hole, as STEP in millimetres and as BREP in metres."""
+    import gmsh
+
+    folder = tmp_path_factory.mktemp("cad")
+    for name, unit in (("plate.step", 1.0), ("plate.brep", 1e-3)):
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        plate = gmsh.model.occ.addRectangle(0, 0, 0, 40 * unit, 20 * unit)
+        disc = gmsh.model.occ.addDisk(20 * unit, 10 * unit, 0, 5 * unit, 5 * unit)
+        gmsh.model.occ.cut([(2, plate)], [(2, disc)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(folder / name))
+        gmsh.finalize()
+    return folder
+
+
+@pytest.mark.parametrize("name", ["plate.step", "plate.brep"])
+def test_cad_files(name: str, cad: Path) -> None:
+    area = 0.04 * 0.02 - np.pi * 0.005**2
+    scene = read_cad(cad / name, [("Zones/plate/Spacing", "1e-3"), ("Fixes/foot/Box", "0 0 0.04 0.0005")])
+    assert scene.shape.area == pytest.approx(area, rel=2e-4)  # measured: 1.4e-4, of the chords
+    assert len(scene.holes) == 1
+    assert len(build_grid(scene)[1].conditions[0].nodes or ()) == 41
+    outline = read_outline(cad / name, 1e-4)
+    assert outline.area == pytest.approx(area, rel=2e-5)  # measured: 8.7e-6
+
+
+def test_a_drawing_may_merge_a_cad_file_of_its_folder(cad: Path) -> None:
+    text = HEAD + 'Merge "plate.step";\nPhysical Surface("zone:plate") = {1};\nPhysical Curve("load:top") = {3};\n'
+    assert read_geo(written(cad, text, "merging.geo")).shape.area == pytest.approx(0.000721, abs=1e-6)
+
+
+def test_a_drawing_may_include_a_drawing_of_its_folder(tmp_path: Path) -> None:
+    written(tmp_path, HEAD, "head.geo")
+    scene = read_geo(written(tmp_path, 'Include "head.geo";\n' + BUILT_IN.removeprefix(HEAD)))
+    assert scene.spacing == 1e-3
+
+
+REFUSED = {
+    'SystemCall "touch FILE";': "SystemCall",
+    'System "touch FILE";': "System",
+    'NonBlockingSystemCall "touch FILE";': "NonBlockingSystemCall",
+    'OnelabRun("x", "touch FILE");': "OnelabRun",
+    'Save "FILE";': "Save",
+    'Print "FILE";': "Print",
+    'CreateDir "FILE";': "CreateDir",
+    'Printf("hello") > "FILE";': "Printf",
+    'Printf("%g", Sqrt(2)) >> "FILE";': "Printf",
+    'Plugin(MathEval).Run;': "Plugin",
+    "Exit;": "Exit",
+    "Abort;": "Abort",
+    'General.ErrorFileName = "FILE";': r"General\.ErrorFileName",
+    'Include "/etc/passwd";': 'Include "/etc/passwd"',
+    'Merge "../secret.geo";': 'Merge "../secret.geo"',
+    'Merge "mesh.msh";': 'Merge "mesh.msh"',
+    'name = "a.geo"; Include Str(name);': "Include Str",
+    'Volume(1) = ShapeFromFile("/tmp/a.step");': "ShapeFromFile",
+    'a() = ListFromFile("/etc/passwd");': "ListFromFile",
+    'a = "x\\"; SystemCall "touch FILE"; b = "y";': "SystemCall",  # no escapes in strings
+    "a = 'x\\'; SystemCall 'touch FILE'; b = 'y';": "SystemCall",
+    'Macro ("x", "System" ); Call x;': r"Macro",
+    '/* a comment */ SystemCall /* another */ "touch FILE";': "SystemCall",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_commands_that_reach_outside_are_refused(command: str, tmp_path: Path) -> None:
+    target = tmp_path / "touched"
+    path = written(tmp_path, BUILT_IN + command.replace("FILE", str(target)) + "\n")
+    line = BUILT_IN.count("\n") + 1
+    with pytest.raises(SceneError, match=f"plate.geo: line {line}: found '{REFUSED[command]}"):
         read_geo(path)
-    assert str(error.value).startswith(f"{path}: ")
+    assert not target.exists()
 
 
-def test_commands_in_comments_and_strings_are_no_commands(tmp_path: Path) -> None:
-    path = drawing(tmp_path, PLATE + '// SystemCall\n/* Exit; */ name = "Save";\n')
-    assert len(read_geo(path).holes) == 1
+def test_a_command_behind_a_string_of_two_lines(tmp_path: Path) -> None:
+    text = BUILT_IN + 'a = "x\n"; SystemCall "touch y"; b = "z";\n'
+    with pytest.raises(SceneError, match=f"line {BUILT_IN.count(chr(10)) + 2}: found 'SystemCall'"):
+        read_geo(written(tmp_path, text))
 
 
-def test_an_unknown_parameter_is_answered_with_a_known_one() -> None:
-    with pytest.raises(
-        SceneError, match=r"'Peridynamics/Zones/fin/Spacing' is not in .* 'Peridynamics/Zones/fine/Spacing'"
-    ):
-        read_geo(DURAN, [("Zones/fin/Spacing", "1e-3")])
+def test_an_included_drawing_is_looked_through_too(tmp_path: Path) -> None:
+    written(tmp_path, 'SystemCall "true";\n', "other.geo")
+    with pytest.raises(SceneError, match=r"other.geo: line 1: found 'SystemCall'"):
+        read_geo(written(tmp_path, 'Include "other.geo";\n' + BUILT_IN))
 
 
-def test_a_number_is_asked_for_where_a_word_was_given() -> None:
-    with pytest.raises(SceneError, match="Zones/fine/Spacing': found 'wide', expected a number"):
-        read_geo(DURAN, [("Zones/fine/Spacing", "wide")])
+def test_words_in_comments_and_strings_are_no_commands(tmp_path: Path) -> None:
+    text = BUILT_IN + '// SystemCall "x";\n/* Save "y"; */\nname = "Merge z;\nExit;";\nPrintf("done");\n'
+    assert read_geo(written(tmp_path, text)).spacing == 1e-3
+
+
+def test_trust_reads_it_all_the_same(tmp_path: Path) -> None:
+    path = written(tmp_path, BUILT_IN + f'SystemCall "touch {tmp_path}/touched";\n')
+    assert read_geo(path, trust=True).spacing == 1e-3
+    assert (tmp_path / "touched").exists()
 
 
 def test_a_drawing_that_ends_the_process_leaves_this_one_alone(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="Gmsh stopped before the end of the drawing"):
-        read_geo(drawing(tmp_path, PLATE + "Exit;\n"), trust=True)
+        read_geo(written(tmp_path, BUILT_IN + "Exit;\n"), trust=True)
 
 
-def test_a_drawing_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(geo, "TIME_LIMIT", 2.0)
-    with pytest.raises(SceneError, match="still reading after 2 s"):
-        read_geo(drawing(tmp_path, PLATE + "For i In {1:1e12}\n  a = i;\nEndFor\n"))
+MILLIMETRES = (
+    HEAD
+    + """
+SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 40, 20};
+Physical Surface("zone:plate") = {1}; Physical Curve("load:top") = {3};
+"""
+)
+CROSSING = ("{0.04, 0.02, 0}; Point(4) = {0, 0.02, 0}", "{0, 0.02, 0}; Point(4) = {0.04, 0.02, 0}")
+BAD = {
+    "no line end": (BUILT_IN.rstrip("\n"), "plate.geo: last line: found no line end, expected one"),
+    "syntax": (
+        BUILT_IN + "Pont(1) = {0};\n",
+        rf"plate\.geo: Gmsh says: .*plate\.geo', line {BUILT_IN.count(chr(10)) + 1}: syntax error",
+    ),
+    "vanished group": (BUILT_IN.replace('"load:top") = {3}', '"load:top") = {33}'), "Gmsh says: .*unknown curve 33"),
+    "vanished surface": (BUILT_IN.replace('plate") = {1}', 'plate") = {9}'), "Gmsh says: .*Skipping unknown surface 9"),
+    "unknown group": (BUILT_IN.replace("load:top", "laod:top"), r'Physical Curve\("laod:top"\): expected'),
+    "unknown zone": (
+        BUILT_IN.replace("zone:plate", "zon:plate"),
+        r'Surface\("zon:plate"\): expected Physical Surface\("zone:NAME"\)',
+    ),
+    "half a material": (
+        BUILT_IN.replace("Material/rho", "Material/rhoo"),
+        "'Peridynamics/Material/rho': found none, expected a number",
+    ),
+    "empty": ("\n", "zones: found none, expected at least one"),
+    "negative spacing": (
+        BUILT_IN.replace("{1e-3, Min 1e-5, Max 0.1,", "{-1e-3,"),
+        "zone 'plate': spacing: found -0.001 m, expected more than 0 m",
+    ),
+    "spacing below its least": (BUILT_IN.replace("{1e-3,", "{1e-6,"), "found 1e-06, expected a number from 1e-05"),
+    "absurd spacing": (BUILT_IN.replace("{1e-3,", "{0.09,"), "found 0.09 m, expected less than"),
+    "open outline": (BUILT_IN.replace("{1, 2, 3, 4}; Curve", "{1, 2, 3}; Curve"), "found an outline open at"),
+    "crossing": (BUILT_IN.replace(*CROSSING), "zone 'plate': found .*expected an outline that does not cross itself"),
+    "tilted": (BUILT_IN.replace("0.04, 0.02, 0}", "0.04, 0.02, 0.01}"), "found z from 0 to 0.01"),
+    "millimetres": (MILLIMETRES, "expected metres, not millimetres"),
+    "gets stuck": (BUILT_IN + "For i In {1:1e9}\nx = i;\nEndFor\n", "Gmsh was still reading after 1 s"),
+    "hidden exit": (BUILT_IN + "General.AbortOnError = 0;\nfoo;\n", "Gmsh says: "),
+}  # fmt: skip
 
 
-def test_a_missing_drawing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none\.geo: cannot be read: No such file"):
-        read_geo(tmp_path / "none.geo")
+@pytest.mark.parametrize("name", BAD)
+def test_bad_drawings(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text, message = BAD[name]
+    monkeypatch.setattr(geo, "TIME_LIMIT", 1.0 if name == "gets stuck" else 60.0)
+    path = written(tmp_path, text)
+    with pytest.raises(SceneError, match=message) as caught:
+        build_grid(read_geo(path))
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        (
+            ("Zones/plat/Spacing", "1"),
+            "'Peridynamics/Zones/plat/Spacing' is not in the drawing, expected one such as 'Peridynamics/Zones/plate/S",
+        ),
+        (("Zones/plate/Spacing", "wide"), "Spacing': found 'wide', expected a number"),
+        (("Zones/plate/Spacing", "nan"), "Spacing': found nan, expected a number from"),
+        (("Zones/plate/Spacing", "-1"), "Spacing': found -1, expected a number from 1e-05 to 0.1"),
+        (("Material/E", "nan"), "Material/E': found nan"),
+    ],
+)
+def test_bad_assignments(assignment: tuple[str, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=message):
+        read_geo(written(tmp_path, BUILT_IN), [assignment])
+
+
+def test_files_that_are_no_drawings(tmp_path: Path, cad: Path) -> None:
+    with pytest.raises(SceneError, match=r"missing\.geo: cannot be read: No such file"):
+        read_geo(tmp_path / "missing.geo")
+    (tmp_path / "binary.geo").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SceneError, match="found bytes that are not text"):
+        read_geo(tmp_path / "binary.geo")
+    with pytest.raises(SceneError, match="cannot be read"):
+        read_cad(tmp_path / "missing.step")
+    with pytest.raises(SceneError, match=r"text.step: Gmsh "):
+        read_cad(written(tmp_path, "no step\n", "text.step"), [("Zones/plate/Spacing", "1e-3")])
+    with pytest.raises(SceneError, match="Zones/plate/Spacing': found none"):
+        read_cad(cad / "plate.step")
+
+
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_any_damage_to_a_drawing_is_one_error(tmp_path: Path, data: st.DataObject) -> None:
+    """Lines swapped, cut, doubled or with a character changed: a scene, or one line that says what is wrong."""
+    lines = BUILT_IN.splitlines()
+    at = data.draw(st.integers(0, len(lines) - 1))
+    kind = data.draw(st.sampled_from(["cut", "double", "swap", "replace", "end"]))
+    if kind == "cut":
+        lines[at] = lines[at][: data.draw(st.integers(0, len(lines[at])))]
+    elif kind == "double":
+        lines.insert(at, lines[at])
+    elif kind == "swap":
+        lines[at], lines[-1] = lines[-1], lines[at]
+    elif kind == "end":
+        lines = lines[:at]
+    else:
+        place = data.draw(st.integers(0, len(lines[at])))
+        lines[at] = lines[at][:place] + data.draw(st.sampled_from('0-{}[];"=/e\t#%')) + lines[at][place + 1 :]
+    path = written(tmp_path, "\n".join(lines) + "\n", "damaged.geo")
+    try:
+        scene = read_geo(path)
+    except SceneError as error:
+        message = str(error)
+    else:
+        message = str(path) if scene.shape.area > 0 else ""
+    assert message.startswith(str(path))
+    assert "\n" not in message

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plates import GEOMETRIES, ROOT
 
 from pdmesh.grid import Displacement, Load, Velocity
 from pdmesh.sources import Built, build
-
-GEOMETRIES = Path(__file__).parents[2] / "geometries"
 
 # nodes in all, by spacing (mm), and on each condition
 SHIPPED = {
@@ -68,7 +67,7 @@ def test_header_names_its_source_and_what_is_calibrated(name: str) -> None:
 def rows(built: Built, axis: int, spacing: float) -> list[float]:
     """The coordinates of the rows of one spacing, mm."""
     grid = built.grid
-    return np.unique(np.round(grid.position[grid.delta == spacing, axis] * 1e3, 6)).tolist()
+    return np.unique(np.round(grid.position[grid.delta == spacing, axis] * 1e3, 9)).tolist()
 
 
 def test_duran_rows(built: dict[str, Built]) -> None:
@@ -129,7 +128,7 @@ def test_loads_of_both_edges_balance(built: dict[str, Built]) -> None:
 
 
 def test_the_scene_in_the_readme_builds(tmp_path: Path) -> None:
-    text = (GEOMETRIES.parent / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
     code = next(block for block in text.split("```python\n")[1:] if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"
     path.write_text(code, encoding="utf-8")

@@ -126,7 +126,7 @@ BAD = {
     "crack as a surface": ([Group("crack:a", 2)], {}, r'Physical Surface\("crack:a"\)'),
     "a point": ([Group("load:a", 0)], {}, r'Physical Point\("load:a"\)'),
     "missing group": ([], {"Loads/left/Traction x": 1.0}, r'Physical Curve\("load:left"\): found none'),
-    "missing zone": ([], {"Zones/fine/Spacing": 1e-3}, r'Physical Surface\("zone:fine"\): found none'),
+    "missing zone": ([], {"Zones/fine/Spacing": 1e-3}, r'Surface\("zone:fine"\): found none, expected one for'),
     "missing spacing": ([Group("zone:b", 2, surfaces=(ring(0, 0, 1, 1),))], {}, "Zones/b/Spacing': found none"),
     "misspelt": ([], {"Loads/top/Tracton x": 1.0}, r"Tracton x': found a name.*'Peridynamics/Loads/top/Traction x'"),
     "negative spacing": ([], {"Zones/plate/Spacing": -1.0}, "zone 'plate': spacing: found -1 m"),

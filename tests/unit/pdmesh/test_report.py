@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from plates import GEOMETRIES, GLASS
 
 from pdmesh.families import count, stable_step
 from pdmesh.grid import Document, GridError, Load, Material, document_of
@@ -14,8 +14,6 @@ from pdmesh.lattice import build_grid
 from pdmesh.report import info, info_lines, plan, plan_lines
 from pdmesh.scene import Circle, Scene, box
 from pdmesh.sources import build
-
-GEOMETRIES = Path(__file__).parents[3] / "geometries"
 
 
 def document(scene: Scene) -> Document:
@@ -62,9 +60,8 @@ def test_the_step_is_that_of_an_inner_node() -> None:
     """Silling and Askari's bound for E = rho = 1 at ratio 1: four bonds of stiffness c and length 1."""
     unit = Material(E=1.0, rho=1.0, G0=1.0, micromodulus="constant")
     assert stable_step(unit, 1.0, 1.0) == pytest.approx(np.sqrt(2 * np.pi / (9 * 4)))
-    glass = Material(E=65e9, rho=2235, G0=204)
-    assert stable_step(glass, 4, 1e-3) == pytest.approx(2 * stable_step(glass, 4, 5e-4))
-    assert stable_step(glass, 4, 1e-3) == pytest.approx(2.077e-7, rel=1e-3)
+    assert stable_step(GLASS, 4, 1e-3) == pytest.approx(2 * stable_step(GLASS, 4, 5e-4))
+    assert stable_step(GLASS, 4, 1e-3) == pytest.approx(2.077e-7, rel=1e-3)
 
 
 def test_info_of_a_shipped_scene() -> None:
@@ -111,7 +108,7 @@ def test_conditions_of_other_nodes(change: dict[str, Any], message: str, plate: 
 
 
 def test_plan_says_what_is_then_built() -> None:
-    scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, Material(E=65e9, rho=2235, G0=204)).crack([(0, 0.01), (0.01, 0.01)])
+    scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS).crack([(0, 0.01), (0.01, 0.01)])
     found = plan(scene.refine("crack", 1e-3))
     own, flat = found["scene"], found["one_scale"]
     grid, _, _ = build_grid(scene.refine("crack", 1e-3))

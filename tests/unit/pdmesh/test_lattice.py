@@ -95,7 +95,7 @@ def test_border_and_holes(plate: Scene) -> None:
     assert grid.border.tolist() == (edge | (grid.hole_id >= 0)).tolist()
 
 
-def test_mirrored_nodes_have_mirrored_bits(glass: object) -> None:
+def test_mirrored_nodes_have_mirrored_bits() -> None:
     scene = Scene(box(-0.0137, -0.0071, 0.0137, 0.0071), 1e-4)
     position = place_nodes(scene).position
     points = set(map(tuple, position.tolist()))
