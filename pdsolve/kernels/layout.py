@@ -106,13 +106,13 @@ def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
     return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
 
 
-def _alike(values: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _alike(values: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Different values, and the number of each of `values` among them; steps up to `tolerance` make no difference."""
     ordered = np.sort(values)
     with np.errstate(invalid="ignore"):  # infinite less infinite
         ends = np.append(np.flatnonzero(np.diff(ordered) > tolerance), len(ordered) - 1)
     starts = np.concatenate([[0], ends[:-1] + 1])
-    return ordered[(starts + ends) // 2], np.searchsorted(ordered[ends], values)
+    return ordered[(starts + ends) // 2], np.searchsorted(ordered[ends], values).astype(np.int32)
 
 
 def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
