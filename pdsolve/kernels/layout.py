@@ -48,7 +48,7 @@ def blocks_of(bonds: Any, kind: type[np.floating], threads: int) -> Blocks | Non
     pull, rows = _shared_rows(number, bond, mask)
     peaks, peak_number = _alike(bonds.peak, 0.0)
     limits, limit_number = _alike(bonds.limit, 0.0)
-    pair, pairs = _numbered(peak_number * len(limits) + limit_number, len(peaks) * len(limits))
+    pair, pairs = _numbered(peak_number.astype(np.int64) * len(limits) + limit_number, len(peaks) * len(limits))
     bound, bound_rows = _shared_rows(pair, bond, mask)
     peak, limit = peaks[pairs // len(limits)], limits[pairs % len(limits)]
     lowest = peak[bound_rows].min(axis=1)[bound]
