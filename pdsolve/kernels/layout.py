@@ -48,7 +48,7 @@ def blocks_of(bonds: Any, kind: type[np.floating], threads: int) -> Blocks | Non
     pull, rows = _shared_rows(number, bond, mask)
     peaks, peak_number = _alike(bonds.peak, 0.0)
     limits, limit_number = _alike(bonds.limit, 0.0)
-    pair, pairs = _numbered(peak_number * len(limits) + limit_number, len(peaks) * len(limits))
+    pair, pairs = _numbered(peak_number.astype(np.int64) * len(limits) + limit_number, len(peaks) * len(limits))
     bound, bound_rows = _shared_rows(pair, bond, mask)
     peak, limit = peaks[pairs // len(limits)], limits[pairs % len(limits)]
     lowest = peak[bound_rows].min(axis=1)[bound]
@@ -106,13 +106,13 @@ def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
     return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
 
 
-def _alike(values: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _alike(values: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Different values, and the number of each of `values` among them; steps up to `tolerance` make no difference."""
     ordered = np.sort(values)
     with np.errstate(invalid="ignore"):  # infinite less infinite
         ends = np.append(np.flatnonzero(np.diff(ordered) > tolerance), len(ordered) - 1)
     starts = np.concatenate([[0], ends[:-1] + 1])
-    return ordered[(starts + ends) // 2], np.searchsorted(ordered[ends], values)
+    return ordered[(starts + ends) // 2], np.searchsorted(ordered[ends], values).astype(np.int32)
 
 
 def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
