@@ -207,8 +207,12 @@ def prepare(model: Model, options: Options) -> Problem:
     if options.threads is not None and not 1 <= options.threads <= cores:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
     numba.set_num_threads(options.threads or cores)
+    return problem_of(model, options, SCHEMES[options.mode](model))
+
+
+def problem_of(model: Model, options: Options, exact: Assembly) -> Problem:
+    """The problem of a model whose bonds are there already, in double precision. Raises ModelError."""
     kind = np.dtype(options.precision).type
-    exact = SCHEMES[options.mode](model)
     bound = stability_bound(exact.bonds, model.rho)
     step = model.settings.run.time_step
     if step is None:
@@ -225,7 +229,7 @@ def prepare(model: Model, options: Options) -> Problem:
     nodes, rho = len(model.grid), model.rho.astype(kind)
     velocity = initial_velocity(model)
     softens = bool((exact.bonds.peak < exact.bonds.limit).any())
-    blocks = None if options.kernel == "textbook" else blocks_of(exact.bonds, kind, cores)
+    blocks = None if options.kernel == "textbook" else blocks_of(exact.bonds, kind, numba.config.NUMBA_NUM_THREADS)
     if options.kernel == "blocks" and blocks is None:
         raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
     motion = Motion(

@@ -9,10 +9,8 @@ from scipy.spatial import cKDTree
 
 from pdmesh.grid import Grid
 from pdsolve.bonds import Assembly, Bonds
-from pdsolve.conditions import drive
-from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model
-from pdsolve.problem import Problem
+from pdsolve.problem import Problem, problem_of
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
 
@@ -38,17 +36,10 @@ def joined(problem: Problem, box: Box) -> Problem:
         image[neighbour].astype(np.int32),
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
-    area, n, b = problem.assembly.area[rows], len(rows), len(chosen)
-    worst = np.zeros(b if len(problem.motion.worst) else 0)
-    motion = Motion(*(np.zeros((n, 2)) for _ in range(3)), np.zeros(b, dtype=np.int32), worst, np.zeros(n), np.zeros(n))
-    return dataclasses.replace(
-        problem,
-        model=sub,
-        assembly=Assembly(own, area, problem.assembly.family[rows]),
-        drive=drive(sub, area, True, np.float64),
-        motion=motion,
-        rho=problem.rho[rows],
-    )
+    assembly = Assembly(own, problem.assembly.area[rows], problem.assembly.family[rows])
+    ring = problem_of(sub, problem.options, assembly)
+    vars(ring)["assembly"] = assembly  # not that of a plate with edges
+    return ring
 
 
 def _some(grid: Grid, rows: np.ndarray) -> Grid:

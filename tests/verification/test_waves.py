@@ -54,11 +54,12 @@ def ring(m: int, profile: str, nodes: int) -> Problem:
 def frequency(problem: Problem, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
     """Angular frequency of a standing wave of `waves` in the ring, marched at `share` of the bound, and the step."""
     nodes = len(problem.model.grid)
+    stiffness = operator(problem.assembly.bonds)
     problem = dataclasses.replace(problem, time_step=share * problem.bound)
     x, motion = np.arange(nodes), problem.motion
     shape = np.cos(2 * np.pi * waves * x / nodes)
     motion.u[:, axis] = 1e-12 * shape  # small: a wave of finite size changes its own frequency
-    motion.a[:] = -(operator(problem.assembly.bonds) @ motion.u.ravel()).reshape(-1, 2) / problem.rho[:, None]
+    motion.a[:] = -(stiffness @ motion.u.ravel()).reshape(-1, 2) / problem.rho[:, None]
     guess = np.sqrt(-motion.a[0, axis] / motion.u[0, axis])
     seen = []
     steps = round(periods * 2 * np.pi / guess / problem.time_step)
