@@ -31,7 +31,7 @@ CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 # On Linux the OpenMP layer starts a parallel loop three times as fast as numba's own. Its threads wait for each other
-# by spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs nothing.
+# by spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs 3 %.
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 

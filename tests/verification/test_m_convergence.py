@@ -53,7 +53,7 @@ def crack(m: int, mode: str) -> Crack:
     branch = found.branching
     area = float((damage > 0.35).sum()) * (HORIZON / m) ** 2
     lopsided = float(np.abs(damage - damage[::-1]).max())
-    return Crack(found.start.time, branch and branch.time, branch and branch.x, area, lopsided)
+    return Crack(found.start.time, branch and branch.time, branch and branch.along, area, lopsided)
 
 
 # Start and branching (us), place (mm) and cracked area (mm^2); the classical speed of sound crosses 1 mm in 0.2 us.
