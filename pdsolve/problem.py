@@ -287,7 +287,17 @@ def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int)
         loaded=loaded,
         held=held,
         held_start=np.searchsorted(block[held], np.arange(count + 1)),
+        turns=_turns(count, numba.get_num_threads()),
     )
+
+
+def _turns(count: int, threads: int) -> NDArray[np.int64]:
+    """All of `count` blocks in an order whose equal parts, one for each of the threads, are equal work.
+
+    Blocks at an interface between spacings cost more than others, so that a part takes groups from all over.
+    """
+    group = max(1, count // (16 * threads))
+    return np.argsort(np.arange(count) // group % threads, kind="stable").astype(np.int64)
 
 
 def _looking_into(tracks: Tracks, motion: Motion, drive: Drive) -> tuple[Motion, Drive]:

@@ -71,6 +71,7 @@ class Tracks(NamedTuple):
     loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
+    turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
 
 
 @njit(error_model="numpy")

@@ -145,7 +145,7 @@ def advance_blocks(blocks, tracks, drive, dt, first, last):  # type: ignore[no-u
 def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends):  # type: ignore[no-untyped-def]
     for b in prange(len(tracks.loaded)):
         _sweep_block(
-            blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, np.int64(b)
+            blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, tracks.turns[b]
         )
 
 
