@@ -10,7 +10,6 @@ import numpy as np
 from pdmesh.families import (
     BYTES_AT_LEAST,
     BYTES_PER_BOND,
-    BYTES_PER_NODE,
     SECONDS_PER_BOND_STEP,
     count,
     plate_of,
@@ -206,6 +205,6 @@ def _price(scene: Scene, nodes: int, bonds: int) -> dict[str, Any]:
         "smallest_stable_step": stable,
         "time_step": step,
         "steps": scene.run.steps,
-        "memory_bytes": BYTES_AT_LEAST + nodes * BYTES_PER_NODE + bonds * BYTES_PER_BOND,
+        "memory_bytes": BYTES_AT_LEAST + bonds * BYTES_PER_BOND,
         "solve_seconds": bonds * scene.run.steps * SECONDS_PER_BOND_STEP,
     }

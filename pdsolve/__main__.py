@@ -134,7 +134,7 @@ class _Watch:
         if not self._quiet and sys.stderr.isatty():
             from tqdm import tqdm
 
-            self._bar = tqdm(desc="preparing", unit=" steps", dynamic_ncols=True, leave=False)
+            self._bar = tqdm(desc="preparing (the first run compiles)", unit=" steps", dynamic_ncols=True, leave=False)
         return self._show
 
     def __exit__(self, *_: object) -> None:
