@@ -20,6 +20,8 @@ def thesis_areas(
     within its `horizon` (n,), and the node's own delta where that side is empty. A side is the quadrant around
     its axis, its diagonals included; so an interface whose gap is one fine delta is counted a tenth short.
     """
+    if len(position) < 2:
+        return delta**2
     distance, near = cKDTree(position).query(position, k=min(NEAREST, len(position) - 1) + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     offset = position[near] - position[:, None, :]

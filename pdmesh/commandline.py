@@ -54,7 +54,11 @@ def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> P
 
     Raises UsageError if something is there already and `force` is not set, or if the folder is missing.
     """
+    if not source.name:
+        raise UsageError(f"{source}: found a folder, expected a file")
     path = given if given is not None else Path(source.name).with_suffix(suffix)
+    if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
+        raise UsageError(f"{path}: found the input itself, expected another file to write to")
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{path}: found {'a' if path.is_dir() else 'no'} folder, expected a file's name in a folder")
     if path.exists() and not force:

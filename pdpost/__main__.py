@@ -78,7 +78,10 @@ def _crack(args: argparse.Namespace) -> int:
     threshold = _threshold(args)
     with Results.open(args.results) as results:
         growth = cracks.growth(results, cracks.DIRECTIONS[args.along], threshold)
-        step = int(results.history()["step"][-1]) if args.step is None else args.step
+        last = int(results.history()["step"][-1])
+        step = last if args.step is None else args.step
+        if not 0 <= step <= last:
+            raise commandline.UsageError(f"--step: found {step}, expected 0 to {last}")
         directions = cracks.directions(results, step, threshold)
     found = {**dataclasses.asdict(growth), "directions": [dataclasses.asdict(way) for way in directions]}
     lines = [

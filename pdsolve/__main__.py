@@ -78,7 +78,10 @@ def _solve(args: argparse.Namespace) -> int:
             results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
         with results:
             meta, summary = results.meta(), results.summary()
-    commandline.report({"output": str(path), "status": meta["status"], **summary}, _lines(path, summary), args)
+    lines = _lines(path, summary)
+    if meta["status"] == "interrupted":
+        lines.insert(0, f"interrupted; to go on: pdsolve --resume {path}")
+    commandline.report({"output": str(path), "status": meta["status"], **summary}, lines, args)
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
 
 
@@ -116,7 +119,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second",
         f"broken bonds {summary['broken_bonds']}; energy, J/m:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
-        f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of the work)",
+        f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
     ]
 
 

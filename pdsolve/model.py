@@ -59,6 +59,12 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
+        order = np.lexsort(self.grid.position.T)
+        same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
+        if same.any():
+            at = int(same.argmax())
+            first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
+            raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
         for material in self.materials:
             fixed = BOND_BASED_NU[material.plane]
             if material.nu is not None and abs(material.nu - fixed) > 0.01:

@@ -308,8 +308,9 @@ class Results:
             if step not in steps:
                 there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
                 raise ResultsError(f"{self.name}: found no frame of step {step}, expected one of {there}")
-            fields = [row[0] for row in self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (step,))]
-            raise ResultsError(f"{self.name}: found no field '{name}', expected one of {', '.join(fields)}")
+            stored = self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
+            fields = f"{', '.join(row[0] for row in stored)} (pdsolve --fields stores others)"
+            raise ResultsError(f"{self.name}: found no field '{name}', expected one of {fields}")
         return np.frombuffer(b"".join(row[0] for row in rows), dtype="<f4")
 
     def breaks(self) -> Breaks:

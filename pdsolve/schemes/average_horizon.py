@@ -26,6 +26,8 @@ from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.laws.micromodulus import micromodulus
 from pdsolve.model import Model
 
+SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bond, but for round-off
+
 
 def fill(model: Model) -> Assembly:
     """Average-horizon bonds of the model."""
@@ -71,7 +73,7 @@ def _mean_of_ends(
     with np.errstate(invalid="ignore", divide="ignore"):
         peak = np.where(modulus > 0, np.sqrt(up_to_peak / modulus), widest_peak)
         limit = np.where(modulus > 0, whole / (modulus * peak), widest)
-    return modulus, peak, np.maximum(limit, peak)
+    return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
 
 def _energy_factor(

@@ -119,6 +119,20 @@ def test_bad_input_is_two_and_one_line(
     assert [path.name for path in here.iterdir()] == ["models"]
 
 
+def test_the_input_is_never_overwritten(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = model.read_bytes()
+    assert MAIN["pdsolve"]([str(model), "-o", str(model), "--force"]) == 2
+    assert "found the input itself, expected another file" in capsys.readouterr().err
+    assert model.read_bytes() == before
+    assert MAIN["pdpost"](["damage", "."]) == 2
+    assert capsys.readouterr().err == "pdpost: .: found a folder, expected a file\n"
+
+
+def test_steps_a_run_does_not_have(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert MAIN["pdpost"](["crack", str(small_results), "--step", "61"]) == 2
+    assert "--step: found 61, expected 0 to 60" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("option", "value"), [("--frame", "4"), ("--frame", "-5"), ("--time", "nan"), ("-o", "x.foo")])
 def test_pictures_that_cannot_be_drawn(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], option: str, value: str

@@ -37,4 +37,14 @@ def test_every_scene_and_option_it_names_exists() -> None:
     for scene in re.findall(r"geometries/\w+\.geo", README):
         assert (ROOT / scene).is_file()
     for word in re.findall(r"pdsolve [^\n`]*?(--[a-z-]+)", README):
-        assert word in ("--mode", "--set", "--threads", "--resume", "--settings", "--until", "--dry-run", "--probe")
+        assert word in (
+            "--mode",
+            "--set",
+            "--threads",
+            "--resume",
+            "--settings",
+            "--until",
+            "--dry-run",
+            "--probe",
+            "--fields",
+        )

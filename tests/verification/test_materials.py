@@ -17,6 +17,7 @@ from pdsolve.lattice import calibration
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.model import Model
 from pdsolve.problem import Options, prepare
+from pdsolve.schemes import average_horizon
 
 SOFT = Material(E=20e9, rho=1200.0, G0=500.0, law="bilinear", kr=4.0)
 HALF = 12
@@ -136,3 +137,11 @@ def test_a_bar_of_two_halves_stretches_as_springs_in_series() -> None:
         np.abs(operator(strip.assembly.bonds) @ np.column_stack([u, 0 * u]).ravel()).reshape(-1, 2)[~ends, 0].max()
         < 1e-6 * 65e9 * 1e-6 / 1e-3
     )
+
+
+def test_bonds_between_two_brittle_materials_are_brittle() -> None:
+    """No round-off between peak and limit that would make them soften."""
+    model = layered(soft=msgspec.structs.replace(SOFT, law="brittle", E=6e9, G0=20.0))
+    bonds = average_horizon.fill(model).bonds
+    assert np.array_equal(bonds.peak, bonds.limit)
+    assert not len(prepare(model, Options()).motion.worst)

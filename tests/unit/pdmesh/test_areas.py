@@ -16,6 +16,11 @@ def test_equation_19_on_one_scale_is_the_spacing_squared_everywhere() -> None:
     assert thesis_areas(grid.position, grid.delta, 3 * grid.delta) == pytest.approx(1e-6, rel=1e-14)
 
 
+def test_equation_19_of_a_node_alone() -> None:
+    grid = square_grid(1, 1)
+    assert thesis_areas(grid.position, grid.delta, 3 * grid.delta).tolist() == [1e-6]
+
+
 @pytest.mark.parametrize("ratio", [3, 4])
 def test_equation_19_at_an_interface(ratio: int) -> None:
     """A fine node below it: (2 + 1)/2 * 1; a coarse one above: (2 + 1)/2 * 2; all others the spacing squared."""

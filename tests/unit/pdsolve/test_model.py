@@ -98,6 +98,13 @@ def test_a_traction_as_the_thesis_spreads_it_and_exactly() -> None:
     assert (exact[:, 1] * area).sum() == pytest.approx(12e6 * 0.1, rel=1e-14)
 
 
+def test_two_nodes_at_one_place_are_named() -> None:
+    grid = square_grid(3, 2)
+    grid.position[4] = grid.position[1]
+    with pytest.raises(ModelError, match=r"\$\.nodes: found 2 and 5 at the same place, expected them apart"):
+        plate(grid)
+
+
 def test_horizons_follow_the_spacing() -> None:
     assert plate(square_grid(3, 3, delta=2e-3), ratio=4).horizons == pytest.approx(8e-3)
     assert Settings().horizon == Horizon(3.0)
