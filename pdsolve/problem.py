@@ -46,13 +46,6 @@ class Options:
     kernel: str | None = None  # "blocks" or "textbook"; None: blocks where the nodes are a lattice
 
 
-class Softened(NamedTuple):
-    """Bonds past their peak, to go on from."""
-
-    bond: NDArray[np.int64]
-    worst: NDArray[np.floating]
-
-
 class Fast(NamedTuple):
     """The same bonds and motion as the fast kernel wants them; the arrays of `Motion` look into those of `tracks`."""
 

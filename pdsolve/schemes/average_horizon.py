@@ -80,14 +80,14 @@ def _energy_factor(
     model: Model, pairs: Pairs, modulus: NDArray[np.float64], area: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Correction (b,) of each pair's modulus, 1 in the interior of a uniform grid; the same both ways."""
-    grid = model.grid
+    grid, full = model.grid, _full_energy(model)
     n = (grid.position[pairs.target] - grid.position[pairs.source]) / pairs.length[:, None]
     lack = []
     for axis in (0, 1):
         energy = modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
         held = np.bincount(pairs.source, energy, minlength=len(grid))
         with np.errstate(divide="ignore"):
-            lack.append(np.where(held > 0, _full_energy(model) / held, 1.0))
+            lack.append(np.where(held > 0, full / held, 1.0))
     mean = [(g[pairs.source] + g[pairs.target]) / 2 for g in lack]
     return np.asarray(((n[:, 0] / mean[0]) ** 2 + (n[:, 1] / mean[1]) ** 2) ** -0.5)
 
