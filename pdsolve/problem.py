@@ -22,7 +22,7 @@ from pdsolve.kernels.blocks import LANES, Blocks, Tracks
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of, energies, revive
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.results import Breaks, Nodes
+from pdsolve.results import Breaks, Families, Nodes
 from pdsolve.schemes import EXACT_LOAD, SCHEMES
 from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
@@ -133,6 +133,11 @@ class Problem:
         """The nodes as results know them."""
         grid, cut = self.model.grid, self.family - np.diff(self.start)
         return Nodes(grid.ids, grid.position, grid.delta, self.area, self.family, cut)
+
+    def families(self, first: int, last: int) -> Families:
+        """Who is bonded to whom at the start, for the rows `first` to `last` - 1."""
+        start = self.start[first : last + 1]
+        return Families(start - start[0], self.neighbour[start[0] : start[-1]].astype(np.int64))
 
     def breaks_after(self, step: int) -> Breaks:
         """Bonds broken after `step`, in order."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 CHUNK = 1024  # nodes
 FIELDS = {  # name: unit, in the order of the view
     "ux": "m",
@@ -52,6 +53,13 @@ class Nodes(NamedTuple):
     cut: NDArray[np.int64]  # (n,) bonds cut by a pre-crack
 
 
+class Families(NamedTuple):
+    """Who is bonded to whom at the start, those of node i at start[i]:start[i + 1]; cut and unseen ones left out."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int64]  # (b,) rows of the nodes, not their ids
+
+
 class Breaks(NamedTuple):
     """Bonds broken in a run, in the order of their steps; a bond of both its nodes is there twice."""
 
@@ -76,6 +84,8 @@ TABLES = f"""
 CREATE TABLE meta (key TEXT PRIMARY KEY, value);
 CREATE TABLE node ("row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL,
     delta REAL, area REAL, family INTEGER, cut INTEGER);
+CREATE TABLE family_chunk (chunk INTEGER PRIMARY KEY, bonds BLOB, ahead BLOB); -- deflated int32: the bonds of each
+    -- node, and for each bond how many rows further its neighbour is
 CREATE TABLE crack (x0 REAL, y0 REAL, x1 REAL, y1 REAL); -- segments of pre-cracks
 CREATE TABLE frame (step INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT NULL,
@@ -131,10 +141,18 @@ class Writer:
         self.connection = connection
 
     @classmethod
-    def create(cls, path: Path | None, nodes: Nodes, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:
+    def create(
+        cls,
+        path: Path | None,
+        nodes: Nodes,
+        families: Callable[[int, int], Families],
+        cracks: NDArray[np.float64],
+        meta: Mapping[str, Any],
+    ) -> Writer:
         """A new database at `path` (in memory if None), replacing what is there; `cracks` (k, 4) are segments, m.
 
-        Raises WriteError if it cannot be written.
+        `families(first, last)` gives those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
+        written.
         """
         if path is not None:
             remove(path)
@@ -148,6 +166,11 @@ class Writer:
             columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
             rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
             connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            for chunk, at in enumerate(range(0, len(nodes.ids), CHUNK)):
+                start, neighbour = families(at, min(at + CHUNK, len(nodes.ids)))
+                ahead = neighbour - np.repeat(np.arange(at, at + len(start) - 1), np.diff(start))
+                blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
+                connection.execute("INSERT INTO family_chunk VALUES (?, ?, ?)", (chunk, *blobs))
             connection.executemany("INSERT INTO crack VALUES (?, ?, ?, ?)", cracks.tolist())
             writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
             connection.execute("COMMIT")
@@ -271,8 +294,15 @@ class Results:
             return cursor.fetchall()
 
     def meta(self) -> dict[str, Any]:
-        """What the run says of itself: model, mode, step, versions, status."""
-        return dict(self._rows("SELECT key, value FROM meta"))
+        """What the run says of itself: mode, step, versions, status; all but the model."""
+        return dict(self._rows("SELECT key, value FROM meta WHERE key <> 'model'"))
+
+    def model(self) -> str:
+        """The grid file the run was made from, in full. Raises ResultsError if there is none."""
+        rows = self._rows("SELECT value FROM meta WHERE key = 'model'")
+        if not rows:
+            raise ResultsError(f"{self.name}: found no model, expected the grid file that was solved")
+        return str(rows[0][0])
 
     def summary(self) -> dict[str, Any]:
         """The closing summary; empty while the run goes on."""
@@ -290,6 +320,16 @@ class Results:
             rows[:, 5].astype(np.int64),
             rows[:, 6].astype(np.int64),
         )
+
+    def families(self) -> Families:
+        """Who is bonded to whom at the start."""
+        counts, neighbours, row = [np.zeros(1, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+        for packed in self._rows("SELECT bonds, ahead FROM family_chunk ORDER BY chunk"):
+            count, ahead = (np.frombuffer(zlib.decompress(blob), dtype="<i4").astype(np.int64) for blob in packed)
+            neighbours.append(np.repeat(np.arange(row, row + len(count)), count) + ahead)
+            counts.append(count)
+            row += len(count)
+        return Families(np.cumsum(np.concatenate(counts)), np.concatenate(neighbours))
 
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""

@@ -66,7 +66,7 @@ def simulate(
     """
     problem = prepare(model, options)
     try:
-        writer = Writer.create(output, problem.nodes(), model.grid.cracks, _meta(problem, provenance))
+        writer = Writer.create(output, problem.nodes(), problem.families, model.grid.cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
         notes.take(0)
         writer.write(notes.frame(0, whole=True))
@@ -84,7 +84,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
     """
     with Results.open(output) as results:
         meta = results.meta()
-        model = model_of(meta["model"], str(output))
+        model = model_of(results.model(), str(output))
         problem = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         step, state = results.checkpoint()
         problem.restore(step, state, results.breaks())

@@ -104,11 +104,23 @@ def test_the_ledger_and_the_model_are_inside(small_results: Path, small_plate: M
     from pdsolve.model import model_of
 
     with Results.open(small_results) as results:
-        history, meta = results.history(), results.meta()
+        history, meta, model = results.history(), results.meta(), results.model()
     assert history["step"].tolist() == [0, 20, 40, 60]
     assert history["work"][-1] > 0
-    assert model_of(meta["model"], "inside").settings == small_plate.settings
+    assert model_of(model, "inside").settings == small_plate.settings
     assert {"created", "provenance", "numpy", "numba", "mode", "precision", "time_step"} <= set(meta)
+
+
+def test_the_families_are_inside(small_results: Path, small_plate: Model) -> None:
+    from pdsolve.problem import Options, prepare
+
+    with Results.open(small_results) as results:
+        start, neighbour = results.families()
+        nodes = results.nodes()
+    problem = prepare(small_plate, Options())
+    assert np.array_equal(start, problem.start)
+    assert np.array_equal(neighbour, problem.neighbour)
+    assert np.array_equal(np.diff(start), nodes.family - nodes.cut)
 
 
 def test_only_one_file_is_left(small_results: Path) -> None:

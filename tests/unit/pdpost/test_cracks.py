@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdpost.cracks import branch_place, clusters, damage_at, directions, growth, is_split
-from pdsolve.results import Breaks, Frame, Nodes, Results, Writer
+from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
 
 
 def lattice(columns: int = 20, rows: int = 9) -> Nodes:
@@ -24,9 +24,14 @@ def at(nodes: Nodes, x: int, y: int) -> int:
     return int(nodes.ids[np.isclose(nodes.position, [1e-3 * x, 1e-3 * y]).all(axis=1)].item())
 
 
+def alone(first: int, last: int) -> Families:
+    """Nodes without bonds."""
+    return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
 def run(nodes: Nodes, cracked: list[tuple[int, int, int]]) -> Results:
     """Results in which nodes (step, x, y) lose four of their ten bonds."""
-    writer = Writer.create(None, nodes, np.array([[0.0, 0.0, 4.5e-3, 0.0]]), {"time_step": 1e-6})
+    writer = Writer.create(None, nodes, alone, np.array([[0.0, 0.0, 4.5e-3, 0.0]]), {"time_step": 1e-6})
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
     writer.write(Frame(100, 1e-4, None, breaks, [], [], {}))
@@ -76,7 +81,7 @@ def test_a_plate_that_does_not_break() -> None:
 
 def test_the_first_break_needs_no_cracked_node() -> None:
     nodes = lattice()
-    writer = Writer.create(None, nodes, np.empty((0, 4)), {"time_step": 1e-6})
+    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
     writer.write(Frame(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
     found = growth(Results(writer.connection, "memory"))
     assert found.first_break is not None
