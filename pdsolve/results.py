@@ -163,10 +163,10 @@ class Writer:
             writer = cls(connection)
             connection.executescript(f"BEGIN;{TABLES}{_view()};")
             connection.executemany("INSERT INTO float32_prefix VALUES (?, ?, ?)", _prefixes())
-            columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
-            rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
-            connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            columns = (np.arange(len(nodes.ids)), nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
             for chunk, at in enumerate(range(0, len(nodes.ids), CHUNK)):
+                rows = zip(*(column[at : at + CHUNK].tolist() for column in columns), strict=True)
+                connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
                 start, neighbour = families(at, min(at + CHUNK, len(nodes.ids)))
                 ahead = neighbour - np.repeat(np.arange(at, at + len(start) - 1), np.diff(start))
                 blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))

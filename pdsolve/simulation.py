@@ -99,7 +99,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)
     per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, len(problem.neighbour)
+    steps, bonds = model.settings.run.steps, problem.bonds
     return Plan(len(model.grid), bonds, steps, problem.time_step, problem.bound, problem.bytes(), per_step * steps)
 
 
@@ -158,7 +158,7 @@ def _finish(problem: Problem, writer: Writer, output: Path | None, notes: _Notes
 def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
     run, step, begun_at = problem.model.settings.run, notes.written, notes.written
-    chunk = max(1, int(PATIENCE / max(len(problem.motion.broken), 1)))
+    chunk = max(1, int(PATIENCE / max(problem.bonds, 1)))
     began = clock.perf_counter()
     interrupted = done = False
     while step < run.steps and not (interrupted or done):
@@ -228,7 +228,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
 
 
 def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_early: bool) -> dict[str, Any]:
-    bonds = len(problem.neighbour)
+    bonds = problem.bonds
     return {
         "nodes": len(problem.model.grid),
         "bonds": bonds,

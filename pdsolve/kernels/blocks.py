@@ -36,7 +36,7 @@ LANE_COUNT, _ONE, _NONE = np.uint64(LANES), np.uint64(1), np.uint64(0)
 
 
 class Blocks(NamedTuple):
-    """Bonds in blocks: n nodes, b bonds, s slots."""
+    """Bonds in blocks: s slots."""
 
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     vector: NDArray[np.int32]  # (s,) row of `vectors`
@@ -44,7 +44,6 @@ class Blocks(NamedTuple):
     pull: NDArray[np.int32]  # (s,) row of `stiffness`
     bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
     mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
-    bond: NDArray[np.int32]  # (s, 64) number of the lane's bond
     ids: NDArray[np.uint32]  # (., 64) neighbours
     vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
     stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|
@@ -66,8 +65,8 @@ class Tracks(NamedTuple):
     rho: NDArray[np.floating]  # (m,) kg/m^3
     dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
     work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
-    broken: NDArray[np.int32]  # (b,) as in bond_sums.Motion
-    worst: NDArray[np.floating]  # (b,) or (0,), likewise
+    broken: NDArray[np.int32]  # (s, 64) as in bond_sums.Motion, lane by lane
+    worst: NDArray[np.floating]  # (s, 64) or (0, 64), likewise
     loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
@@ -92,11 +91,11 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: i
         _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
         x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
         if len(worst) > 0:
-            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            _recall(blocks.mask[slot], worst, slot, s)
             _add_softening(
                 x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.peak, blocks.limit, blocks.bound[slot], s
             )
-            if _remember(blocks.bond, worst, slot, s):
+            if _remember(worst, slot, s):
                 blocks.softened[b] = True
         else:
             _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
@@ -233,24 +232,23 @@ def _exceeds(s, threshold):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _recall(bond, mask, worst, slot, s):  # type: ignore[no-untyped-def]
+def _recall(mask, worst, slot, s):  # type: ignore[no-untyped-def]
     """The largest stretches above the peak so far, 0 where there is no bond."""
     zero = s.dtype.type(0)
     for lane in range(LANE_COUNT):
         there = ((mask >> lane) & _ONE) != _NONE
-        s[_WORST + lane] = worst[np.uint32(bond[slot, lane])] if there else zero
+        s[_WORST + lane] = worst[slot, lane] if there else zero
 
 
 @njit(error_model="numpy")
-def _remember(bond, worst, slot, s):  # type: ignore[no-untyped-def]
+def _remember(worst, slot, s):  # type: ignore[no-untyped-def]
     """Write the largest stretches down; returns whether there are any."""
     some, zero = 0, s.dtype.type(0)
     for lane in range(LANE_COUNT):
         some += 1 if s[_WORST + lane] > zero else 0
     if some > 0:
         for lane in range(LANE_COUNT):
-            if s[_WORST + lane] > zero:
-                worst[bond[slot, lane]] = s[_WORST + lane]
+            worst[slot, lane] = s[_WORST + lane] if s[_WORST + lane] > zero else worst[slot, lane]
     return some > 0
 
 
@@ -269,7 +267,7 @@ def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # 
                 e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
                 spent = s[_STRETCH + lane] * (e / (np.sqrt(1 + e) + 1))
             dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
-            broken[blocks.bond[slot, lane]] = step
+            broken[slot, lane] = step
             blocks.mask[slot] &= ~(_ONE << lane)
 
 
@@ -302,7 +300,7 @@ def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-unty
             stretch = e / (np.sqrt(1 + e) + 1)
             s[_STRETCH + lane] = blocks.stiffness[row, lane] / inverse / 4 * stretch * stretch
         if blocks.softened[b]:
-            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            _recall(blocks.mask[slot], worst, slot, s)
             for lane in range(LANE_COUNT):
                 largest = s[_WORST + lane]
                 if largest > 0:

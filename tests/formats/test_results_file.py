@@ -118,8 +118,8 @@ def test_the_families_are_inside(small_results: Path, small_plate: Model) -> Non
         start, neighbour = results.families()
         nodes = results.nodes()
     problem = prepare(small_plate, Options())
-    assert np.array_equal(start, problem.start)
-    assert np.array_equal(neighbour, problem.neighbour)
+    assert np.array_equal(start, problem.assembly.bonds.start)
+    assert np.array_equal(neighbour, problem.assembly.bonds.neighbour)
     assert np.array_equal(np.diff(start), nodes.family - nodes.cut)
 
 
