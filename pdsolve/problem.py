@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -289,16 +287,7 @@ def problem_of(model: Model, options: Options, filling: Filling) -> Problem:
     if exact is not None:
         vars(problem)["assembly"] = _in_precision(exact, options.precision)  # to be asked for at once
     problem.march(1, 1)  # no step: compiles before the clock runs
-    _give_back_memory()
     return problem
-
-
-def _give_back_memory() -> None:
-    """Hand to the system what making the bonds has freed: the C library of Linux would keep some 200 bytes a node."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
 
 
 def _in_precision(exact: Assembly, precision: str) -> Assembly:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
+import sys
 import time as clock
 from collections.abc import Callable
 from pathlib import Path
@@ -145,6 +147,7 @@ class _Notes:
 
 def _finish(problem: Problem, writer: Writer, output: Path | None, notes: _Notes, watch: Watcher | None) -> Results:
     status = "failed"
+    _give_back_memory()
     try:
         status = _march(problem, writer, notes, watch)
     except UnstableError:
@@ -153,6 +156,15 @@ def _finish(problem: Problem, writer: Writer, output: Path | None, notes: _Notes
     finally:
         writer.close(status)
     return Results(writer.connection, "results in memory") if output is None else Results.open(output)
+
+
+def _give_back_memory() -> None:
+    """Hand to the system what reading the model and making its bonds have freed: Linux's C library would keep some
+    300 bytes a node."""
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | None) -> str:
