@@ -101,7 +101,7 @@ class Problem:
     def books(self, step: int) -> Ledger:
         """The ledger after `step`."""
         area, rho = self.area, self.model.rho
-        return ledger(self.energies(), self.motion, area, rho, step, step * self.time_step)
+        return ledger(self.energies(), self.motion, area, rho, len(self.broken()), step, step * self.time_step)
 
     def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
@@ -111,9 +111,15 @@ class Problem:
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
-        broken, _ = self._ends(np.flatnonzero(self.motion.broken))
+        broken, _ = self._ends(self.broken())
         intact = self.count - np.bincount(broken, minlength=len(self.family))
         return np.where(self.family > 0, 1 - intact / np.maximum(self.family, 1), 0.0)
+
+    def broken(self) -> NDArray[np.int64]:
+        """The numbers of the bonds broken so far."""
+        if self.fast:
+            return layout.there(self.fast.whole & ~self.fast.blocks.mask)
+        return np.flatnonzero(self.motion.broken)
 
     def _ends(self, bonds: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The rows (k,) of both nodes of the bonds with these numbers (k,)."""
@@ -152,7 +158,8 @@ class Problem:
 
     def breaks_after(self, step: int) -> Breaks:
         """Bonds broken after `step`, in order."""
-        ids, new = self.model.grid.ids, np.flatnonzero(self.motion.broken > step)
+        ids, new = self.model.grid.ids, self.broken()
+        new = new[self.motion.broken[new] > step]
         broken, (source, target) = self.motion.broken[new].astype(np.int64), self._ends(new)
         order = np.lexsort((target, source, broken))
         return Breaks(broken[order], ids[source[order]], ids[target[order]])
@@ -180,8 +187,8 @@ class Problem:
         }
 
     def restore(self, step: int, state: dict[str, NDArray[np.floating]], breaks: Breaks) -> None:
-        """Go back to a state and the bonds broken until then."""
-        motion = self.motion
+        """Go back to the state after `step`; of the `breaks` those until then count."""
+        motion, breaks = self.motion, Breaks(*(column[breaks.step <= step] for column in breaks))
         for name in ("u", "v", "a", "dissipated", "work"):
             getattr(motion, name)[:] = state[name].reshape(getattr(motion, name).shape)
         self.drive.held_force[:] = state["held_force"]

@@ -22,6 +22,7 @@ from pdsolve.results import Frame, Results, ResultsError, Writer, remove
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
+KEPT = 1.0  # s between checkpoints in full precision
 SAMPLE = 5  # steps timed for an estimate
 DEFAULT = Options()
 
@@ -71,7 +72,7 @@ def simulate(
         writer = Writer.create(output, problem.nodes(), problem.families, model.grid.cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
         notes.take(0)
-        writer.write(notes.frame(0, whole=True))
+        writer.write(notes.frame(0, whole=True, state=True))
     except ResultsError:
         if output is not None:
             remove(output)
@@ -115,6 +116,7 @@ class _Notes:
         self._probes: list[tuple[float, ...]] = []
         self._rows = cKDTree(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
         self.written = step
+        self._kept = clock.perf_counter()
         self.last = problem.books(step)
 
     def take(self, step: int) -> None:
@@ -128,9 +130,12 @@ class _Notes:
             values = (*u[row].tolist(), *v[row].tolist(), *a[row].tolist())
             self._probes.append((step, self.last.time, int(problem.model.grid.ids[row]), *values))
 
-    def frame(self, step: int, whole: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields."""
+    def frame(self, step: int, whole: bool, state: bool) -> Frame:
+        """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
         problem = self._problem
+        state |= clock.perf_counter() - self._kept > KEPT
+        if state:
+            self._kept = clock.perf_counter()
         fields = problem.fields(problem.model.settings.run.fields) if whole else None
         frame = Frame(
             step,
@@ -139,7 +144,7 @@ class _Notes:
             problem.breaks_after(self.written if step else 0),
             self._ledgers,
             self._probes,
-            problem.state(),
+            problem.state() if state else None,
         )
         self._ledgers, self._probes, self.written = [], [], step
         return frame
@@ -177,15 +182,15 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         problem.march(step + 1, min(ends) + 1)
         step = min(ends)
-        broken = int(np.count_nonzero(problem.motion.broken))
-        balance = notes.last.balance(problem.initial_energy)
+        broken, balance = len(problem.broken()), notes.last.balance(problem.initial_energy)
         interrupted = watch is not None and watch(Progress(step, run.steps, broken, balance))
         noting = step in ends[1:] or interrupted
         if noting:
             notes.take(step)
             done = _is_enough(problem, step)
         if step % run.every == 0 or step == run.steps or interrupted or done:
-            writer.write(notes.frame(step, whole=not interrupted or step % run.every == 0))
+            ends_here = step == run.steps or interrupted or done
+            writer.write(notes.frame(step, whole=not interrupted or step % run.every == 0, state=ends_here))
     wall = clock.perf_counter() - began
     writer.tell({"summary": json.dumps(_summary(problem, notes.last, wall, step - begun_at, done))})
     return "finished" if done or step == run.steps else "interrupted"
