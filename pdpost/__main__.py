@@ -26,10 +26,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
+    from pdpost.fields import FieldError
     from pdpost.figures import FigureError
     from pdsolve.results import ResultsError
 
-    return dict.fromkeys((FigureError, ResultsError), commandline.BAD_INPUT)
+    return dict.fromkeys((FieldError, FigureError, ResultsError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -38,6 +38,10 @@ class ResultsError(ValueError):
     """A database that cannot be used; the message names the file, what was found and what was expected."""
 
 
+class EmptyError(ResultsError):
+    """A database with nothing in it yet: a run has only just begun."""
+
+
 class WriteError(ResultsError):
     """A database that could not be written: a full disk, a folder that may not be written to."""
 
@@ -229,7 +233,11 @@ class Writer:
         self.tell({"status": status})
         if path is not None:
             with _explained(path, WriteError):
-                self.connection.execute("PRAGMA journal_mode = DELETE")
+                try:
+                    self.connection.execute("PRAGMA journal_mode = DELETE")
+                except sqlite3.OperationalError as error:
+                    if error.sqlite_errorname != "SQLITE_BUSY":  # someone reads: the log stays beside it, no harm done
+                        raise
             self.connection.close()
 
     def _path(self) -> Path | None:
@@ -243,6 +251,13 @@ def remove(path: Path) -> None:
         name.unlink(missing_ok=True)
 
 
+HINTS = {
+    "SQLITE_BUSY": ", expected one that no other program keeps to itself",
+    "SQLITE_CORRUPT": ", expected a whole one (was the file cut short?)",
+    "SQLITE_NOTADB": ", expected one written by pdsolve",
+}
+
+
 class _explained:
     """Turns SQLite's errors into one of ours that names the file."""
 
@@ -254,7 +269,8 @@ class _explained:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, sqlite3.Error):
-            raise self.kind(f"{self.path or 'results in memory'}: {error}") from None
+            hint = HINTS.get(getattr(error, "sqlite_errorname", ""), "")
+            raise self.kind(f"{self.path or 'results in memory'}: {error}{hint}") from None
 
 
 class Results:
@@ -263,6 +279,7 @@ class Results:
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
         self.connection = connection
         self.name = name
+        self._nodes: Nodes | None = None
 
     @classmethod
     def open(cls, path: Path) -> Results:
@@ -273,6 +290,9 @@ class Results:
             connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
             found = connection.execute("PRAGMA application_id").fetchone()[0]
             version = connection.execute("PRAGMA user_version").fetchone()[0]
+            tables = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]
+        if not tables:
+            raise EmptyError(f"{path}: found an empty database, expected one written by pdsolve")
         if found != APPLICATION_ID:
             raise ResultsError(f"{path}: found a database of another program, expected one written by pdsolve")
         if version != SCHEMA_VERSION:
@@ -310,16 +330,19 @@ class Results:
         return summary
 
     def nodes(self) -> Nodes:
-        """The nodes of the model."""
-        rows = np.array(self._rows('SELECT node, x, y, delta, area, family, cut FROM node ORDER BY "row"'))
-        return Nodes(
-            rows[:, 0].astype(np.int64),
-            rows[:, 1:3].copy(),
-            rows[:, 3].copy(),
-            rows[:, 4].copy(),
-            rows[:, 5].astype(np.int64),
-            rows[:, 6].astype(np.int64),
-        )
+        """The nodes of the model, read once: the arrays are shared and cannot be written to."""
+        if self._nodes is None:
+            kinds = np.dtype("i8, f8, f8, f8, f8, i8, i8")
+            with _explained(Path(self.name)):
+                count = self.connection.execute("SELECT count(*) FROM node").fetchone()[0]
+                query = 'SELECT node, x, y, delta, area, family, cut FROM node ORDER BY "row"'
+                with closing(self.connection.execute(query)) as rows:
+                    table = np.fromiter(rows, kinds, count)
+            ids, x, y, *others = (np.ascontiguousarray(table[name]) for name in kinds.names or ())
+            self._nodes = Nodes(ids, np.column_stack([x, y]), *others)
+            for column in self._nodes:
+                column.flags.writeable = False
+        return self._nodes
 
     def families(self) -> Families:
         """Who is bonded to whom at the start."""
@@ -348,10 +371,14 @@ class Results:
             if step not in steps:
                 there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
                 raise ResultsError(f"{self.name}: found no frame of step {step}, expected one of {there}")
-            stored = self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
-            fields = f"{', '.join(row[0] for row in stored)} (pdsolve --fields stores others)"
+            fields = f"{', '.join(self.stored(step))} (pdsolve --fields stores others)"
             raise ResultsError(f"{self.name}: found no field '{name}', expected one of {fields}")
         return np.frombuffer(b"".join(row[0] for row in rows), dtype="<f4")
+
+    def stored(self, step: int) -> list[str]:
+        """The names of the fields that the frame at `step` holds, in the order of the view."""
+        rows = self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
+        return [name for name in FIELDS if (name,) in rows]
 
     def breaks(self) -> Breaks:
         """All bonds broken so far."""
