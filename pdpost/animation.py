@@ -135,6 +135,16 @@ def ffmpeg() -> str:
     return program
 
 
+def check_format(path: Path) -> str:
+    """ "gif" or "mp4", by the suffix of `path`. Raises FigureError if it is neither, or cannot be made here."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("gif", "mp4"):
+        raise FigureError(f"{path}: found suffix '{path.suffix}', expected .gif or .mp4")
+    if kind == "mp4":
+        ffmpeg()
+    return kind
+
+
 def _palette(name: str, part: str) -> Image.Image:
     """256 colours: those of the field, then greys for what is written."""
     shown = figures.colours(name, part, np.zeros(1), 1.0)

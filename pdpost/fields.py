@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpost.cracks import damage_at
-from pdpost.strain import gradients, green, hooke, stiffness
+from pdpost.strain import gradients, green, hooke, stiffness, thinning
 from pdsolve.results import Results
 
 VECTOR = ("magnitude", "x", "y")
-PLANE = ("largest", "smallest", "xx", "yy", "xy")
+TENSOR = ("largest", "smallest", "xx", "yy", "xy", "zz")  # principal ones in the plane
 
 
 class FieldError(ValueError):
@@ -38,8 +38,8 @@ FIELDS = {
         Field("displacement", "Displacement", "m", VECTOR, "u"),
         Field("velocity", "Velocity", "m/s", VECTOR, "v"),
         Field("acceleration", "Acceleration", "m/s²", VECTOR, "a"),
-        Field("strain", "Strain", "", PLANE),
-        Field("stress", "Stress", "Pa", (*PLANE, "mises")),
+        Field("strain", "Strain", "", TENSOR),
+        Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
     )
 }
 
@@ -82,12 +82,13 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
         x, y = (results.field(f"{field.stored}{axis}", step).astype(float) for axis in "xy")
         return {"magnitude": np.hypot(x, y), "x": x, "y": y}
     strain = green(gradients(results, step))
+    modulus, plane = stiffness(results)
     if name == "strain":
-        return _principal(strain)
-    stress = hooke(strain, *stiffness(results))
+        return {**_principal(strain), "zz": thinning(strain, plane)}
+    stress = hooke(strain, modulus, plane)
     xx, yy, xy, zz = stress.T
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
-    return {**_principal(stress[:, :3]), "mises": mises}
+    return {**_principal(stress[:, :3]), "mises": mises, "zz": zz}
 
 
 def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

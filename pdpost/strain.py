@@ -122,6 +122,12 @@ def hooke(strain: NDArray[np.float64], modulus: NDArray[np.float64], plane: str)
     return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, out * (sxx + syy)])
 
 
+def thinning(strain: NDArray[np.float64], plane: str) -> NDArray[np.float64]:
+    """The strain (n,) across the plane, zz, that goes with strains (n, 3) in it."""
+    nu = BONDS_NU[plane]
+    return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if plane == "stress" else 0.0)
+
+
 def stiffness(results: Results) -> tuple[NDArray[np.float64], str]:
     """Young's modulus (n,), Pa, of each node, and "stress" or "strain": which plane. Raises ResultsError."""
     try:

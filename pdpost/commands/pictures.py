@@ -37,8 +37,8 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),
-    "strain": "largest principal (default), smallest; xx, yy, xy",
-    "stress": "largest principal (default), smallest; xx, yy, xy; mises",
+    "strain": "largest principal (default), smallest; xx, yy, xy, zz",
+    "stress": "largest principal (default), smallest; xx, yy, xy, zz; mises",
 }
 
 

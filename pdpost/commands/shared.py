@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,14 +89,15 @@ def add_colours(command: argparse.ArgumentParser) -> None:
     """Where the colours end."""
     command.add_argument(
         "--largest",
-        type=_positive,
+        type=positive,
         metavar="N",
         help="where the colours end, in SI units, and at -N of what has a sign (default: damage 1; others at the"
         " largest value, or at what 99.5 %% of the nodes stay below where a few are far above)",
     )
 
 
-def _positive(text: str) -> float:
+def positive(text: str) -> float:
+    """A number above 0, as an option's type."""
     try:
         number = float(text)
     except ValueError:
@@ -143,3 +145,27 @@ def numbers(values: NDArray[np.float64]) -> dict[str, float | int | None]:
     known = values[np.isfinite(values)]
     ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
     return {"smallest": ends[0], "largest": ends[1], "nodes": len(values), "unknown": len(values) - len(known)}
+
+
+def add_every(command: argparse.ArgumentParser) -> None:
+    """Of many frames, every so many."""
+    command.add_argument("--every", type=_count, default=1, metavar="N", help="take every Nth frame (default: 1)")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number from 1")
+    return int(text)
+
+
+def counted(args: argparse.Namespace, doing: str) -> Callable[[list[int]], Iterable[int]]:
+    """Hands on steps with a bar of progress on stderr, where someone looks at it and did not ask for quiet."""
+
+    def steps(given: list[int]) -> Iterable[int]:
+        if args.quiet or not sys.stderr.isatty():
+            return given
+        from tqdm import tqdm
+
+        return tqdm(given, desc=doing, unit=" frames", dynamic_ncols=True, leave=False)  # type: ignore[no-any-return]
+
+    return steps

@@ -96,7 +96,10 @@ def test_broken_bonds_do_not_count() -> None:
     u = np.where(upper, 1e-4, -1e-4)[:, None] * np.array([0.25, 1.0])
     own = np.repeat(np.arange(169), np.diff(families.start))
     between = upper[own] != upper[families.neighbour]
-    pairs = [(5, int(nodes.ids[i]), int(nodes.ids[j])) for i, j in zip(own[between], families.neighbour[between])]
+    pairs = [
+        (5, int(nodes.ids[i]), int(nodes.ids[j]))
+        for i, j in zip(own[between], families.neighbour[between], strict=True)
+    ]
     whole = fields.values(results_of(nodes, families, u, []), "strain", 10)
     torn = fields.values(results_of(nodes, families, u, pairs), "strain", 10)
     late = fields.values(results_of(nodes, families, u, [(11, *pair[1:]) for pair in pairs]), "strain", 10)
