@@ -42,10 +42,13 @@ def bonds(results: Results, step: int) -> Bonds:
     return Bonds(np.column_stack(pairs.coords).astype(np.int64), pairs.data == 2)
 
 
-def draw(results: Results, step: int, scale: float) -> Figure:
-    """The bonds after `step`, on nodes displaced by `scale` times their displacement. Raises ResultsError."""
+def draw(results: Results, step: int, scale: float, found: Bonds | None = None) -> Figure:
+    """The bonds after `step`, on nodes displaced by `scale` times their displacement; `found` if known already.
+
+    Raises ResultsError.
+    """
     where = shape(results, step, scale)._replace(turned=None)
-    found = bonds(results, step)
+    found = bonds(results, step) if found is None else found
     many = len(found.broken) > LINES
     on = sheet(box_of(results, [where]), bar=many)
     if many:

@@ -69,14 +69,17 @@ def draw(
     part: str | None = None,
     scale: float = 0.0,
     largest: float | None = None,
+    values: NDArray[np.float64] | None = None,
 ) -> Figure:
     """The field called `name` after `step`: each node a square the size of its spacing.
 
-    `part` is the field's component, `scale` what displacements are multiplied by (0: the reference), `largest`
-    where the colours end, in SI units. Raises FieldError, and ResultsError, naming what there is.
+    `part` is the field's component, `scale` what displacements are multiplied by (0: the reference), `largest` where
+    the colours end, in SI units, `values` (n,) the component's if they are known already. Raises FieldError, and
+    ResultsError, naming what there is.
     """
     part = fields.component(name, part)
-    values = fields.values(results, name, step, part or None)
+    if values is None:
+        values = fields.values(results, name, step, part or None)
     where = shape(results, step, scale)
     on = sheet(box_of(results, [where]))
     shown = colours(name, part, values, largest)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TIE = 1e-6  # pixels: keeps an edge that two nodes share from rounding to either side of a pixel's centre
+FAR = 1e9  # pixels: further off is as far
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 
@@ -21,7 +22,7 @@ def averages(
     low, high = np.array(box[:2]), np.array(box[2:])
     rows = max(round(columns * float((high[1] - low[1]) / (high[0] - low[0]))), 1)
     shape = np.array([columns, rows])
-    place = (position - low) / (high - low) * shape
+    place = ((position - low) / (high - low) * shape).clip(-FAR, FAR)
     half = size[:, None] / 2 / (high - low) * shape
     first = np.ceil(place - half - 0.5 - TIE).astype(np.int64)
     after = np.ceil(place + half - 0.5 - TIE).astype(np.int64)

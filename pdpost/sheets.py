@@ -62,8 +62,9 @@ def shape(results: Results, step: int, scale: float) -> Shape:
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
-    """The displacements (n, 2), m, of a frame. Raises ResultsError if it does not hold them."""
-    return np.column_stack([results.field("ux", step), results.field("uy", step)]).astype(float)
+    """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
+    moved = np.column_stack([results.field("ux", step), results.field("uy", step)]).astype(float)
+    return np.where(np.isfinite(moved), moved, 0.0)
 
 
 def chosen_scale(results: Results, step: int) -> float:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost import bonds, fields
+from pdpost import fields
+from pdpost.bonds import Bonds
 from pdsolve.results import Results
 
 Columns = Mapping[str, NDArray[np.generic]]
@@ -38,7 +39,7 @@ def of_frame(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
     return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored}
 
 
-def of_bonds(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
-    """Both nodes of each bond, and 1 if it is broken after `step`, else 0."""
-    found, ids = bonds.bonds(results, step), results.nodes().ids
+def of_bonds(results: Results, found: Bonds) -> dict[str, NDArray[np.generic]]:
+    """Both nodes of each bond, and 1 if it is broken, else 0."""
+    ids = results.nodes().ids
     return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}

@@ -288,16 +288,24 @@ class Results:
             raise ResultsError(f"{path}: found no such file, expected a database of results")
         with _explained(path):
             connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
-            found = connection.execute("PRAGMA application_id").fetchone()[0]
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-            tables = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]
+            try:
+                cls._check(connection, path)
+            except BaseException:
+                connection.close()
+                raise
+        return cls(connection, str(path))
+
+    @staticmethod
+    def _check(connection: sqlite3.Connection, path: Path) -> None:
+        found = connection.execute("PRAGMA application_id").fetchone()[0]
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        tables = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]
         if not tables:
             raise EmptyError(f"{path}: found an empty database, expected one written by pdsolve")
         if found != APPLICATION_ID:
             raise ResultsError(f"{path}: found a database of another program, expected one written by pdsolve")
         if version != SCHEMA_VERSION:
             raise ResultsError(f"{path}: found schema version {version}, expected {SCHEMA_VERSION}")
-        return cls(connection, str(path))
 
     def __enter__(self) -> Results:
         return self

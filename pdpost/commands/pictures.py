@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pdmesh import commandline
 from pdpost.commands.shared import (
@@ -25,6 +26,16 @@ if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
     from pdpost.tables import Columns
     from pdsolve.results import Results
+
+
+class Shown(NamedTuple):
+    """A picture, and what is said of it."""
+
+    figure: Figure
+    told: dict[str, Any]  # for --json
+    words: str  # for a reader
+    table: Callable[[], Columns]  # for --csv
+
 
 FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "damage": "draw the share of broken bonds at the nodes of a frame",
@@ -77,17 +88,17 @@ def _field(args: argparse.Namespace) -> int:
     name = args.picture
     part = fields.component(name, args.component)
 
-    def draw(results: Results, step: int, scale: float) -> Figure:
-        return figures.draw(results, name, step, part=part or None, scale=scale, largest=args.largest)
-
-    def found(results: Results, step: int) -> tuple[dict[str, Any], str]:
+    def show(results: Results, step: int, scale: float) -> Shown:
         values = fields.values(results, name, step, part or None)
+        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest}
+        figure = figures.draw(results, name, step, values=values, **how)
         unit = fields.FIELDS[name].unit
         told = {"component": part or None, **numbers(values), "unit": unit}
         largest = told["largest"]
-        return told, "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
+        words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
+        return Shown(figure, told, words, lambda: tables.of_field(results, name, step))
 
-    return _drawn(args, draw, found, lambda results, step: tables.of_field(results, name, step))
+    return _drawn(args, show)
 
 
 def _nodes(args: argparse.Namespace) -> int:
@@ -95,27 +106,30 @@ def _nodes(args: argparse.Namespace) -> int:
 
     from pdpost import levels, tables
 
-    def found(results: Results, step: int) -> tuple[dict[str, Any], str]:
+    def show(results: Results, step: int, scale: float) -> Shown:
         spacings, counts = np.unique(results.nodes().delta.round(12), return_counts=True)
-        told = {"levels": [{"spacing": s, "nodes": n} for s, n in zip(spacings.tolist(), counts.tolist(), strict=True)]}
-        return told, f"{counts.sum()} nodes on {len(counts)} spacings"
+        pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
+        told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
+        words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
+        return Shown(levels.draw(results, step, scale), told, words, lambda: tables.of_frame(results, step))
 
-    return _drawn(args, levels.draw, found, lambda results, step: tables.of_field(results, "displacement", step))
+    return _drawn(args, show)
 
 
 def _bonds(args: argparse.Namespace) -> int:
     from pdpost import bonds, tables
 
-    def found(results: Results, step: int) -> tuple[dict[str, Any], str]:
-        gone = bonds.bonds(results, step).broken
-        told = {"intact": int((~gone).sum()), "broken": int(gone.sum())}
-        return told, f"{told['intact']} bonds intact, {told['broken']} broken"
+    def show(results: Results, step: int, scale: float) -> Shown:
+        found = bonds.bonds(results, step)
+        told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
+        words = f"{told['intact']} bonds intact, {told['broken']} broken"
+        return Shown(bonds.draw(results, step, scale, found), told, words, lambda: tables.of_bonds(results, found))
 
-    return _drawn(args, bonds.draw, found, tables.of_bonds)
+    return _drawn(args, show)
 
 
-def _drawn(args: argparse.Namespace, draw: Any, found: Any, table: Any) -> int:
-    """Draw a picture of the frame asked for with `draw(results, step, scale)`, report what is `found` there."""
+def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown]) -> int:
+    """Draw the frame asked for, and report what is shown there."""
     import matplotlib
 
     from pdpost import figures
@@ -128,12 +142,11 @@ def _drawn(args: argparse.Namespace, draw: Any, found: Any, table: Any) -> int:
     with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
         step, time = chosen_frame(results, args)
         scale = chosen_scale(results, step, args)
-        figures.save(draw(results, step, scale), path)
-        told, words = found(results, step)
-        columns: Columns | None = None if csv is None else table(results, step)
-    write_csv(columns, csv)
-    result = {"output": str(path), "step": step, "time": time, "scale": scale, **told}
-    line = f"{path}: {args.picture} at {time * 1e6:.4g} us, {words}"
+        shown = show(results, step, scale)
+        figures.save(shown.figure, path)
+        if csv is not None:
+            write_csv(shown.table(), csv)
     if str(csv) != "-":
-        commandline.report(result, [line], args)
+        result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
+        commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)
     return commandline.OK

@@ -79,10 +79,15 @@ def _scale(text: str) -> float | None:
 
 
 def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
-    """The scale asked for, or one that shows the displacements of a frame. Raises ResultsError if it has none."""
+    """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none."""
     from pdpost.sheets import chosen_scale
 
-    return chosen_scale(results, step) if args.scale is None else float(args.scale)
+    if args.scale is not None:
+        return float(args.scale)
+    if not {"ux", "uy"} <= set(results.stored(step)):
+        commandline.note(f"{args.results}: holds no displacements; the reference is drawn", args)
+        return 0.0
+    return chosen_scale(results, step)
 
 
 def add_colours(command: argparse.ArgumentParser) -> None:
@@ -125,10 +130,8 @@ def csv_path(args: argparse.Namespace) -> Path | None:
     return commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
 
 
-def write_csv(columns: Columns | None, path: Path | None) -> None:
-    """Write the numbers, if they are asked for."""
-    if columns is None or path is None:
-        return
+def write_csv(columns: Columns, path: Path) -> None:
+    """Write the numbers to a file, or to stdout."""
     from pdmesh.files import write_atomically
     from pdpost.tables import csv
 

@@ -118,3 +118,22 @@ def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None
     assert np.array_equal(vtk_to_numpy(data.GetArray("displacement")), u)
     assert np.array_equal(vtk_to_numpy(data.GetArray("damage")), damage)
     assert data.GetArray("stress").GetNumberOfComponents() == 9
+
+
+def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
+    vtk = pytest.importorskip("vtk")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    with Results.open(small_results) as results:
+        export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
+        u = moved(results, 60)
+    reader = vtk.vtkXdmfReader()
+    reader.SetFileName(str(tmp_path / "a.xdmf"))
+    reader.UpdateInformation()
+    key = vtk.vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    information = reader.GetOutputInformation(0)
+    times = [information.Get(key, number) for number in range(information.Length(key))]
+    assert times == pytest.approx([0.0, 2e-6, 3e-6])
+    reader.UpdateTimeStep(times[-1])
+    data = reader.GetOutputDataObject(0).GetBlock(0).GetPointData()
+    assert vtk_to_numpy(data.GetArray("displacement")) == pytest.approx(u, rel=1e-6)
