@@ -103,9 +103,9 @@ def xdmf(
     _by_name(path, write)
 
 
-def table(results: Results, step: int, path: Path) -> None:
+def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:
     """Write a frame as CSV."""
-    write_atomically(path, csv(of_frame(results, step)))
+    write_atomically(path, csv(of_frame(results, step, also)))
 
 
 def check_suffix(path: Path) -> str:

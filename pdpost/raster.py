@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TIE = 1e-6  # pixels: keeps an edge that two nodes share from rounding to either side of a pixel's centre
+BLOCK = 1 << 18  # nodes at a time, so that memory stays small
 FAR = 1e9  # pixels: further off is as far
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1
@@ -22,38 +23,42 @@ def averages(
     low, high = np.array(box[:2]), np.array(box[2:])
     rows = max(round(columns * float((high[1] - low[1]) / (high[0] - low[0]))), 1)
     shape = np.array([columns, rows])
-    place = ((position - low) / (high - low) * shape).clip(-FAR, FAR)
-    half = size[:, None] / 2 / (high - low) * shape
-    first = np.ceil(place - half - 0.5 - TIE).astype(np.int64)
-    after = np.ceil(place + half - 0.5 - TIE).astype(np.int64)
-    thin = after <= first
-    first[thin] = np.floor(place)[thin].astype(np.int64)
-    after[thin] = first[thin] + 1
-    first, after = first.clip(0), np.minimum(after, shape)
-    inside = np.flatnonzero((after > first).all(axis=1))
-    pixel, node = _painted(first[inside], (after - first)[inside], columns)
-    node = inside[node]
-    known = np.isfinite(values[node])
     pixels = columns * rows
-    total = np.bincount(pixel[known], values[node[known]], pixels)
-    count = np.bincount(pixel[known], minlength=pixels)
-    there = np.bincount(pixel, minlength=pixels) > 0
-    mean = np.divide(total, count, out=np.full(pixels, np.nan), where=count > 0)
+    total, known, there = np.zeros(pixels), np.zeros(pixels, dtype=np.int64), np.zeros(pixels, dtype=bool)
+    for start in range(0, len(values), BLOCK):
+        some = slice(start, start + BLOCK)
+        place = ((position[some] - low) / (high - low) * shape).clip(-FAR, FAR)
+        half = size[some, None] / 2 / (high - low) * shape
+        pixel, node = _painted(place, half, shape)
+        there[pixel] = True
+        painted = values[some][node]
+        finite = np.isfinite(painted)
+        total += np.bincount(pixel[finite], painted[finite], pixels)
+        known += np.bincount(pixel[finite], minlength=pixels)
+    mean = np.divide(total, known, out=np.full(pixels, np.nan), where=known > 0)
     return mean.reshape(rows, columns), there.reshape(rows, columns)
 
 
 def _painted(
-    first: NDArray[np.int64], span: NDArray[np.int64], columns: int
+    place: NDArray[np.float64], half: NDArray[np.float64], shape: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixel and node of each pixel that a node paints; nodes of one size together."""
+    """Pixel and node of each pixel that a node paints; nodes of one size together. Lengths are in pixels."""
+    first = np.ceil(place - half - 0.5 - TIE).astype(np.int64)
+    after = np.ceil(place + half - 0.5 - TIE).astype(np.int64)
+    thin = after <= first
+    first[thin] = np.floor(place[thin]).astype(np.int64)
+    after[thin] = first[thin] + 1
+    first, after = first.clip(0), np.minimum(after, shape)
+    inside = np.flatnonzero((after > first).all(axis=1))
+    corner = first[inside, 1] * shape[0] + first[inside, 0]
+    span = (after - first)[inside]
     pixels, nodes = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     tall = int(span[:, 1].max(initial=0)) + 1
     kind = span[:, 0] * tall + span[:, 1]
     for one in np.flatnonzero(np.bincount(kind)).tolist():
         width, height = divmod(one, tall)
         alike = np.flatnonzero(kind == one)
-        corner = first[alike, 1] * columns + first[alike, 0]
-        patch = (columns * np.arange(height)[:, None] + np.arange(width)).ravel()
-        pixels.append((corner[:, None] + patch).ravel())
-        nodes.append(np.repeat(alike, width * height))
+        patch = (shape[0] * np.arange(height)[:, None] + np.arange(width)).ravel()
+        pixels.append((corner[alike, None] + patch).ravel())
+        nodes.append(np.repeat(inside[alike], width * height))
     return np.concatenate(pixels), np.concatenate(nodes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +31,15 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
     return {"node": nodes.ids, "x": x, "y": y, **named}
 
 
-def of_frame(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
-    """Node, reference position, spacing, area and all fields a frame has stored, in SI units."""
+def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
+    """Node, reference position, spacing, area, all fields a frame has stored, and those of `also`, in SI units."""
     nodes = results.nodes()
     x, y = nodes.position.T
     stored = {name: results.field(name, step) for name in results.stored(step)}
-    return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored}
+    more = {
+        f"{name}_{part}": values for name in also for part, values in fields.components(results, name, step).items()
+    }
+    return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored, **more}
 
 
 def of_bonds(results: Results, found: Bonds) -> dict[str, NDArray[np.generic]]:

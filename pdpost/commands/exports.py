@@ -50,17 +50,24 @@ def _export(args: argparse.Namespace) -> int:
         raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, export has none")
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
     kind = export.check_suffix(path)
+    one = kind in (".vtu", ".csv")
+    for word, wrong, holds in (
+        ("--frame or --time", not one and (args.frame != -1 or args.time is not None), "all frames"),
+        ("--every", one and args.every != 1, "one frame"),
+        ("--squares", kind == ".csv" and args.squares, "points"),
+    ):
+        if wrong:
+            raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
     folder = path.with_suffix("")
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
         raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
     with Results.open(args.results) as results:
-        one = kind in (".vtu", ".csv")
         steps = [chosen_frame(results, args)[0]] if one else export.chosen(results, args.every)
         progress = counted(args, "writing")
         if kind == ".vtu":
             export.vtu(results, steps[0], path, args.also, args.squares)
         elif kind == ".csv":
-            export.table(results, steps[0], path)
+            export.table(results, steps[0], path, args.also)
         else:
             (export.pvd if kind == ".pvd" else export.xdmf)(results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes().ids)

@@ -62,9 +62,7 @@ def _animate(args: argparse.Namespace) -> int:
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.gif", args.force)
     kind = animation.check_format(path)
-    settings = dict(args.assignments)
-    style = figures.styled(settings)
-    dpi = float(settings.get("savefig.dpi", animation.DPI))
+    style = figures.styled({"savefig.dpi": str(animation.DPI), **dict(args.assignments)})
     with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
         steps, times = results.frames()
         if not len(steps):
@@ -74,7 +72,7 @@ def _animate(args: argparse.Namespace) -> int:
             "scale": chosen_scale(results, int(steps[-1]), args),
             "largest": args.largest,
             "every": args.every,
-            "dpi": dpi,
+            "dpi": float(dpi) if (dpi := matplotlib.rcParams["savefig.dpi"]) != "figure" else animation.DPI,
             "progress": counted(args, "drawing"),
         }
         if kind == "gif":

@@ -44,7 +44,7 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "velocity": "draw the velocity of the nodes",
     "acceleration": "draw the acceleration of the nodes",
     "strain": "draw the strain of the nodes, fitted to their bonds",
-    "stress": "draw the stress of the nodes, Hooke's with that strain",
+    "stress": "draw the stress of the nodes, Hooke's with their strain",
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),

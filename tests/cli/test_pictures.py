@@ -74,6 +74,9 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
         (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
         (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
+        (["export", "--frame", "1"], "--frame or --time: found with .pvd, which holds all frames"),
+        (["export", "-o", "x.vtu", "--every", "2"], "--every: found with .vtu, which holds one frame"),
+        (["export", "-o", "x.csv", "--squares"], "--squares: found with .csv, which holds points"),
     ],
 )
 def test_what_cannot_be_drawn_is_two_and_one_line(
@@ -175,7 +178,7 @@ def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[s
         (["-o", "a.vtu", "--frame", "1", "--also", "strain,stress"], ["a.vtu"]),
         (["-o", "a.vtu", "--squares"], ["a.vtu"]),
         (["-o", "a.xdmf", "--every", "3"], ["a.xdmf"]),
-        (["-o", "a.csv", "--time", "1e-6"], ["a.csv"]),
+        (["-o", "a.csv", "--time", "1e-6", "--also", "stress"], ["a.csv"]),
     ],
 )
 def test_exports(small_results: Path, here: Path, arguments: list[str], written: list[str]) -> None:
