@@ -39,7 +39,7 @@ def bonds(results: Results, step: int) -> Bonds:
     count = len(families.start) - 1
     side = csr_array((state, families.neighbour, families.start), (count, count))
     pairs = triu(side.maximum(side.T.tocsr()), format="coo")
-    return Bonds(np.column_stack(pairs.coords).astype(np.int64), pairs.data == 2)
+    return Bonds(np.column_stack([pairs.row, pairs.col]).astype(np.int64), pairs.data == 2)
 
 
 def draw(results: Results, step: int, scale: float, found: Bonds | None = None) -> Figure:

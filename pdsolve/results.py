@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION = 2
 CHUNK = 1024  # nodes
+READERS = 3.0  # s that a run waits in the end for those who read its database
 FIELDS = {  # name: unit, in the order of the view
     "ux": "m",
     "uy": "m",
@@ -228,17 +230,26 @@ class Writer:
         self.connection.executemany("INSERT INTO field_chunk VALUES (?, ?, ?, ?)", rows)
 
     def close(self, status: str) -> None:
-        """Leave one single file behind, with `status` in its meta."""
+        """Leave one single file behind, with `status` in its meta; with SQLite's log beside it if someone reads on."""
         path = self._path()
         self.tell({"status": status})
         if path is not None:
             with _explained(path, WriteError):
-                try:
-                    self.connection.execute("PRAGMA journal_mode = DELETE")
-                except sqlite3.OperationalError as error:
-                    if error.sqlite_errorname != "SQLITE_BUSY":  # someone reads: the log stays beside it, no harm done
-                        raise
+                deadline = time.monotonic() + READERS
+                while not self._alone() and time.monotonic() < deadline:
+                    time.sleep(0.02)
             self.connection.close()
+
+    def _alone(self) -> bool:
+        """Put SQLite's log away; False where a reader keeps it."""
+        try:
+            self.connection.execute("PRAGMA journal_mode = DELETE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorname != "SQLITE_BUSY":
+                raise
+            self.connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            return False
+        return True
 
     def _path(self) -> Path | None:
         name = self.connection.execute("PRAGMA database_list").fetchone()[2]
@@ -299,7 +310,7 @@ class Results:
     def _check(connection: sqlite3.Connection, path: Path) -> None:
         found = connection.execute("PRAGMA application_id").fetchone()[0]
         version = connection.execute("PRAGMA user_version").fetchone()[0]
-        tables = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]
+        tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
         if not tables:
             raise EmptyError(f"{path}: found an empty database, expected one written by pdsolve")
         if found != APPLICATION_ID:

@@ -160,6 +160,19 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
     assert np.array(broken.get_segments()) == pytest.approx(ends)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_an_image_has_the_same_bytes_each_time(
+    small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(sheets, "SQUARES", 10)
+    written = []
+    for name in ("one", "two"):
+        with Results.open(small_results) as results:
+            figures.save(figures.draw(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
+        written.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert written[0] == written[1]
+
+
 def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same colours at the nodes' places as the squares have."""
     with Results.open(small_results) as results:

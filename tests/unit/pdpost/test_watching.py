@@ -5,11 +5,13 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import pdsolve.results
 from pdmesh.grid import document_of, write_file
 from pdpost import figures, watching
 from pdpost.watching import SilentError
@@ -95,10 +97,10 @@ def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path
         assert one.meta()["status"] == "finished"
 
 
-def test_a_reader_does_not_fail_the_end_of_a_run(small_results: Path, tmp_path: Path) -> None:
+def test_a_reader_does_not_fail_the_end_of_a_run(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who has the database open when the run ends keeps SQLite from tidying up, and no more."""
+    monkeypatch.setattr(pdsolve.results, "READERS", 0.1)
     writer = Writer.reopen(small_results)
-    writer.connection.execute("PRAGMA busy_timeout = 50")
     with Results.open(small_results) as reader:
         query = reader.connection.execute("SELECT * FROM node")
         query.fetchone()
@@ -107,3 +109,15 @@ def test_a_reader_does_not_fail_the_end_of_a_run(small_results: Path, tmp_path: 
     with Results.open(small_results) as results:
         assert results.meta()["status"] == "finished"
         assert len(results.nodes().ids) == 252
+
+
+def test_the_end_of_a_run_waits_a_moment_for_readers(small_results: Path) -> None:
+    """One single file is left once they have gone."""
+    writer = Writer.reopen(small_results)
+    reader = Results(sqlite3.connect(small_results, check_same_thread=False), "reader")
+    reader.nodes()
+    looked = threading.Timer(0.2, reader.close)
+    looked.start()
+    writer.close("finished")
+    looked.join()
+    assert [path.name for path in small_results.parent.glob("small.sqlite*")] == ["small.sqlite"]
