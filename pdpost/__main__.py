@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, pictures
+from pdpost.commands import crack, exports, moving, pictures
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, crack):
+    for group in (pictures, moving, crack, exports):
         group.add(commands)
     return program
 
@@ -26,10 +26,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
+    from pdpost.export import ExportError
+    from pdpost.fields import FieldError
     from pdpost.figures import FigureError
+    from pdpost.watching import SilentError
     from pdsolve.results import ResultsError
 
-    return dict.fromkeys((FigureError, ResultsError), commandline.BAD_INPUT)
+    exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
+    return exits | dict.fromkeys((ExportError, FieldError, FigureError, ResultsError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":
