@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, pictures
+from pdpost.commands import crack, history, pictures, sql
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, crack):
+    for group in (pictures, history, crack, sql):
         group.add(commands)
     return program
 
@@ -27,9 +27,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _exits() -> dict[type[Exception], int]:
     from pdpost.figures import FigureError
+    from pdpost.paths import PathError
     from pdsolve.results import ResultsError
 
-    return dict.fromkeys((FigureError, ResultsError), commandline.BAD_INPUT)
+    return dict.fromkeys((FigureError, PathError, ResultsError), commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

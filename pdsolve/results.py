@@ -215,8 +215,8 @@ class Writer:
             self.connection.executemany("INSERT INTO bond_break VALUES (?, ?, ?)", rows)
             noted = (("history", 9, frame.ledger), ("probe", 9, frame.probes), ("reaction", 8, frame.reactions))
             for table, columns, lines in noted:
-                values = ", ".join("?" * columns)
-                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({values})", lines)
+                marks = ", ".join("?" * columns)
+                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", lines)
             self.connection.executemany(
                 "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
                 [(name, frame.step, values.dtype.str, values.tobytes()) for name, values in frame.checkpoint.items()],
