@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, history, pictures, sql
+from pdpost.commands import crack, history, pictures, report, sql
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, history, crack, sql):
+    for group in (pictures, history, crack, report, sql):
         group.add(commands)
     return program
 

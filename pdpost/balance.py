@@ -20,7 +20,7 @@ class Balance(NamedTuple):
     dissipated: NDArray[np.float64]  # (t,) J/m
     work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, and what was there at the start
     total: NDArray[np.float64]  # (t,) J/m, kinetic, strain and dissipated
-    error: NDArray[np.float64]  # (t,) total - work over the most that was put in so far
+    error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
     momentum_x: NDArray[np.float64]  # (t,) N s/m
     momentum_y: NDArray[np.float64]  # (t,) N s/m
 
@@ -33,8 +33,8 @@ def balance(results: Results) -> Balance:
     initial = float(results.meta()["initial_energy"])
     total = books["kinetic"] + books["strain"] + books["dissipated"]
     given = books["work"] + initial
-    scale = np.maximum.accumulate(np.maximum(np.abs(books["work"]), initial))
-    error = np.divide(total - given, scale, out=np.zeros(len(books)), where=scale > 0)
+    scale = max(float(np.abs(books["work"]).max()), initial)
+    error = (total - given) / scale if scale > 0 else np.zeros(len(books))
     return Balance(
         books["step"].astype(np.int64),
         books["time"],

@@ -18,6 +18,7 @@ from pdpost.reactions import Reaction
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
+STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
 UNITS = {"m/s^2": "m/s²"}
 
 
@@ -55,7 +56,7 @@ def histories(curves: list[History], quantity: str, component: str) -> Figure:
             axes.fill_between(curve.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
         name = curve.label if curve.place is None else f"{curve.label} at {_millimetres(curve.place)}"
         axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
-    symbol = f"|{letter}|" if component == "magnitude" else f"{letter}$_{component}$"
+    symbol = f"|{letter}|" if component == "magnitude" else f"${letter}_{component}$"
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {symbol}, {shown}")
     axes.margins(x=0.01)
     axes.legend(frameon=False)
@@ -73,16 +74,11 @@ def balance(books: Balance) -> Figure:
     above.plot(books.time * second, books.work * factor, color="black", ls=(0, (4, 3)), lw=1.2, label="put in")
     above.set_ylabel(f"energy per thickness, {unit}")
     above.legend(frameon=False)
-    small, percents = scaled([books.error * 100], "")
-    power = -round(np.log10(small))
+    small, _ = scaled([books.error * 100], "")
+    percent = "%" if small == 1 else f"$10^{{{-round(np.log10(small))}}}$ %"
     below.plot(books.time * second, books.error * 100 * small, lw=1.2, color="black")
     below.axhline(0, color="0.6", lw=0.6)
-    below.set(
-        xlabel=f"time, {seconds}",
-        ylabel="balance error,\n% of what was put in"
-        if not percents
-        else f"balance error,\n$10^{{{power}}}$ % of put in",
-    )
+    below.set(xlabel=f"time, {seconds}", ylabel=f"balance error,\n{percent} of the most put in")
     for axes in (above, below):
         plain(axes)
         axes.margins(x=0.01)
@@ -91,18 +87,21 @@ def balance(books: Balance) -> Figure:
 
 
 def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
-    """Forces over time, and over the mean displacement of their nodes; along each one's own axis or `axis`."""
+    """Forces over time and over the mean displacement of their nodes, none at rest; along each one's own axis or `axis`."""
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
     axes_of = [one.axis if axis is None else axis for one in found]
     second, seconds = scaled((one.time for one in found), "s")
     newton, newtons = scaled((one.force[:, at] for one, at in zip(found, axes_of, strict=True)), "N/m")
     metre, metres = scaled((one.displacement[:, at] for one, at in zip(found, axes_of, strict=True)), "m")
+    most = max(float(np.ptp(one.displacement[:, at])) for one, at in zip(found, axes_of, strict=True)) * metre
     for number, (one, at) in enumerate(zip(found, axes_of, strict=True)):
         force = one.force[:, at] * newton
         label = f"{one.name} ({one.kind}), {'xy'[at]}"
         over_time.plot(one.time * second, force, lw=1.2, label=label, **look(number))
-        over_way.plot(one.displacement[:, at] * metre, force, lw=1.2, **look(number))
+        way = one.displacement[:, at] * metre
+        if np.ptp(way) >= STILL * most:
+            over_way.plot(way, force, lw=1.2, **look(number))
     over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the plate, {newtons}")
     over_way.set(xlabel=f"mean displacement, {metres}")
     for panel in (over_time, over_way):
@@ -112,4 +111,4 @@ def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
 
 
 def _millimetres(place: tuple[float, float]) -> str:
-    return f"({place[0] * 1e3:.4g}, {place[1] * 1e3:.4g}) mm"
+    return f"({place[0] * 1e3:.4g}, {place[1] * 1e3:.4g}) mm".replace("-", "\N{MINUS SIGN}")

@@ -16,19 +16,20 @@ from pdpost.speed import speeds
 from pdsolve.results import Nodes, Results
 
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-SHOWN = 6  # branches with a curve of their own, the longest
+SHOWN = 6  # branches with a curve of their own
+LONG = 0.4  # of the longest: what is shorter has none
 
 
 def crack(results: Results, found: Summary) -> Figure:
-    """Path, length over time and speed over time of the cracks in a summary; the longest branches in colours."""
+    """Path, length over time and speed over time of the cracks in a summary; long branches in colours."""
     nodes, time_step, limit = results.nodes(), found.time_step, found.rayleigh_speed
     figure, plate, length, speed = _panels(nodes)
     _damage(plate, nodes, damage_at(results, found.step))
     _pre_cracks(plate, results)
-    plate.add_collection(
-        LineCollection([one.points * 1e3 for one in found.branches[SHOWN:]], colors="0.25", linewidths=1.0)
-    )
-    shown = found.branches[:SHOWN]
+    shown = [one for one in found.branches if one.length >= LONG * found.branches[0].length][:SHOWN]
+    rest = [one.points * 1e3 for one in found.branches[len(shown) :]]
+    plate.add_collection(LineCollection(rest, colors="0.25", linewidths=1.0))
+    shown.sort(key=lambda one: (one.along[0], one.since[-1]))
     times = [one.since[one.since >= 0] * time_step for one in shown]
     second, seconds = scaled(times, "s")
     metre, metres = scaled((one.along for one in shown), "m")

@@ -91,10 +91,11 @@ def times(branch: Branch, time_step: float) -> list[float | None]:
 
 def sentences(found: Summary) -> list[str]:
     """The summary for a reader, a line each."""
+    axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
     events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
     lines = [
         f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
-        + ("" if event.along is None else f", {event.along * 1e3:.4g} mm {found.along}")
+        + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
     ]

@@ -150,7 +150,7 @@ def _balance(args: argparse.Namespace) -> int:
     lines = [
         f"at {last['time'] * 1e6:.4g} us, J/m: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
         f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g} (balance {last['error']:+.1e})",
-        f"largest error of the balance: {books.error[worst]:+.1e} of what was put in,"
+        f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
         f" at {books.time[worst] * 1e6:.4g} us",
     ]
     found = {
