@@ -74,11 +74,11 @@ def balance(books: Balance) -> Figure:
     above.plot(books.time * second, books.work * factor, color="black", ls=(0, (4, 3)), lw=1.2, label="put in")
     above.set_ylabel(f"energy per thickness, {unit}")
     above.legend(frameon=False)
-    small, _ = scaled([books.error * 100], "")
-    percent = "%" if small == 1 else f"$10^{{{-round(np.log10(small))}}}$ %"
-    below.plot(books.time * second, books.error * 100 * small, lw=1.2, color="black")
+    small, _ = scaled([books.error], "")
+    below.plot(books.time * second, books.error * small, lw=1.2, color="black")
     below.axhline(0, color="0.6", lw=0.6)
-    below.set(xlabel=f"time, {seconds}", ylabel=f"balance error,\n{percent} of the most put in")
+    power = "error over put in" if small == 1 else f"error over put in,\n$10^{{{-round(np.log10(small))}}}$"
+    below.set(xlabel=f"time, {seconds}", ylabel=power)
     for axes in (above, below):
         plain(axes)
         axes.margins(x=0.01)
@@ -87,7 +87,7 @@ def balance(books: Balance) -> Figure:
 
 
 def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
-    """Forces over time and over the mean displacement of their nodes, none at rest; along each one's own axis or `axis`."""
+    """Forces over time and over the mean displacement of their nodes, none at rest; along `axis` or each one's own."""
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
     axes_of = [one.axis if axis is None else axis for one in found]

@@ -21,6 +21,7 @@ from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
+UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; border-bottom: 1px solid #ccc; margin-top: 2.2rem; }
@@ -76,20 +77,22 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
         "from, to": f"({low[0]:.4g}, {low[1]:.4g}) to ({high[0]:.4g}, {high[1]:.4g}) mm",
         "area": f"{nodes.area.sum() * 1e6:.6g} mm²",
         "bonds": f"{bonds}, and {int(nodes.cut.sum())} cut by pre-cracks",
-        "pre-cracks": f"{len(results.cracks())} segments",
+        "pre-cracks": _text([[float(end) for end in line] for line in results.cracks()]) + " m"
+        if len(results.cracks())
+        else "none",
     }
 
 
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
     run = model.get("run", {})
-    found = {name: _text(value) for name, value in model["material"].items()}
+    found = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in model["material"].items()}
     found |= {f"region {number + 1}": _text(one["material"]) for number, one in enumerate(model.get("regions", []))}
     found["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
     found["time step"] = (
         f"{meta['time_step'] * 1e9:.4g} ns, surely stable up to {meta['stable_time_step'] * 1e9:.4g} ns"
     )
     found |= {name: _text(value) for name, value in run.items() if name != "time_step"}
-    found |= {f"parameter {name}": _text(value) for name, value in model.get("parameters", {}).items()}
+    found |= {name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()}
     return {"drawing": model.get("source", ""), **found}
 
 

@@ -14,6 +14,8 @@ from pdpost.charts import COLOURS, WIDTH
 from pdpost.crack_figure import CORNERS
 from pdsolve.results import Nodes, Results
 
+FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
+
 
 def scene(results: Results, model: dict[str, Any]) -> Figure:
     """Each node a square of its spacing, grey by its level, in the colour of the last condition that acts on it.
@@ -28,18 +30,23 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
         Patch(color=str(grey), label=f"{(nodes.delta == level).sum()} nodes, {level * 1e3:.4g} mm apart")
         for level, grey in zip(levels, greys, strict=True)
     ]
+    acting = np.zeros(len(nodes.ids), dtype=bool)
     for number, condition in enumerate(model.get("conditions", [])):
         colour = COLOURS[number % len(COLOURS)]
-        colours[acted_on(nodes, condition)] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+        here = acted_on(nodes, condition)
+        acting |= here
+        colours[here] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
         keys.append(
             Patch(color=colour, label=f"{condition.get('name') or f'condition {number}'} ({condition['kind']})")
         )
-    squares = (nodes.position[:, None, :] + 0.88 * nodes.delta[:, None, None] * CORNERS) * 1e3
+    few = np.ptp(nodes.position, axis=0).max() / nodes.delta.min() < FEW
+    squares = (nodes.position[:, None, :] + (0.88 if few else 1.0) * nodes.delta[:, None, None] * CORNERS) * 1e3
     low, high = squares.min(axis=(0, 1)), squares.max(axis=(0, 1))
     height = float(np.clip(WIDTH * (high[1] - low[1]) / max(high[0] - low[0], 1e-300), 1.5, 8.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot()
-    plate.add_collection(PolyCollection(list(squares), facecolors=colours, linewidths=0))
+    thin = np.where(acting, 0.0 if few else 0.7, 0.0)  # points, so that a row of small nodes is seen
+    plate.add_collection(PolyCollection(list(squares), facecolors=colours, edgecolors=colours, linewidths=thin))
     segments = results.cracks().reshape(-1, 2, 2) * 1e3
     plate.add_collection(LineCollection(list(segments), colors="black", linewidths=1.5))
     edge = 0.01 * float((high - low).max())
