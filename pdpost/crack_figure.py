@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from pdpost.charts import WIDTH, look, plain, scaled
 from pdpost.crack_summary import Summary
 from pdpost.cracks import damage_at
-from pdpost.paths import Polyline
+from pdpost.paths import LONG, Polyline
 from pdpost.speed import speeds
 from pdsolve.results import Nodes, Results
 
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-SHOWN = 6  # branches with a curve of their own
-LONG = 0.4  # of the longest: what is shorter has none
+SHOWN = 6  # main branches with a curve of their own
 
 
 def crack(results: Results, found: Summary) -> Figure:

@@ -26,6 +26,7 @@ SLAB = 2.0  # local spacings, along the crack
 SHORTEST = 5.0  # local spacings: shorter ends are the crack's rough edge, shorter clusters are crumbs
 NEAR_TIP = 3.0  # spacings within which a path begins at the tip of a pre-crack
 ARM = 10.0  # local spacings of an arm that its direction is measured over
+LONG = 0.4  # of the longest: shorter branches are no main ones
 SAMPLES = 2000  # points of a set of lines that distances are measured from
 
 Polyline = NDArray[np.float64]  # (k, 2) m
@@ -144,13 +145,14 @@ def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float,
 def heading(lines: Sequence[Polyline]) -> str:
     """Where a crack runs: the name in `cracks.DIRECTIONS` that most of its length goes by; "right" without any.
 
-    Of directions within a tenth of each other, the first one of `cracks.DIRECTIONS`.
+    Lines shorter than 0.4 of the longest do not count; of directions within a tenth of each other it is the first.
     """
     way = np.array(list(DIRECTIONS.values()))
     lengths = np.zeros(len(way))
-    for line in lines:
-        nearest = int((way @ (line[-1] - line[0])).argmax())
-        lengths[nearest] += np.hypot(*np.diff(line, axis=0).T).sum()
+    sizes = [float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in lines]
+    for line, size in zip(lines, sizes, strict=True):
+        if size >= LONG * max(sizes):
+            lengths[int((way @ (line[-1] - line[0])).argmax())] += size
     return list(DIRECTIONS)[int((lengths >= 0.9 * lengths.max()).argmax())]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drawn import lattice, run
 
-from pdpost.paths import PathError, branches, distance, forks, path
+from pdpost.paths import PathError, branches, distance, forks, heading, path
 from pdsolve.results import Nodes
 
 
@@ -121,6 +121,20 @@ def test_coarse_nodes_are_followed_too() -> None:
     (found,) = path(run(nodes, line, notch=np.empty((0, 4))), 100)
     assert found[:, 0] == pytest.approx(10e-3)
     assert found[[0, -1], 1] == pytest.approx([0, 42e-3], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lines", "way"),
+    [
+        ([], "right"),
+        ([[[0, 0], [1, 9]]], "up"),
+        ([[[0, 0], [0, 9]], [[0, 0], [0, -9.5]]], "up"),  # alike: the first of right, left, up, down
+        ([[[0, 0], [0, 9]], [[0, 0], [0, -10.5]]], "down"),
+        ([[[0, 0], [-9, 0]], *[[[0, 0], [3, 0]]] * 9], "left"),  # crumbs do not count
+    ],
+)
+def test_where_a_crack_runs(lines: list, way: str) -> None:
+    assert heading([np.array(line, dtype=float) for line in lines]) == way
 
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
