@@ -9,7 +9,7 @@ pre-crack, are left out: the path begins at the pre-crack's tip.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -245,10 +245,8 @@ def _beginnings(graph: csr_matrix, when: NDArray[np.int64]) -> NDArray[np.int64]
     cluster = connected_components(graph, directed=False)[1]
     order = np.lexsort((when, cluster))
     first = order[np.unique(cluster[order], return_index=True)[1]]
-    found = [first]
-    for row, far in zip(first, dijkstra(graph, indices=first, limit=SLAB + ROUND_OFF), strict=True):
-        found.append(np.flatnonzero(np.isfinite(far) & (when == when[row])))
-    return np.unique(np.concatenate(found))
+    near = dijkstra(graph, indices=first, min_only=True, limit=SLAB + ROUND_OFF)
+    return np.flatnonzero(np.isfinite(near) & (when == when[first][cluster]))
 
 
 def _parts(graph: csr_matrix, slab: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[set[int]]]:
@@ -272,21 +270,17 @@ def _members(part: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
 
 
 def _prune(skeleton: _Skeleton) -> None:
-    """Take off short ends, one of two short ways between the same joints, and clusters that are short as a whole."""
-    while True:
-        short = []
-        chains = _chains(skeleton)
-        for chain in chains:
-            length = abs(skeleton.level[chain[-1]] - skeleton.level[chain[0]])
-            ends = [end for end in (chain[0], chain[-1]) if len(skeleton.links[end]) == 1]
-            twins = [other for other in chains if {other[0], other[-1]} == {chain[0], chain[-1]}]
-            loose = len(ends) == 1 and ends[0] not in skeleton.begins
-            if length < SHORTEST and (loose or (len(twins) > 1 and chain is not twins[0])):
-                short.append((length, chain))
-        if not short:
-            break
-        for one, other in pairwise(min(short, key=lambda found: found[0])[1]):
-            skeleton.part(one, other)
+    """Take off short ends, one of two short ways between the same joints, and clusters that are short as a whole.
+
+    The shortest go first; of those that share a joint one at a time, as the rest may then be part of something longer.
+    """
+    while short := sorted(_short(skeleton)):
+        touched: set[int] = set()
+        for _, chain in short:
+            if touched.isdisjoint((chain[0], chain[-1])):
+                touched |= {chain[0], chain[-1]}
+                for one, other in pairwise(chain):
+                    skeleton.part(one, other)
     for chain in _chains(skeleton):
         alone = all(len(skeleton.links[end]) == 1 for end in (chain[0], chain[-1]))
         if alone and max(skeleton.level[number] for number in chain) < SHORTEST:
@@ -294,12 +288,25 @@ def _prune(skeleton: _Skeleton) -> None:
                 skeleton.part(one, other)
 
 
+def _short(skeleton: _Skeleton) -> Iterator[tuple[float, list[int]]]:
+    """Chains, with their lengths in spacings, that are too short and lead nowhere, or where another one leads too."""
+    ways: set[tuple[int, int]] = set()
+    for chain in _chains(skeleton):
+        length = abs(skeleton.level[chain[-1]] - skeleton.level[chain[0]])
+        ends = [end for end in (chain[0], chain[-1]) if len(skeleton.links[end]) == 1]
+        loose = len(ends) == 1 and ends[0] not in skeleton.begins
+        way = min(chain[0], chain[-1]), max(chain[0], chain[-1])
+        if length < SHORTEST and (loose or way in ways):
+            yield length, chain
+        ways.add(way)
+
+
 def _chains(skeleton: _Skeleton) -> list[list[int]]:
     """Points from joint to joint, from the lower level to the higher; joints begin, end or fork cracks."""
     links = skeleton.links
-    joints = [at for at, linked in enumerate(links) if linked and (len(linked) != 2 or at in skeleton.begins)]
+    joints = {at for at, linked in enumerate(links) if linked and (len(linked) != 2 or at in skeleton.begins)}
     found = []
-    for joint in joints:
+    for joint in sorted(joints):
         for following in sorted(links[joint]):
             chain = [joint, following]
             while chain[-1] not in joints:
