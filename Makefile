@@ -64,9 +64,8 @@ gmsh-libraries: $(VENV)/install.done
 		fi; }
 
 bench-speed: gmsh-libraries
-	@mkdir -p build
-	$(BIN)/pdmesh build geometries/$(SCENE).geo -o build/$(SCENE).json --force
-	$(BIN)/python -m benchmarks.speed --scene build/$(SCENE).json -o benchmarks/speed.json
+	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json
+	$(BIN)/python -m benchmarks.savings
 
 bench-quick: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.speed --quick

@@ -7,29 +7,39 @@ kernel is less than `LEAST` times the textbook loop. benchmarks/README.md says h
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import io
+import itertools
 import json
 import os
 import platform
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
+import msgspec
 import numba
 import numpy as np
+from tqdm import tqdm
 
 from benchmarks import lammps_peri
+from benchmarks.claims import Case
+from benchmarks.runs import built
 from pdmesh.grid import Grid, Horizon, Material, Run, Settings
-from pdsolve.model import Model, read_model
+from pdsolve.model import Model
 from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import Progress, simulate
 
 LEAST = 4.0  # times the textbook loop, in the quick form
 SAMPLE = 0.05  # s of one measurement
 ROUNDS, QUICK_ROUNDS = 9, 9
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 LAWS = {"brittle": GLASS, "bilinear": Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)}
+MODES = ("thesis", "conservative")
 PLATES = {"4k": (101, 42), "13k": (131, 101), "64k": (400, 160), "1M": (1000, 1000)}
 TEXTBOOK_UP_TO, NUMPY_UP_TO = 200_000, 200_000  # nodes; above, their lists of bonds are too long for a desktop
 
@@ -84,7 +94,8 @@ class NumpyBonds:
 
     def __init__(self, problem: Problem) -> None:
         bonds = problem.assembly.bonds
-        self.i, self.j, self.xi = problem.source, bonds.neighbour, bonds.xi.astype(float)
+        self.i = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+        self.j, self.xi = bonds.neighbour, bonds.xi.astype(float)
         self.length = np.hypot(*self.xi.T)
         self.stiffness, self.peak, self.limit = bonds.stiffness, bonds.peak, bonds.limit
         self.intact, self.worst = np.ones(len(self.i), dtype=bool), bonds.peak.copy()
@@ -162,7 +173,7 @@ def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: in
             variants.append(Variant("textbook float64, 1 thread", 1, stepper(textbook)))
     seconds = interleaved(variants, rounds)
     assert not fast.motion.broken.any(), "a bond broke: this is not the intact cost"
-    bonds = len(fast.neighbour)
+    bonds = fast.bonds
     ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
     return {"grid": name, "nodes": len(grid), "bonds": bonds, "law": law, "mode": mode, "ns": ns, "ratios": ratios(ns)}
 
@@ -181,23 +192,51 @@ def ratios(ns: dict[str, float]) -> dict[str, float]:
     return {name: ns[slow] / ns[quick] for name, (slow, quick) in pairs.items() if slow in ns and quick in ns}
 
 
-def growing(scene: Path, mode: str, rounds: int) -> dict[str, Any]:
-    """ns a bond of a whole run whose crack grows, against the same plate left alone."""
-    model = read_model(scene)
+def scene_of(name: str, law: str, folder: Path) -> Model:
+    """A shipped scene whose bonds follow one of the two laws."""
+    model = built(Case(name, "", f"{name}.geo", ()), folder)
+    assert model.settings.material is not None
+    other = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {"law": "brittle"}
+    material = msgspec.structs.replace(model.settings.material, **other)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material))
+
+
+def growing(model: Model, mode: str, rounds: int) -> dict[str, Any]:
+    """ns a bond of a whole run whose crack grows, against the same plate left alone, and against the whole run with
+    all that a user gets: ledger, frames on disk, a progress bar."""
     steps = model.settings.run.steps
     best: dict[str, float] = {}
     for _ in range(rounds):
-        for name in ("growing", "intact"):
+        for name in ("growing", "intact", "with frames"):
             problem = prepare(model, Options(mode))
             if name == "intact":
                 for load in (problem.drive.force, problem.drive.before):
                     load[:] = 0
                 problem.motion.v[:] = problem.motion.a[:] = 0
-            began = time.perf_counter()
-            problem.march(1, steps + 1)
-            ns = (time.perf_counter() - began) / steps / len(problem.neighbour) * 1e9
-            best[name] = min(best.get(name, np.inf), ns)
-    return {"scene": scene.stem, "mode": mode, "steps": steps, "ns": best, "ratio": best["growing"] / best["intact"]}
+            if name == "with frames":
+                seconds = _written(model, mode)
+            else:
+                began = time.perf_counter()
+                problem.march(1, steps + 1)
+                seconds = time.perf_counter() - began
+            best[name] = min(best.get(name, np.inf), seconds / steps / problem.bonds * 1e9)
+    ratios = {
+        "growing / intact": best["growing"] / best["intact"],
+        "with frames / without": best["with frames"] / best["growing"],
+    }
+    return {"mode": mode, "steps": steps, "frames": steps // model.settings.run.every, "ns": best, "ratios": ratios}
+
+
+def _written(model: Model, mode: str) -> float:
+    """Seconds of the time loop of a run that writes a file and shows how far it is."""
+    with tempfile.TemporaryDirectory() as folder, tqdm(total=model.settings.run.steps, file=io.StringIO()) as bar:
+
+        def watch(progress: Progress) -> bool:
+            bar.update(progress.step - bar.n)
+            return False
+
+        with simulate(model, Path(folder) / "run.sqlite", Options(mode), watch) as results:
+            return float(results.summary()["wall_time"])
 
 
 def chart(rows: list[dict[str, Any]], path: Path) -> None:
@@ -246,7 +285,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help=f"one plate; fails below {LEAST:g} times the textbook")
     parser.add_argument("--grids", default="4k,13k,64k,duran50", help="of 4k, 13k, 64k, 1M and the shipped scenes")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--scene", type=Path, help="a grid file whose whole run is timed too")
+    parser.add_argument("--runs", default="kalthoff_winkler,duran50", help="shipped scenes whose whole run is timed")
     parser.add_argument("-o", "--output", type=Path, default=Path("speed.json"))
     args = parser.parse_args(arguments)
     threads = min(2, numba.config.NUMBA_NUM_THREADS)
@@ -255,7 +294,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows = []
     for name, grid in grids(args.grids.split(",")).items():
         for law in LAWS:
-            for mode in ("thesis", "conservative"):
+            for mode in MODES:
                 rows.append(measure(name, grid, law, mode, args.rounds, threads))
                 tell(rows[-1])
     others = {}
@@ -263,9 +302,12 @@ def main(arguments: list[str] | None = None) -> int:
         others["LAMMPS peri/pmb, 1 thread"] = lammps_peri.ns_per_bond()
         print(f"LAMMPS peri/pmb, 1 thread: {others['LAMMPS peri/pmb, 1 thread']:.3g} ns a bond")
     numba.set_num_threads(threads)
-    runs = [growing(args.scene, mode, 3) for mode in ("thesis", "conservative")] if args.scene else []
-    for run in runs:
-        print(f"{run['scene']}, {run['mode']}: growing / intact {run['ratio']:.3g}")
+    runs = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, law, mode in itertools.product(filter(None, args.runs.split(",")), LAWS, MODES):
+            runs.append({"scene": name, "law": law, **growing(scene_of(name, law, Path(folder)), mode, 3)})
+            told = ", ".join(f"{key} {value:.3g}" for key, value in runs[-1]["ratios"].items())
+            print(f"{name}, {law}, {mode}: {told}", flush=True)
     machine = {
         "processor": platform.processor(),
         "cores": os.cpu_count(),

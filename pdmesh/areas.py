@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
+ROWS = 16384  # whose surroundings are looked at together
 NEAREST = 24  # nodes looked at to find the four next ones; an interface of ratio 2 needs 13
 
 
@@ -22,20 +23,32 @@ def thesis_areas(
     """
     if len(position) < 2:
         return delta**2
-    distance, near = cKDTree(position).query(position, k=min(NEAREST, len(position) - 1) + 1)
+    tree = cKDTree(position)
+    some = (np.arange(first, min(first + ROWS, len(position))) for first in range(0, len(position), ROWS))
+    return np.concatenate([_thesis_areas_of(rows, tree, position, delta, horizon) for rows in some])
+
+
+def _thesis_areas_of(
+    rows: NDArray[np.int64],
+    tree: cKDTree,
+    position: NDArray[np.float64],
+    delta: NDArray[np.float64],
+    horizon: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    distance, near = tree.query(position[rows], k=min(NEAREST, len(position) - 1) + 1)
     distance, near = distance[:, 1:], near[:, 1:]
-    offset = position[near] - position[:, None, :]
-    seen = distance <= horizon[:, None] * (1 + 1e-9)
+    offset = position[near] - position[rows, None, :]
+    seen = distance <= horizon[rows, None] * (1 + 1e-9)
     sums = []
     for axis in (0, 1):
         along, across = offset[..., axis], np.abs(offset[..., 1 - axis])
-        total = np.zeros(len(position))
+        total = np.zeros(len(rows))
         for side in (along, -along):
             beside = seen & (side > across * (1 - 1e-9)) & (side > 0)
             first = beside.argmax(axis=1)
-            total += np.where(beside.any(axis=1), delta[near[np.arange(len(near)), first]], delta)
+            total += np.where(beside.any(axis=1), delta[near[np.arange(len(near)), first]], delta[rows])
         sums.append(total / 2)
-    return sums[0] * sums[1]
+    return np.asarray(sums[0] * sums[1])
 
 
 def cell_areas(

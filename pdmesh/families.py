@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from pdmesh.grid import Grid, GridError, Material
+from pdmesh.grid import Grid, Material
+from pdmesh.neighbours import ROUND_OFF, Neighbours
+from pdmesh.visibility import Sight
 
-ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
-SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate
 CHUNK = 50_000  # nodes whose bonds are looked at together
 
 # What a run takes, measured on two cores: 1.2 to 2.7 ns a bond and step on the shipped scenes, breaking included; at
@@ -41,62 +39,11 @@ class Bonds:
 
 def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[Bonds]:
     """The directed bonds |xi| <= `ratio` delta of each node, or of those in `rows`, a chunk of nodes at a time."""
-    tree = cKDTree(grid.position)
-    plate = plate_of(grid)
-    lines = shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2))
-    void = shapely.Polygon()
-    if plate is not None and not plate.is_empty:
-        around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
-        convex = plate.convex_hull.area - plate.area < 1e-9 * plate.area
-        void = void if convex else around.difference(plate).buffer(-SLACK * float(grid.delta.min()), join_style="mitre")
+    neighbours, sight = Neighbours(grid.position, grid.delta, ratio * grid.delta), Sight(grid)
     wanted = np.arange(len(grid)) if rows is None else rows
-    for spacing in np.unique(grid.delta[wanted]):
-        same = wanted[grid.delta[wanted] == spacing]
-        reach = ratio * float(spacing) * (1 + ROUND_OFF)
-        for start in range(0, len(same), CHUNK):
-            some = same[start : start + CHUNK]
-            near = cKDTree(grid.position[some]).sparse_distance_matrix(tree, reach, output_type="ndarray")
-            source, target = some[near["i"]], near["j"].astype(np.int64)
-            other = source != target
-            source, target = source[other], target[other]
-            yield Bonds(
-                source, target, ~_meet(grid, source, target, void, reach), _meet(grid, source, target, lines, reach)
-            )
-
-
-def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
-    """The plate that a grid's outline and holes describe; None without an outline.
-
-    Raises GridError, beginning with `name`, for a ring that crosses itself or has no inside.
-    """
-    if not grid.outline:
-        return None
-    rings: dict[str, list[shapely.Polygon]] = {}
-    for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
-        rings[key] = [shapely.Polygon(ring) for ring in corners]
-        for number, ring in enumerate(rings[key]):
-            if not ring.is_valid or not ring.area > 0:
-                reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
-                raise GridError(
-                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
-                )
-    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
-
-
-def _meet(
-    grid: Grid, source: NDArray[np.int64], target: NDArray[np.int64], obstacle: shapely.Geometry, reach: float
-) -> NDArray[np.bool_]:
-    met = np.zeros(len(source), dtype=bool)
-    if obstacle.is_empty or not len(met):
-        return met
-    shapely.prepare(obstacle)
-    rows = np.unique(source)
-    close = np.zeros(len(grid), dtype=bool)
-    close[rows] = shapely.dwithin(obstacle, shapely.points(grid.position[rows]), reach)
-    asked = np.flatnonzero(close[source])
-    ends = np.sort(np.column_stack([source[asked], target[asked]]), axis=1)
-    met[asked] = shapely.intersects(obstacle, shapely.linestrings(grid.position[ends]))
-    return met
+    for start in range(0, len(wanted), CHUNK):
+        pairs = neighbours.pairs(wanted[start : start + CHUNK])
+        yield Bonds(pairs.source, pairs.target, sight.inside(pairs), sight.cut(pairs))
 
 
 def count(grid: Grid, ratio: float, sample: int | None = None) -> tuple[int, int]:

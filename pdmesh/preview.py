@@ -14,11 +14,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdmesh.families import bonds, plate_of
+from pdmesh.families import bonds
 from pdmesh.files import write_atomically
 from pdmesh.grid import Document, Grid, grid_of
 from pdmesh.report import check_selections, selected
 from pdmesh.shapes import SceneError
+from pdmesh.visibility import plate_of
 
 WIDTH, TALLEST, DPI = 8.0, 9.0, 200  # inches, inches, dots per inch
 MARGIN = 0.02  # of the plate

@@ -12,12 +12,12 @@ from pdmesh.families import (
     BYTES_PER_BOND,
     SECONDS_PER_BOND_STEP,
     count,
-    plate_of,
     stable_step,
 )
 from pdmesh.grid import Condition, Document, Grid, GridError, Load, Settings, grid_of
 from pdmesh.lattice import grid_of_nodes, place_nodes
 from pdmesh.scene import Scene
+from pdmesh.visibility import plate_of
 
 SAFETY = 0.8  # of the stable step: what the solver takes where a model names none
 MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated

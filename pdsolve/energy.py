@@ -37,12 +37,14 @@ def ledger(
     motion: Motion,
     area: NDArray[np.float64],
     rho: NDArray[np.float64],
+    broken: int,
     step: int,
     time: float,
 ) -> Ledger:
     """Draw up the books, in double precision and in the nodes' order.
 
-    `energies` are what the bonds hold and have spent on softening (n,), J/m^3; `area` (n,), m^2; `rho` (n,), kg/m^3.
+    `energies` are what the bonds hold and have spent on softening (n,), J/m^3; `area` (n,), m^2; `rho` (n,), kg/m^3;
+    `broken` bonds so far.
     """
     strain, softened = energies
     velocity = motion.v.astype(np.float64)
@@ -55,7 +57,7 @@ def ledger(
         work=float(np.sum(area * motion.work)),
         momentum_x=float(np.sum(rho * area * velocity[:, 0])),
         momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-        broken=int(np.count_nonzero(motion.broken)),
+        broken=broken,
     )
 
 

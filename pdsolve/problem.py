@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pdsolve.bonds import Assembly, Bonds
+from pdsolve import bonds as lists
+from pdsolve.bonds import Assembly, Bonds, Filling, Part, listed
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
+from pdsolve.kernels import layout
 from pdsolve.kernels.blocks import LANES, Blocks, Tracks
 from pdsolve.kernels.bond_sums import Motion
-from pdsolve.kernels.layout import aligned, blocks_of, energies, revive
+from pdsolve.kernels.layout import aligned, blocks_of
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Families, Nodes
 from pdsolve.schemes import EXACT_LOAD, SCHEMES
@@ -56,14 +58,16 @@ class Fast(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """A model prepared for marching; n nodes, b bonds. The arrays of `motion` and `drive` change with time."""
+    """A model prepared for marching; n nodes, b bonds. The arrays of `motion` and `drive` change with time.
+
+    A bond has the number that the kernel in use gives it; `motion.broken` and `motion.worst` are in that order.
+    """
 
     model: Model
     options: Options
-    start: NDArray[np.int64]  # (n + 1,) bonds of a node, as in Bonds
-    neighbour: NDArray[np.int32]  # (b,)
     area: NDArray[np.float64]  # (n,) m^2
     family: NDArray[np.int64]  # (n,) as in Assembly
+    count: NDArray[np.int64]  # (n,) bonds of a node at the start, those cut by a pre-crack left out
     drive: Drive
     motion: Motion
     rho: NDArray[np.floating]  # (n,) kg/m^3, in the run's precision
@@ -80,7 +84,12 @@ class Problem:
     @cached_property
     def assembly(self) -> Assembly:
         """The whole list of bonds, in the run's precision; made anew for the fast kernel, which does without."""
-        return _in_precision(SCHEMES[self.options.mode](self.model), self.options.precision)
+        return _in_precision(SCHEMES[self.options.mode](self.model).whole(), self.options.precision)
+
+    @property
+    def bonds(self) -> int:
+        """How many directed bonds there were at the start."""
+        return int(self.count.sum())
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1."""
@@ -92,23 +101,29 @@ class Problem:
     def books(self, step: int) -> Ledger:
         """The ledger after `step`."""
         area, rho = self.area, self.model.rho
-        return ledger(self.energies(), self.motion, area, rho, step, step * self.time_step)
+        return ledger(self.energies(), self.motion, area, rho, len(self.broken()), step, step * self.time_step)
 
     def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
         if self.fast:
-            return energies(self.fast.blocks, self.fast.tracks, len(self.model.grid))
+            return layout.energies(self.fast.blocks, self.fast.tracks, len(self.model.grid))
         return strain_energies(self.assembly.bonds, self.motion)
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
-        broken = self._rows(np.flatnonzero(self.motion.broken))
-        intact = np.diff(self.start) - np.bincount(broken, minlength=len(self.family))
+        broken, _ = self._ends(self.broken())
+        intact = self.count - np.bincount(broken, minlength=len(self.family))
         return np.where(self.family > 0, 1 - intact / np.maximum(self.family, 1), 0.0)
 
-    def _rows(self, bonds: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The rows of the nodes whose bonds these are."""
-        return np.searchsorted(self.start, bonds, side="right") - 1
+    def broken(self) -> NDArray[np.int64]:
+        """The numbers of the bonds broken so far."""
+        if self.fast:
+            return layout.there(self.fast.whole & ~self.fast.blocks.mask)
+        return np.flatnonzero(self.motion.broken)
+
+    def _ends(self, bonds: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The rows (k,) of both nodes of the bonds with these numbers (k,)."""
+        return layout.ends(self.fast.blocks, bonds) if self.fast else lists.ends(self.assembly.bonds, bonds)
 
     def fields(self, names: Iterable[str]) -> dict[str, NDArray[np.floating]]:
         """The fields (n,) of these names now."""
@@ -123,34 +138,38 @@ class Problem:
                 found[name] = getattr(motion, name[0])[:, "xy".index(name[1])]
         return found
 
-    @cached_property
-    def source(self) -> NDArray[np.int32]:
-        """Row (b,) of the node whose bond it is."""
-        counts = np.diff(self.start)
-        return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
-
     def nodes(self) -> Nodes:
         """The nodes as results know them."""
-        grid, cut = self.model.grid, self.family - np.diff(self.start)
+        grid, cut = self.model.grid, self.family - self.count
         return Nodes(grid.ids, grid.position, grid.delta, self.area, self.family, cut)
 
     def families(self, first: int, last: int) -> Families:
         """Who is bonded to whom at the start, for the rows `first` to `last` - 1."""
-        start = self.start[first : last + 1]
-        return Families(start - start[0], self.neighbour[start[0] : start[-1]].astype(np.int64))
+        if self.fast:
+            slots = self.fast.blocks.start[[first // LANES, -(-last // LANES)]]
+            numbers = layout.there(self.fast.whole[slots[0] : slots[1]], int(slots[0]))
+        else:
+            numbers = np.arange(*self.assembly.bonds.start[[first, last]])
+        source, target = self._ends(numbers)
+        own = (source >= first) & (source < last)
+        order = np.lexsort((target[own], source[own]))
+        start = np.concatenate([[0], np.cumsum(self.count[first:last])])
+        return Families(start, target[own][order])
 
     def breaks_after(self, step: int) -> Breaks:
         """Bonds broken after `step`, in order."""
-        broken, ids = self.motion.broken, self.model.grid.ids
-        new = np.flatnonzero(broken > step)
-        new = new[np.argsort(broken[new], kind="stable")]
-        return Breaks(broken[new].astype(np.int64), ids[self._rows(new)], ids[self.neighbour[new]])
+        ids, new = self.model.grid.ids, self.broken()
+        new = new[self.motion.broken[new] > step]
+        broken, (source, target) = self.motion.broken[new].astype(np.int64), self._ends(new)
+        order = np.lexsort((target, source, broken))
+        return Breaks(broken[order], ids[source[order]], ids[target[order]])
 
     def pieces(self) -> int:
         """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
         sound = self.damage() <= CRACKED
-        ends = self.source, self.neighbour
-        whole = (self.motion.broken == 0) & sound[ends[0]] & sound[ends[1]]
+        intact = layout.there(self.fast.blocks.mask) if self.fast else np.flatnonzero(self.motion.broken == 0)
+        ends = self._ends(intact)
+        whole = sound[ends[0]] & sound[ends[1]]
         nodes = len(sound)
         graph = coo_matrix((np.ones(int(whole.sum()), dtype=bool), (ends[0][whole], ends[1][whole])), (nodes, nodes))
         _, part = connected_components(graph, directed=False)
@@ -168,8 +187,8 @@ class Problem:
         }
 
     def restore(self, step: int, state: dict[str, NDArray[np.floating]], breaks: Breaks) -> None:
-        """Go back to a state and the bonds broken until then."""
-        motion = self.motion
+        """Go back to the state after `step`; of the `breaks` those until then count."""
+        motion, breaks = self.motion, Breaks(*(column[breaks.step <= step] for column in breaks))
         for name in ("u", "v", "a", "dissipated", "work"):
             getattr(motion, name)[:] = state[name].reshape(getattr(motion, name).shape)
         self.drive.held_force[:] = state["held_force"]
@@ -177,10 +196,12 @@ class Problem:
         ids = self.model.grid.ids
         order = np.argsort(ids)
         node, neighbour = (order[np.searchsorted(ids, column, sorter=order)] for column in breaks[1:])
-        key = self.source.astype(np.int64) * len(ids) + self.neighbour
-        motion.broken[np.searchsorted(key, node * len(ids) + neighbour)] = breaks.step
         if self.fast:
-            revive(self.fast.blocks, motion.broken, motion.worst, self.fast.whole)
+            blocks, tracks, whole = self.fast
+            motion.broken[layout.find(blocks, whole, node, neighbour)] = breaks.step
+            layout.revive(blocks, tracks.broken, tracks.worst, whole)
+        else:
+            motion.broken[lists.find(self.assembly.bonds, node, neighbour)] = breaks.step
         apply_loads(self.drive, step * self.time_step)
 
     def bytes(self) -> int:
@@ -208,11 +229,38 @@ def prepare(model: Model, options: Options) -> Problem:
     return problem_of(model, options, SCHEMES[options.mode](model))
 
 
-def problem_of(model: Model, options: Options, exact: Assembly) -> Problem:
-    """The problem of a model whose bonds are there already, in double precision. Raises ModelError."""
-    kind = np.dtype(options.precision).type
-    bound = stability_bound(exact.bonds, model.rho)
-    step = model.settings.run.time_step
+class _Survey:
+    """What is kept of the bonds while they pass, part by part."""
+
+    def __init__(self, filling: Filling, rho: NDArray[np.float64]) -> None:
+        self._filling, self._rho = filling, rho
+        self.counts: list[NDArray[np.int64]] = []
+        self.families: list[NDArray[np.int64]] = []
+        self.bound, self.softens = float("inf"), False
+
+    def parts(self) -> Iterator[Part]:
+        """All parts, noted."""
+        for part in self._filling.parts():
+            bonds = part.bonds
+            self.counts.append(np.diff(bonds.start))
+            self.families.append(part.family)
+            self.bound = min(self.bound, stability_bound(bonds, self._rho[part.first : part.first + len(part.family)]))
+            self.softens |= bool((bonds.peak < bonds.limit).any())
+            yield part
+
+
+def problem_of(model: Model, options: Options, filling: Filling) -> Problem:
+    """The problem of a model whose bonds are filled like this, in double precision. Raises ModelError."""
+    kind, nodes = np.dtype(options.precision).type, len(model.grid)
+    survey, blocks, exact = _Survey(filling, model.rho), None, None
+    if options.kernel != "textbook":
+        blocks = blocks_of(survey.parts(), nodes, kind, numba.config.NUMBA_NUM_THREADS)
+        if options.kernel == "blocks" and blocks is None:
+            raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
+    if blocks is None:
+        survey = _Survey(filling, model.rho)
+        exact = listed(survey.parts(), filling.area)
+    step, bound = model.settings.run.time_step, survey.bound
     if step is None:
         if not np.isfinite(bound):
             raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
@@ -223,19 +271,16 @@ def problem_of(model: Model, options: Options, exact: Assembly) -> Problem:
             ModelWarning,
             stacklevel=2,
         )
-    driven = drive(model, exact.area, EXACT_LOAD[options.mode], kind)
-    nodes, rho = len(model.grid), model.rho.astype(kind)
-    velocity = initial_velocity(model)
-    softens = bool((exact.bonds.peak < exact.bonds.limit).any())
-    blocks = None if options.kernel == "textbook" else blocks_of(exact.bonds, kind, numba.config.NUMBA_NUM_THREADS)
-    if options.kernel == "blocks" and blocks is None:
-        raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
+    driven = drive(model, filling.area, EXACT_LOAD[options.mode], kind)
+    velocity, rho = initial_velocity(model), model.rho.astype(kind)
+    family, count = np.concatenate(survey.families), np.concatenate(survey.counts)
+    bonds = int(count.sum()) if blocks is None else LANES * len(blocks.mask)
     motion = Motion(
         u=np.zeros((nodes, 2), dtype=kind),
         v=velocity.astype(kind),
         a=initial_acceleration(driven, rho),
-        broken=np.zeros(len(exact.bonds.neighbour), dtype=np.int32),
-        worst=np.zeros(len(exact.bonds.neighbour) if softens else 0, dtype=kind),
+        broken=np.zeros(bonds, dtype=np.int32),
+        worst=np.zeros(bonds if survey.softens else 0, dtype=kind),
         dissipated=np.zeros(nodes),
         work=np.zeros(nodes),
     )
@@ -244,10 +289,9 @@ def problem_of(model: Model, options: Options, exact: Assembly) -> Problem:
         tracks = _tracks(motion, driven, rho, len(blocks.softened))
         fast = Fast(blocks, tracks, blocks.mask.copy())
         motion, driven = _looking_into(tracks, motion, driven)
-    energy = float(np.sum(model.rho / 2 * exact.area * (velocity**2).sum(axis=1)))
-    listed = exact.bonds.start, exact.bonds.neighbour, exact.area, exact.family
-    problem = Problem(model, options, *listed, driven, motion, rho, step, bound, energy, fast)
-    if fast is None:
+    energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    problem = Problem(model, options, filling.area, family, count, driven, motion, rho, step, bound, energy, fast)
+    if exact is not None:
         vars(problem)["assembly"] = _in_precision(exact, options.precision)  # to be asked for at once
     problem.march(1, 1)  # no step: compiles before the clock runs
     return problem
@@ -280,8 +324,8 @@ def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int)
         rho=spread(rho, 1.0),
         dissipated=spread(motion.dissipated),
         work=spread(motion.work),
-        broken=motion.broken,
-        worst=motion.worst,
+        broken=motion.broken.reshape(-1, LANES),
+        worst=motion.worst.reshape(-1, LANES),
         loaded=loaded,
         held=held,
         held_start=np.searchsorted(block[held], np.arange(count + 1)),

@@ -2,7 +2,8 @@
 
 A plain SQLite file. Fields of nodes are float32, in chunks of `CHUNK` nodes; the view ``node_state`` decodes them
 in SQL, so ``SELECT time, uy FROM node_state WHERE node = 7`` works in any client. One transaction writes a frame
-with its broken bonds, its ledger and a checkpoint in full precision: a killed run loses at most the last frame.
+with its broken bonds and its ledger: a killed run loses at most the last frame. About once a second it holds a
+checkpoint in full precision as well, from which a run goes on.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION = 2
 CHUNK = 1024  # nodes
+PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 FIELDS = {  # name: unit, in the order of the view
     "ux": "m",
     "uy": "m",
@@ -77,7 +79,7 @@ class Frame(NamedTuple):
     breaks: Breaks  # since the last transaction
     ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
     probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
-    checkpoint: Mapping[str, NDArray[np.floating]]
+    checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
     reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
 
 
@@ -161,16 +163,14 @@ class Writer:
         if path is not None:
             remove(path)
         with _explained(path, WriteError):
-            connection = sqlite3.connect(":memory:" if path is None else path, isolation_level=None)
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.execute("PRAGMA synchronous = NORMAL")
+            connection = _connected(path)
             writer = cls(connection)
             connection.executescript(f"BEGIN;{TABLES}{_view()};")
             connection.executemany("INSERT INTO float32_prefix VALUES (?, ?, ?)", _prefixes())
-            columns = (nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
-            rows = zip(range(len(nodes.ids)), *(column.tolist() for column in columns), strict=True)
-            connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            columns = (np.arange(len(nodes.ids)), nodes.ids, *nodes.position.T, np.zeros(len(nodes.ids)), *nodes[2:])
             for chunk, at in enumerate(range(0, len(nodes.ids), CHUNK)):
+                rows = zip(*(column[at : at + CHUNK].tolist() for column in columns), strict=True)
+                connection.executemany("INSERT INTO node VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
                 start, neighbour = families(at, min(at + CHUNK, len(nodes.ids)))
                 ahead = neighbour - np.repeat(np.arange(at, at + len(start) - 1), np.diff(start))
                 blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
@@ -182,13 +182,18 @@ class Writer:
 
     @classmethod
     def reopen(cls, path: Path) -> Writer:
-        """The database at `path`, to go on writing. Raises ResultsError if it is not one of ours."""
-        with Results.open(path):
-            pass
+        """The database at `path`, to go on writing from its checkpoint: what it has of later steps is dropped.
+
+        Raises ResultsError if it is not one of ours or has no checkpoint.
+        """
+        with Results.open(path) as results:
+            step, _ = results.checkpoint()
         with _explained(path, WriteError):
-            connection = sqlite3.connect(path, isolation_level=None)
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.execute("PRAGMA synchronous = NORMAL")
+            connection = _connected(path)
+            connection.execute("BEGIN")
+            for table in ("frame", "field_chunk", "bond_break", "history", "probe", "reaction"):
+                connection.execute(f"DELETE FROM {table} WHERE step > ?", (step,))
+            connection.execute("COMMIT")
         writer = cls(connection)
         writer.tell({"status": "running"})
         return writer
@@ -219,7 +224,10 @@ class Writer:
                 self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", lines)
             self.connection.executemany(
                 "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
-                [(name, frame.step, values.dtype.str, values.tobytes()) for name, values in frame.checkpoint.items()],
+                [
+                    (name, frame.step, array.dtype.str, array.tobytes())
+                    for name, array in (frame.checkpoint or {}).items()
+                ],
             )
             self.connection.execute("COMMIT")
 
@@ -241,6 +249,16 @@ class Writer:
     def _path(self) -> Path | None:
         name = self.connection.execute("PRAGMA database_list").fetchone()[2]
         return Path(name) if name else None
+
+
+def _connected(path: Path | None) -> sqlite3.Connection:
+    """A connection to write with: readers are not disturbed, and the disk is waited for once in `WAL_PAGES`."""
+    connection = sqlite3.connect(":memory:" if path is None else path, isolation_level=None)
+    connection.execute(f"PRAGMA page_size = {PAGE}")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {WAL_PAGES}")
+    return connection
 
 
 def remove(path: Path) -> None:

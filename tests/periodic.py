@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pdmesh.grid import Grid
-from pdsolve.bonds import Assembly, Bonds
+from pdsolve.bonds import Assembly, Bonds, Filling, Part
 from pdsolve.model import Model
 from pdsolve.problem import Problem, problem_of
 
@@ -37,9 +37,16 @@ def joined(problem: Problem, box: Box) -> Problem:
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
     assembly = Assembly(own, problem.assembly.area[rows], problem.assembly.family[rows])
-    ring = problem_of(sub, problem.options, assembly)
+    ring = problem_of(sub, problem.options, Filling(assembly.area, lambda rows: _part(assembly, rows)))
     vars(ring)["assembly"] = assembly  # not that of a plate with edges
     return ring
+
+
+def _part(assembly: Assembly, rows: np.ndarray) -> Part:
+    start, *columns = assembly.bonds
+    own = slice(start[rows[0]], start[rows[-1] + 1])
+    bonds = Bonds(start[rows[0] : rows[-1] + 2] - start[rows[0]], *(column[own] for column in columns))
+    return Part(int(rows[0]), bonds, assembly.family[rows])
 
 
 def _some(grid: Grid, rows: np.ndarray) -> Grid:

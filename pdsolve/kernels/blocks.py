@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 from pdsolve.laws.bilinear import intact_share, spent_share
 
 LANES = 64
+# Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile
+INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 # Where the rows of 64 begin in a thread's scratch array
@@ -36,7 +38,7 @@ LANE_COUNT, _ONE, _NONE = np.uint64(LANES), np.uint64(1), np.uint64(0)
 
 
 class Blocks(NamedTuple):
-    """Bonds in blocks: n nodes, b bonds, s slots."""
+    """Bonds in blocks: s slots."""
 
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     vector: NDArray[np.int32]  # (s,) row of `vectors`
@@ -44,7 +46,6 @@ class Blocks(NamedTuple):
     pull: NDArray[np.int32]  # (s,) row of `stiffness`
     bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
     mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
-    bond: NDArray[np.int32]  # (s, 64) number of the lane's bond
     ids: NDArray[np.uint32]  # (., 64) neighbours
     vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
     stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|
@@ -66,15 +67,15 @@ class Tracks(NamedTuple):
     rho: NDArray[np.floating]  # (m,) kg/m^3
     dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
     work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
-    broken: NDArray[np.int32]  # (b,) as in bond_sums.Motion
-    worst: NDArray[np.floating]  # (b,) or (0,), likewise
+    broken: NDArray[np.int32]  # (s, 64) as in bond_sums.Motion, lane by lane
+    worst: NDArray[np.floating]  # (s, 64) or (0, 64), likewise
     loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
     turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: ignore[no-untyped-def]
     """Force densities on the nodes of block b, N/m^3, at u (2, m): in the rows FX and FY of the array returned.
 
@@ -92,11 +93,11 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: i
         _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
         x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
         if len(worst) > 0:
-            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            _recall(blocks.mask[slot], worst, slot, s)
             _add_softening(
                 x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.peak, blocks.limit, blocks.bound[slot], s
             )
-            if _remember(blocks.bond, worst, slot, s):
+            if _remember(worst, slot, s):
                 blocks.softened[b] = True
         else:
             _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
@@ -105,7 +106,7 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: i
     return s
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _begin(u, first, s):  # type: ignore[no-untyped-def]
     """The block's displacements, and nothing else yet."""
     zero = s.dtype.type(0)
@@ -118,7 +119,7 @@ def _begin(u, first, s):  # type: ignore[no-untyped-def]
         s[_TOP + lane] = zero
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _gather(u, base, ids, mask, s):  # type: ignore[no-untyped-def]
     """eta of a slot's bonds, 0 where there is no bond."""
     if base >= 0:
@@ -139,14 +140,14 @@ def _gather(u, base, ids, mask, s):  # type: ignore[no-untyped-def]
             s[_EY + lane] = s[_EY + lane] if there else zero
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _vector(vectors, row):  # type: ignore[no-untyped-def]
     """xi_x, xi_y and 1 / |xi|^2 of a row of the table."""
     at = np.uint64(row)
     return vectors[at, 0], vectors[at, 1], vectors[at, 2]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@njit(fastmath={"contract"}, **INNER)
 def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
     """Forces as if nothing broke, and the largest e. In one piece, with `_gather` repeated: calls cost a quarter."""
     ids, stiffness, zero, one = blocks.ids, blocks.stiffness, s.dtype.type(0), s.dtype.type(1)
@@ -180,7 +181,7 @@ def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
             s[_TOP + lane] = e if e > top else top
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@njit(fastmath={"contract"}, **INNER)
 def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # type: ignore[no-untyped-def]
     """Forces of the bonds below their limit; how far stretches are above it."""
     row, bound, zero, one = np.uint64(pull_row), np.uint64(limit_row), s.dtype.type(0), s.dtype.type(1)
@@ -198,7 +199,7 @@ def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # ty
         s[_TOP + lane] = stretch - limit[bound, lane]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@njit(fastmath={"contract"}, **INNER)
 def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row, s):  # type: ignore[no-untyped-def]
     """The same where bonds soften, and the largest stretches above their peaks so far."""
     row, bound, zero, one = np.uint64(pull_row), np.uint64(bound_row), s.dtype.type(0), s.dtype.type(1)
@@ -223,7 +224,7 @@ def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row,
         s[_TOP + lane] = stretch - limit
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _exceeds(s, threshold):  # type: ignore[no-untyped-def]
     """Whether a lane's top is above the threshold. Counting is vector code, looking for the largest is not."""
     above = 0
@@ -232,29 +233,28 @@ def _exceeds(s, threshold):  # type: ignore[no-untyped-def]
     return above > 0
 
 
-@njit(error_model="numpy")
-def _recall(bond, mask, worst, slot, s):  # type: ignore[no-untyped-def]
+@njit(**INNER)
+def _recall(mask, worst, slot, s):  # type: ignore[no-untyped-def]
     """The largest stretches above the peak so far, 0 where there is no bond."""
     zero = s.dtype.type(0)
     for lane in range(LANE_COUNT):
         there = ((mask >> lane) & _ONE) != _NONE
-        s[_WORST + lane] = worst[np.uint32(bond[slot, lane])] if there else zero
+        s[_WORST + lane] = worst[slot, lane] if there else zero
 
 
-@njit(error_model="numpy")
-def _remember(bond, worst, slot, s):  # type: ignore[no-untyped-def]
+@njit(**INNER)
+def _remember(worst, slot, s):  # type: ignore[no-untyped-def]
     """Write the largest stretches down; returns whether there are any."""
     some, zero = 0, s.dtype.type(0)
     for lane in range(LANE_COUNT):
         some += 1 if s[_WORST + lane] > zero else 0
     if some > 0:
         for lane in range(LANE_COUNT):
-            if s[_WORST + lane] > zero:
-                worst[bond[slot, lane]] = s[_WORST + lane]
+            worst[slot, lane] = s[_WORST + lane] if s[_WORST + lane] > zero else worst[slot, lane]
     return some > 0
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # type: ignore[no-untyped-def]
     """Take out the bonds over their limit, one by one, and book what they have spent."""
     x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
@@ -269,11 +269,11 @@ def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # 
                 e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
                 spent = s[_STRETCH + lane] * (e / (np.sqrt(1 + e) + 1))
             dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
-            broken[blocks.bond[slot, lane]] = step
+            broken[slot, lane] = step
             blocks.mask[slot] &= ~(_ONE << lane)
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
     """The node that the bond of a lane goes to."""
     base = blocks.base[slot]
@@ -287,7 +287,7 @@ def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-unt
         _energies_of(blocks, worst, u, strain, softened, np.int64(b))
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-untyped-def]
     s = blocks.scratch[get_thread_id()]
     first = np.uint64(b) * LANE_COUNT
@@ -302,7 +302,7 @@ def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-unty
             stretch = e / (np.sqrt(1 + e) + 1)
             s[_STRETCH + lane] = blocks.stiffness[row, lane] / inverse / 4 * stretch * stretch
         if blocks.softened[b]:
-            _recall(blocks.bond, blocks.mask[slot], worst, slot, s)
+            _recall(blocks.mask[slot], worst, slot, s)
             for lane in range(LANE_COUNT):
                 largest = s[_WORST + lane]
                 if largest > 0:

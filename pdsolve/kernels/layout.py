@@ -1,86 +1,258 @@
-"""From a list of bonds to the blocks of the fast kernel.
+"""From bonds to the blocks of the fast kernel, some rows at a time.
 
 Bonds of a lattice that should be equal differ by round-off, as positions do. Here components of reference vectors,
 and stiffnesses, that differ by less than computing them does are made one; limits are equal to the last bit.
+
+A bond's number is that of its lane: 64 times its slot, plus the lane.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.kernels.blocks import END, LANES, Blocks, Tracks, energy_densities
 
-SAME_PLACE = 1e-11  # of the longest bond: components of reference vectors this close are one
-SAME_STIFFNESS = 1e-13  # of the largest: sorted stiffnesses with smaller steps between them are one
+SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
+SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
+SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
 MARGIN = 1e-5  # of e: room for round-off below a peak
 
 
-def blocks_of(bonds: Any, kind: type[np.floating], threads: int) -> Blocks | None:
-    """The bonds (pdsolve.bonds.Bonds, exact) in blocks of precision `kind`; None if the nodes are no lattice."""
-    if not len(bonds.neighbour):
-        return None
-    count = -(-(len(bonds.start) - 1) // LANES)
-    components, place = _alike(np.abs(bonds.xi).ravel(), SAME_PLACE * float(np.abs(bonds.xi).max()))
-    if len(components) > MOST_COMPONENTS:
-        return None
-    signed = np.stack([components, -components], axis=1).ravel()
-    sides = (2 * place + (bonds.xi.ravel() < 0)).reshape(-1, 2)
-    vector, keys = _numbered(sides[:, 0] * len(signed) + sides[:, 1], len(signed) ** 2)
-    start = np.concatenate([[0], np.cumsum(_slots_per_block(bonds.start, vector, len(keys), count))])
-    slots = int(start[-1])
-    if len(bonds.neighbour) < LEAST_FILLED * LANES * slots:
-        return None
-    x, y = signed[keys // len(signed)], signed[keys % len(signed)]
-    squared = x * x + y * y
-    length = np.sqrt(squared)
+class _Distinct:
+    """Different values, numbered as they turn up; those within a share of the largest of each other are one."""
 
-    bond, mask, of_slot = np.zeros((slots, LANES), np.int32), np.zeros(slots, np.uint64), np.zeros(slots, np.int32)
-    _fill_slots(bonds.start, vector, start, len(keys), bond, mask, of_slot)
-    base, ids = _neighbours(bonds.neighbour, bond, mask, count * LANES)
-    per_length = bonds.stiffness / length[vector]
-    pulls, number = _alike(per_length, SAME_STIFFNESS * float(per_length.max()))
-    pull, rows = _shared_rows(number, bond, mask)
-    peaks, peak_number = _alike(bonds.peak, 0.0)
-    limits, limit_number = _alike(bonds.limit, 0.0)
-    pair, pairs = _numbered(peak_number.astype(np.int64) * len(limits) + limit_number, len(peaks) * len(limits))
-    bound, bound_rows = _shared_rows(pair, bond, mask)
-    peak, limit = peaks[pairs // len(limits)], limits[pairs % len(limits)]
-    lowest = peak[bound_rows].min(axis=1)[bound]
-    block_peak = np.minimum.reduceat(np.append(lowest, np.inf), start[:-1])
-    block_peak[start[1:] == start[:-1]] = np.inf
+    def __init__(self, share: float) -> None:
+        self._share, self._tolerance = share, 0.0
+        self._order = np.zeros(0, dtype=np.int32)
+        self.values = np.zeros(0)
+
+    def numbers(self, values: NDArray[np.float64]) -> NDArray[np.int32]:
+        """The numbers of `values`, new ones added."""
+        if self._share > 0:
+            self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
+        number, known = self._look_up(values)
+        if not known.all():
+            self._add(np.sort(values[~known]))
+            number, _ = self._look_up(values)
+        return number
+
+    def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):  # infinite less infinite
+            return np.asarray((one == other) | (np.abs(one - other) <= self._tolerance))
+
+    def _look_up(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+        if not len(self.values):
+            return np.zeros(len(values), dtype=np.int32), np.zeros(len(values), dtype=bool)
+        ordered = self.values[self._order]
+        above = np.searchsorted(ordered, values).clip(max=len(ordered) - 1)
+        below = np.maximum(above - 1, 0)
+        at = np.where(self._near(values, ordered[below]), below, above)
+        return self._order[at], self._near(values, ordered[at])
+
+    def _add(self, ordered: NDArray[np.float64]) -> None:
+        apart = np.ones(len(ordered), dtype=bool)
+        apart[1:] = ~self._near(ordered[1:], ordered[:-1])
+        self.values = np.append(self.values, ordered[apart])
+        self._order = np.argsort(self.values).astype(np.int32)
+
+
+class _Rows(NamedTuple):
+    """Numbers of some slots' lanes: the least one of each slot, and all of those that have several."""
+
+    least: NDArray[np.int32]  # (s,)
+    mixed: NDArray[np.bool_]  # (s,)
+    own: NDArray[np.int32]  # (., 64) of the mixed ones
+
+
+class _Slots(NamedTuple):
+    """The slots of a part, s of them."""
+
+    counts: NDArray[np.int64]  # (blocks,) slots of a block
+    vector: NDArray[np.int32]  # (s,)
+    mask: NDArray[np.uint64]  # (s,)
+    base: NDArray[np.int64]  # (s,) or -1 - row of `ids`
+    ids: NDArray[np.uint32]  # (., 64)
+    pull: _Rows
+    bound: _Rows
+
+
+class _Tables:
+    """What slots of all parts share."""
+
+    def __init__(self) -> None:
+        self.components, self.pulls = _Distinct(SAME_PLACE), _Distinct(SAME_STIFFNESS)
+        self.peaks, self.limits, self.bounds = _Distinct(0.0), _Distinct(0.0), _Distinct(0.0)
+        self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components
+        self.keys = np.zeros(0, dtype=np.int64)  # components by number
+
+    def xi(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Both components of each reference vector."""
+        value = self.components.values
+        signed = np.stack([value, -value], axis=1).ravel()
+        return signed[self.keys // SIDES], signed[self.keys % SIDES]
+
+
+def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
+    """The bonds of `nodes` nodes in blocks of precision `kind`; None if they are no lattice.
+
+    `parts` (pdsolve.bonds.Part, exact) begin at multiples of 64.
+    """
+    tables, slots, bonds = _Tables(), [], 0
+    room = -(-nodes // LANES) * LANES
+    for part in parts:
+        found = _slots_of(part.bonds, part.first, room, tables)
+        if found is None:
+            return None
+        slots.append(found)
+        bonds += len(part.bonds.neighbour)
+    counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
+    if not bonds or bonds < LEAST_FILLED * LANES * len(mask):
+        return None
+    start = np.concatenate([[0], np.cumsum(counts)])
+    base, scattered = [], 0
+    for part in slots:
+        base.append(np.where(part.base < 0, part.base - scattered, part.base))
+        scattered += len(part.ids)
+    pull, pulls = _shared([part.pull for part in slots])
+    bound, bounds = _shared([part.bound for part in slots])
+    peak = tables.peaks.values[(tables.bounds.values // SIDES**2).astype(np.int64)][bounds]
+    limit = tables.limits.values[(tables.bounds.values % SIDES**2).astype(np.int64)][bounds]
+    block_peak = np.minimum.reduceat(np.append(peak.min(axis=1)[bound], np.inf), start[:-1])
+    block_peak[counts == 0] = np.inf
+    x, y = tables.xi()
     return Blocks(
         start=start,
-        vector=of_slot,
-        base=base,
+        vector=vector,
+        base=np.concatenate(base),
         pull=pull,
         bound=bound,
         mask=mask,
-        bond=bond,
-        ids=ids,
-        vectors=np.column_stack([x, y, 1 / squared]).astype(kind),
-        stiffness=aligned(pulls[rows].astype(kind)),
-        peak=peak[bound_rows].astype(kind),
-        limit=limit[bound_rows].astype(kind),
+        ids=np.concatenate([part.ids for part in slots]),
+        vectors=np.column_stack([x, y, 1 / (x * x + y * y)]).astype(kind),
+        stiffness=aligned(tables.pulls.values.astype(kind)[pulls]),
+        peak=peak.astype(kind),
+        limit=limit.astype(kind),
         threshold=((1 - MARGIN) * block_peak * (block_peak + 2)).astype(kind),
-        softened=np.zeros(count, dtype=np.bool_),
+        softened=np.zeros(len(counts), dtype=np.bool_),
         scratch=aligned(np.zeros((threads, int(END)), dtype=kind)),
     )
 
 
+def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | None:
+    """The slots of the bonds of the rows from `first` on, a multiple of 64; None if the nodes are no lattice."""
+    sides = 2 * tables.components.numbers(np.abs(bonds.xi).ravel()) + (bonds.xi.ravel() < 0)
+    if len(tables.components.values) > MOST_COMPONENTS:
+        return None
+    vector = _vectors(sides.reshape(-1, 2).astype(np.int64), tables)
+    x, y = tables.xi()
+    pulls = tables.pulls.numbers(bonds.stiffness / np.hypot(x, y)[vector])
+    bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
+
+    count = len(bonds.start) - 1
+    row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
+    blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
+    slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
+    lane = np.full((len(keys), LANES), -1, dtype=np.int32)  # the bond in each lane
+    lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
+    there = lane >= 0
+    base, ids = _neighbours(bonds.neighbour, lane, there, room)
+    return _Slots(
+        counts=np.bincount(keys // vectors, minlength=blocks),
+        vector=(keys % vectors).astype(np.int32),
+        mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
+        base=base,
+        ids=ids,
+        pull=_rows(pulls, lane, there),
+        bound=_rows(tables.bounds.numbers(bounds), lane, there),
+    )
+
+
+def _vectors(sides: NDArray[np.int64], tables: _Tables) -> NDArray[np.int32]:
+    """The numbers (b,) of reference vectors, from the numbers (b, 2) of their signed components."""
+    key = sides[:, 0] * SIDES + sides[:, 1]
+    new = np.unique(key[tables.vectors[key] < 0])
+    tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
+    tables.keys = np.append(tables.keys, new)
+    return np.asarray(tables.vectors[key])
+
+
+def _neighbours(
+    neighbour: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], room: int
+) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """The base of slots whose neighbours are consecutive, rows of 64 neighbours of those that are not."""
+    to = neighbour[lane].astype(np.int64) if len(neighbour) else lane.astype(np.int64)
+    start = to - np.arange(LANES)
+    low = np.where(there, start, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+    high = np.where(there, start, -1).max(axis=1, initial=-1)
+    scattered = (low != high) | (low < 0) | (low > room - LANES)
+    low[scattered] = -1 - np.arange(np.count_nonzero(scattered))
+    return low, np.where(there, to, 0)[scattered].astype(np.uint32)
+
+
+def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
+    """The numbers of the bonds (b,), slot by slot."""
+    if not len(numbers):
+        return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
+    number = numbers[lane]
+    least = np.where(there, number, np.iinfo(np.int32).max).min(axis=1)
+    mixed = np.where(there, number, -1).max(axis=1) > least
+    return _Rows(least, mixed, np.where(there, number, least[:, None])[mixed])
+
+
+def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The row of each slot (s,), and for each row the numbers of its lanes (., 64)."""
+    least, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
+    row, uniform = np.zeros(len(least), np.int32), np.unique(least[~mixed])
+    row[~mixed] = np.searchsorted(uniform, least[~mixed])
+    row[mixed] = len(uniform) + np.arange(np.count_nonzero(mixed))
+    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), own])
+
+
+def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
+    """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
+    return LANES * first + np.flatnonzero(_bits(mask))
+
+
+def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
+    slot, lane = np.divmod(numbers, LANES)
+    source = (np.searchsorted(blocks.start, slot, side="right") - 1) * LANES + lane
+    target = blocks.base[slot] + lane
+    listed = blocks.base[slot] < 0
+    target[listed] = blocks.ids[-1 - blocks.base[slot[listed]], lane[listed]]
+    return source, target
+
+
+def find(
+    blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there in the masks `whole`."""
+    room = LANES * (len(blocks.start) - 1)
+    block = np.unique(source // LANES)
+    slots = [np.arange(blocks.start[b], blocks.start[b + 1]) for b in block]
+    slot = np.concatenate([np.zeros(0, dtype=np.int64), *slots])
+    at = there(whole[slot])
+    numbers = slot[at // LANES] * LANES + at % LANES
+    one, other = ends(blocks, numbers)
+    key = one * room + other
+    order = np.argsort(key)
+    return numbers[order[np.searchsorted(key, source * room + target, sorter=order)]]
+
+
 def revive(blocks: Blocks, broken: NDArray[np.int32], worst: NDArray[np.floating], intact: NDArray[np.uint64]) -> None:
-    """Make masks and marks those of the state: `intact` (s,) were the masks of the whole plate."""
-    there = _bits(intact)
-    alive = there & (broken[blocks.bond] == 0)
+    """Make masks and marks those of the state (s, 64): `intact` (s,) were the masks of the whole plate."""
+    whole = _bits(intact)
+    alive = whole & (broken == 0)
     blocks.mask[:] = np.packbits(alive, axis=1, bitorder="little").view(np.uint64)[:, 0]
     blocks.softened[:] = False
     if len(worst):
-        slot_soft = (there & (worst[blocks.bond] > 0)).any(axis=1)
+        slot_soft = (whole & (worst > 0)).any(axis=1)
         block = np.repeat(np.arange(len(blocks.softened)), np.diff(blocks.start))
         blocks.softened[block[slot_soft]] = True
 
@@ -106,98 +278,9 @@ def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
     return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
 
 
-def _alike(values: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Different values, and the number of each of `values` among them; steps up to `tolerance` make no difference."""
-    ordered = np.sort(values)
-    with np.errstate(invalid="ignore"):  # infinite less infinite
-        ends = np.append(np.flatnonzero(np.diff(ordered) > tolerance), len(ordered) - 1)
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    return ordered[(starts + ends) // 2], np.searchsorted(ordered[ends], values).astype(np.int32)
-
-
 def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Numbers of the keys, all below `most`, and the keys they stand for."""
     seen = np.zeros(most, dtype=bool)
     seen[keys] = True
     number = np.cumsum(seen, dtype=np.int32) - np.int32(1)
     return number[keys], np.flatnonzero(seen)
-
-
-@njit(cache=True)
-def _slots_per_block(first, vector, vectors, count):  # type: ignore[no-untyped-def]
-    slots, seen = np.zeros(count, np.int64), np.full(vectors, -1, np.int64)
-    for i in range(len(first) - 1):
-        for k in range(first[i], first[i + 1]):
-            if seen[vector[k]] != i // LANES:
-                seen[vector[k]] = i // LANES
-                slots[i // LANES] += 1
-    return slots
-
-
-@njit(cache=True)
-def _fill_slots(first, vector, start, vectors, bond, mask, of_slot):  # type: ignore[no-untyped-def]
-    """Which bond is in which lane of which slot: the slots of a block in the order their vectors turn up."""
-    seen, slot_of, used = np.full(vectors, -1, np.int64), np.zeros(vectors, np.int64), np.zeros(len(start), np.int64)
-    for i in range(len(first) - 1):
-        b = i // LANES
-        for k in range(first[i], first[i + 1]):
-            if seen[vector[k]] != b:
-                seen[vector[k]] = b
-                slot_of[vector[k]] = start[b] + used[b]
-                used[b] += 1
-            slot = slot_of[vector[k]]
-            bond[slot, i % LANES] = k
-            mask[slot] |= np.uint64(1) << np.uint64(i % LANES)
-            of_slot[slot] = vector[k]
-
-
-@njit(cache=True)
-def _neighbours(neighbour, bond, mask, room):  # type: ignore[no-untyped-def]
-    """The base of slots whose neighbours are consecutive, rows of 64 neighbours of those that are not."""
-    base = np.zeros(len(mask), np.int64)
-    scattered = 0
-    for slot in range(len(mask)):
-        found, one = np.int64(-1), True
-        for lane in range(LANES):
-            if mask[slot] >> np.uint64(lane) & np.uint64(1):
-                here = neighbour[bond[slot, lane]] - lane
-                one = one and (found in (-1, here)) and 0 <= here <= room - LANES
-                found = here
-        base[slot] = found
-        if not one:
-            scattered += 1
-            base[slot] = -scattered
-    ids = np.zeros((scattered, LANES), np.uint32)
-    for slot in range(len(mask)):
-        if base[slot] < 0:
-            for lane in range(LANES):
-                if mask[slot] >> np.uint64(lane) & np.uint64(1):
-                    ids[-1 - base[slot], lane] = neighbour[bond[slot, lane]]
-    return base, ids
-
-
-def _shared_rows(
-    number: NDArray[np.integer], bond: NDArray[np.int32], mask: NDArray[np.uint64]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The row of each slot (s,), and for each row which of the numbered values its lanes have (., 64)."""
-    least, mixed = _least(number, bond, mask)
-    row, uniform = np.zeros(len(mask), np.int32), np.unique(least[~mixed])
-    row[~mixed] = np.searchsorted(uniform, least[~mixed])
-    row[mixed] = len(uniform) + np.arange(np.count_nonzero(mixed))
-    own = np.where(_bits(mask[mixed]), number[bond[mixed]], least[mixed][:, None])
-    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), own]).astype(np.int32)
-
-
-@njit(cache=True)
-def _least(number, bond, mask):  # type: ignore[no-untyped-def]
-    """The least number in each slot (s,), and whether there are others."""
-    least, mixed = np.zeros(len(mask), np.int64), np.zeros(len(mask), np.bool_)
-    for slot in range(len(mask)):
-        low, high = np.int64(-1), np.int64(-1)
-        for lane in range(LANES):
-            if mask[slot] >> np.uint64(lane) & np.uint64(1):
-                here = np.int64(number[bond[slot, lane]])
-                low = here if low < 0 or here < low else low
-                high = here if here > high else high
-        least[slot], mixed[slot] = low, low < high
-    return least, mixed

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pdsolve.bonds import Assembly
+from pdsolve.bonds import Filling
 from pdsolve.model import Model
 from pdsolve.schemes import average_horizon, one_sided
 
-SCHEMES: dict[str, Callable[[Model], Assembly]] = {
+SCHEMES: dict[str, Callable[[Model], Filling]] = {
     "thesis": one_sided.fill,
     "conservative": average_horizon.fill,
 }

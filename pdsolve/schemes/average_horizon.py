@@ -17,35 +17,57 @@ is reflected less where spacings differ.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Assembly, Pairs, areas, assembled, both_ways, chosen, inside_plate, pairs_within
+from pdmesh.neighbours import Neighbours, Pairs
+from pdmesh.visibility import Sight
+from pdsolve.bonds import Filling, Part, areas, part_of, row_chunks
+from pdsolve.conditions import unbreakable
 from pdsolve.lattice import ROUND_OFF, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
-from pdsolve.laws.micromodulus import micromodulus
+from pdsolve.laws.micromodulus import STIFFNESS, micromodulus
 from pdsolve.model import Model
 
 SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bond, but for round-off
 
 
-def fill(model: Model) -> Assembly:
-    """Average-horizon bonds of the model."""
-    grid, horizon = model.grid, model.horizons
-    area = areas(model, "cells")
-    pairs = both_ways(pairs_within(grid.position, horizon + grid.delta / 2), len(grid))
-    i, j, length = pairs
-    reach = (horizon[i] + horizon[j]) / 2
-    beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
-    modulus, peak, limit = _mean_of_ends(model, pairs, reach)
-    modulus *= beta
-    scaled = modulus * reach**3
-    stiff = scaled > ROUND_OFF * scaled.max(initial=0.0)
-    pairs, modulus, peak, limit = chosen(pairs, stiff), modulus[stiff], peak[stiff], limit[stiff]
-    inside = inside_plate(grid, pairs)
-    pairs, modulus, peak, limit = chosen(pairs, inside), modulus[inside], peak[inside], limit[inside]
-    modulus *= _energy_factor(model, pairs, modulus, area)
-    return assembled(model, pairs, modulus * area[pairs.target], peak, limit, area)
+class Candidates(NamedTuple):
+    """Pairs (b,) that see each other, before the correction of edges."""
+
+    pairs: Pairs
+    modulus: NDArray[np.float64]  # (b,) N/m^5
+    limits: tuple[NDArray[np.float64], NDArray[np.float64]]  # peak and limit, (b,) each
+
+
+def fill(model: Model) -> Filling:
+    """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
+    grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
+    neighbours = Neighbours(grid.position, grid.delta, horizon + grid.delta / 2, mutual=True)
+    sight = Sight(grid, model.name)
+    nothing = ROUND_OFF * max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
+
+    def candidates(rows: NDArray[np.int64]) -> Candidates:
+        pairs = neighbours.pairs(rows)
+        i, j, length = pairs
+        reach = (horizon[i] + horizon[j]) / 2
+        beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
+        modulus, peak, limit = _mean_of_ends(model, pairs, reach)
+        modulus *= beta
+        kept = np.flatnonzero(modulus * reach**3 > nothing)
+        kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
+        return Candidates(Pairs(i[kept], j[kept], length[kept]), modulus[kept], (peak[kept], limit[kept]))
+
+    lack = np.concatenate([_lack(model, rows, candidates(rows), area) for rows in row_chunks(len(grid))])
+
+    def part(rows: NDArray[np.int64]) -> Part:
+        pairs, modulus, bounds = candidates(rows)
+        stiffness = modulus * _energy_factor(grid.position, pairs, lack) * area[pairs.target]
+        return part_of(grid.position, held, rows, pairs, ~sight.cut(pairs), stiffness, bounds)
+
+    return Filling(area, part)
 
 
 def _mean_of_ends(
@@ -61,6 +83,8 @@ def _mean_of_ends(
         calibrated = calibration(model.settings.horizon.ratio, material)
         c = calibrated.stiffness * micromodulus(material, pairs.length, reach)
         own = limits(material, calibrated.stretch * critical_stretch(material, reach))
+        if len(model.materials) == 1:
+            return c, own.peak, own.limit
         for end in (pairs.source, pairs.target):
             half = np.where(model.material_of[end] == number, 0.5, 0.0)
             modulus += half * c
@@ -68,36 +92,38 @@ def _mean_of_ends(
             whole += half * c * own.peak * own.limit
             widest_peak += half * own.peak
             widest += half * own.limit
-    if len(model.materials) == 1:
-        return modulus, widest_peak, widest
     with np.errstate(invalid="ignore", divide="ignore"):
         peak = np.where(modulus > 0, np.sqrt(up_to_peak / modulus), widest_peak)
         limit = np.where(modulus > 0, whole / (modulus * peak), widest)
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
 
-def _energy_factor(
-    model: Model, pairs: Pairs, modulus: NDArray[np.float64], area: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Correction (b,) of each pair's modulus, 1 in the interior of a uniform grid; the same both ways."""
-    grid, full = model.grid, _full_energy(model)
-    n = (grid.position[pairs.target] - grid.position[pairs.source]) / pairs.length[:, None]
-    lack = []
+def _lack(model: Model, rows: NDArray[np.int64], found: Candidates, area: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the rows (k, 2) of a full lattice hold in uniform stretching along x and along y, over what these hold."""
+    pairs = found.pairs
+    n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
+    full, lack = _full_energy(model, rows), []
     for axis in (0, 1):
-        energy = modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
-        held = np.bincount(pairs.source, energy, minlength=len(grid))
+        energy = found.modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
+        held = np.bincount(pairs.source - rows[0], energy, minlength=len(rows))
         with np.errstate(divide="ignore"):
             lack.append(np.where(held > 0, full / held, 1.0))
-    mean = [(g[pairs.source] + g[pairs.target]) / 2 for g in lack]
+    return np.column_stack(lack)
+
+
+def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correction (b,) of each pair's modulus, 1 in the interior of a uniform grid; the same both ways."""
+    n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
+    mean = [(lack[pairs.source, axis] + lack[pairs.target, axis]) / 2 for axis in (0, 1)]
     return np.asarray(((n[:, 0] / mean[0]) ** 2 + (n[:, 1] / mean[1]) ** 2) ** -0.5)
 
 
-def _full_energy(model: Model) -> NDArray[np.float64]:
-    """Twice the energy density (n,) of a node of a full lattice of its material at unit stretch, Pa."""
+def _full_energy(model: Model, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Twice the energy density (k,) of the rows of a full lattice of its material at unit stretch, Pa."""
     ratio = model.settings.horizon.ratio
     full = []
     for material in model.materials:
         found = lattice_ratios(ratio, material.micromodulus, material.plane, True)
         c11 = (1.125 if material.plane == "stress" else 1.2) * material.E
         full.append(c11 * found.c11 * calibration(ratio, material).stiffness)
-    return np.array(full)[model.material_of]
+    return np.array(full)[model.material_of[rows]]

@@ -11,31 +11,41 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Assembly, Pairs, areas, assembled, chosen, cut_by_cracks, inside_plate, pairs_within
+from pdmesh.neighbours import Neighbours, chosen
+from pdmesh.visibility import Sight
+from pdsolve.bonds import Filling, Part, areas, part_of
+from pdsolve.conditions import unbreakable
 from pdsolve.lattice import full_family, hu_beta
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.laws.micromodulus import micromodulus
 from pdsolve.model import Model
 
 
-def fill(model: Model) -> Assembly:
-    """One-sided bonds of the model."""
-    grid, horizon = model.grid, model.horizons
-    area = areas(model, "eq19")
-    pairs = pairs_within(grid.position, horizon)
-    pairs = chosen(pairs, inside_plate(grid, pairs))
-    reach = horizon[pairs.source]
-    stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
-    for number, material in enumerate(model.materials):
-        own = model.material_of[pairs.source] == number
-        stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
-        peak[own], limit[own] = limits(material, critical_stretch(material, reach[own]))
-    stiffness *= area[pairs.target] * hu_beta(pairs.length, reach, grid.delta[pairs.target])
-    stiffness *= softening(model, pairs)[pairs.source]
-    return assembled(model, pairs, stiffness, peak, limit, area)
+def fill(model: Model) -> Filling:
+    """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
+    grid, horizon, area, held = model.grid, model.horizons, areas(model, "eq19"), unbreakable(model)
+    neighbours, sight = Neighbours(grid.position, grid.delta, horizon), Sight(grid, model.name)
+    full = full_family(model.settings.horizon.ratio)
+
+    def part(rows: NDArray[np.int64]) -> Part:
+        pairs = neighbours.pairs(rows)
+        pairs = chosen(pairs, sight.inside(pairs))
+        intact = ~sight.cut(pairs)
+        reach = horizon[pairs.source]
+        stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
+        for number, material in enumerate(model.materials):
+            own = model.material_of[pairs.source] == number
+            stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
+            peak[own], limit[own] = limits(material, critical_stretch(material, reach[own]))
+        stiffness *= area[pairs.target] * hu_beta(pairs.length, reach, grid.delta[pairs.target])
+        actual = np.bincount(pairs.source[intact] - rows[0], minlength=len(rows))
+        stiffness *= softening(full, actual)[pairs.source - rows[0]]
+        return part_of(grid.position, held, rows, pairs, intact, stiffness, (peak, limit))
+
+    return Filling(area, part)
 
 
-def softening(model: Model, pairs: Pairs) -> NDArray[np.float64]:
-    """lambda (n,): the bonds a node of a full lattice has over those it has, pre-crack and edges counted out."""
-    actual = np.bincount(pairs.source[~cut_by_cracks(model.grid, pairs)], minlength=len(model.grid))
-    return full_family(model.settings.horizon.ratio) / np.maximum(actual, 1)
+def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:
+    """lambda (n,): the bonds a node of a `full` family has over its `actual` ones (n,), cut ones and edges counted
+    out."""
+    return full / np.maximum(actual, 1)

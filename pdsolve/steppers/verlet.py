@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
 from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, apply_loads, factor_at
-from pdsolve.kernels.blocks import FX, FY, LANE_COUNT, sum_block
+from pdsolve.kernels.blocks import FX, FY, INNER, LANE_COUNT, sum_block
 from pdsolve.kernels.bond_sums import force_on
 
 
@@ -141,7 +141,7 @@ def advance_blocks(blocks, tracks, drive, dt, first, last):  # type: ignore[no-u
         _copy(u, steps % 3)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, **INNER)
 def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends):  # type: ignore[no-untyped-def]
     for b in prange(len(tracks.loaded)):
         _sweep_block(
@@ -149,7 +149,7 @@ def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, 
         )
 
 
-@njit
+@njit(**INNER)
 def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, b):  # type: ignore[no-untyped-def]
     """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
     holds_some = tracks.held_start[b] < tracks.held_start[b + 1]
@@ -174,14 +174,14 @@ def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force
             _hold_block(tracks, after, holds, profiles, speed, dt, (step + 1) * dt, b)
 
 
-@njit
+@njit(**INNER)
 def _copy(u, last):  # type: ignore[no-untyped-def]
     for axis in range(2):
         for i in range(u.shape[2]):
             u[0, axis, i] = u[last, axis, i]
 
 
-@njit
+@njit(**INNER)
 def _release_block(tracks, holds, profiles, speed, force, dt, time, b):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
     for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
@@ -189,13 +189,13 @@ def _release_block(tracks, holds, profiles, speed, force, dt, time, b):  # type:
         _release_component(v, a, tracks.rho, tracks.work, holds, profiles, speed, force, e, dt, time)
 
 
-@njit
+@njit(**INNER)
 def _hold_block(tracks, u, holds, profiles, held_speed, dt, time, b):  # type: ignore[no-untyped-def]
     for k in range(tracks.held_start[b], tracks.held_start[b + 1]):
         _hold_component(u.T, tracks.v.T, tracks.a.T, holds, profiles, held_speed, tracks.held[k], dt, time)
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
     """Add the loads to the forces of block b, and the work they do."""
     first = np.uint64(b) * LANE_COUNT
@@ -207,7 +207,7 @@ def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-de
         work[i] += (before[1, i] + force[1, i]) / 2 * (dt * v[1, i])
 
 
-@njit(error_model="numpy")
+@njit(**INNER)
 def _accelerate_lanes(rho, s, b):  # type: ignore[no-untyped-def]
     """From force densities to accelerations, which then are in FX and FY."""
     first = np.uint64(b) * LANE_COUNT
@@ -216,7 +216,7 @@ def _accelerate_lanes(rho, s, b):  # type: ignore[no-untyped-def]
         s[FY + lane] /= rho[first + lane]
 
 
-@njit
+@njit(**INNER)
 def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
     first = np.uint64(b) * LANE_COUNT
     for lane in range(LANE_COUNT):
@@ -224,7 +224,7 @@ def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
         a[1, first + lane] = s[FY + lane]
 
 
-@njit
+@njit(**INNER)
 def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
     first = np.uint64(b) * LANE_COUNT
     for lane in range(LANE_COUNT):
@@ -232,7 +232,7 @@ def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
         s[FY + lane] = a[1, first + lane]
 
 
-@njit
+@njit(**INNER)
 def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
     first, half = np.uint64(b) * LANE_COUNT, s.dtype.type(dt / 2)
     for lane in range(LANE_COUNT):
@@ -240,7 +240,7 @@ def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
         v[1, first + lane] += half * s[FY + lane]
 
 
-@njit
+@njit(**INNER)
 def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
     first, whole = np.uint64(b) * LANE_COUNT, v.dtype.type(dt)
     for lane in range(LANE_COUNT):

@@ -47,7 +47,7 @@ def test_counts(name: str, built: dict[str, Built]) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_cells_tile_the_plate(name: str, built: dict[str, Built]) -> None:
-    from pdmesh.families import plate_of
+    from pdmesh.visibility import plate_of
 
     grid = built[name].grid
     plate = plate_of(grid)

@@ -22,7 +22,7 @@ def momentum_drift(mode: str) -> float:
     mass = (problem.model.rho * area)[:, None]
     before = (mass * motion.v).sum(axis=0)
     problem.march(1, 2001)
-    assert not motion.broken.all()
+    assert np.count_nonzero(motion.broken) < problem.bonds / 2
     return float(np.abs((mass * motion.v).sum(axis=0) - before).max() / np.abs(mass * motion.v).sum())
 
 

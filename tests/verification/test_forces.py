@@ -19,7 +19,9 @@ NODES = (0, 3, 57, 100, 110, 131)  # corner, edge, middle, both sides of the int
 def deformed(law: str, profile: str, plane: str) -> Problem:
     """A two-scale plate, its bonds partly broken and partly softened by a large random displacement, then let go."""
     material = msgspec.structs.replace(GLASS, micromodulus=profile, plane=plane, **LAWS[law])
-    problem = prepare(plate(two_scale_grid(), 3, material=material, run=Run(time_step=1e-12)), Options(threads=1))
+    problem = prepare(
+        plate(two_scale_grid(), 3, material=material, run=Run(time_step=1e-12)), Options(threads=1, kernel="textbook")
+    )
     motion, random = problem.motion, np.random.default_rng(3)
     motion.u[:] = 1.2e-6 * random.standard_normal(motion.u.shape)
     motion.v[:] = 0

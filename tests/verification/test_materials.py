@@ -142,6 +142,6 @@ def test_a_bar_of_two_halves_stretches_as_springs_in_series() -> None:
 def test_bonds_between_two_brittle_materials_are_brittle() -> None:
     """No round-off between peak and limit that would make them soften."""
     model = layered(soft=msgspec.structs.replace(SOFT, law="brittle", E=6e9, G0=20.0))
-    bonds = average_horizon.fill(model).bonds
+    bonds = average_horizon.fill(model).whole().bonds
     assert np.array_equal(bonds.peak, bonds.limit)
     assert not len(prepare(model, Options()).motion.worst)

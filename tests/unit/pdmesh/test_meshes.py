@@ -8,10 +8,10 @@ import meshio
 import numpy as np
 import pytest
 
-from pdmesh.families import plate_of
 from pdmesh.grid import Load
 from pdmesh.meshes import read_mesh
 from pdmesh.scene import SceneError
+from pdmesh.visibility import plate_of
 
 NX, NY, STEP = 8, 4, 1e-3
 

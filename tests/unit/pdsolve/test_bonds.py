@@ -9,22 +9,31 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.grid import Load
-from pdsolve.bonds import chosen, cut_by_cracks, inside_plate, pairs_within
+from pdmesh.grid import Grid, Load
+from pdmesh.neighbours import Neighbours, Pairs, chosen
+from pdmesh.visibility import Sight
 from pdsolve.lattice import full_family, hu_beta
 from pdsolve.schemes import average_horizon, one_sided
 from pdsolve.schemes.one_sided import softening
 
 
+def pairs_of(grid: Grid, ratio: float) -> Pairs:
+    """All pairs within a ratio of the spacing."""
+    return Neighbours(grid.position, grid.delta, ratio * grid.delta).pairs(np.arange(len(grid)))
+
+
 def test_the_thesis_table_1() -> None:
     """Potential bonds, actual bonds and softening of a corner, an inner and an edge node, m = 3."""
     model = plate(square_grid(15, 15))
-    assembly = one_sided.fill(model)
-    pairs = pairs_within(model.grid.position, model.horizons)
+    assembly = one_sided.fill(model).whole()
     corner, inner, edge = 0, 7 * 15 + 7, 7 * 15
     assert full_family(3) == 28
     assert assembly.family[[corner, inner, edge]].tolist() == [10, 28, 17]
-    assert [round(float(value), 2) for value in softening(model, pairs)[[corner, inner, edge]]] == [2.8, 1.0, 1.65]
+    assert [round(float(value), 2) for value in softening(28, assembly.family[[corner, inner, edge]])] == [
+        2.8,
+        1.0,
+        1.65,
+    ]
 
 
 def test_families_of_a_full_lattice() -> None:
@@ -40,7 +49,7 @@ def test_hu_beta() -> None:
 def test_pairs_are_all_there_and_sorted() -> None:
     grid = two_scale_grid()
     reach = 3 * grid.delta
-    pairs = pairs_within(grid.position, reach)
+    pairs = pairs_of(grid, 3)
     distance = np.hypot(*(grid.position[:, None] - grid.position[None]).T)
     seen = (reach[:, None] * (1 + 1e-9) >= distance.T) & ~np.eye(len(grid), dtype=bool)
     assert np.array_equal(np.stack([pairs.source, pairs.target]), np.stack(np.nonzero(seen)))
@@ -48,14 +57,14 @@ def test_pairs_are_all_there_and_sorted() -> None:
 
 def test_no_bond_crosses_a_crack_and_its_tip_counts() -> None:
     grid = dataclasses.replace(square_grid(9, 6, y0=-2.5e-3), cracks=np.array([[0.0, 0.0, 4e-3, 0.0]]))
-    pairs = pairs_within(grid.position, 3 * grid.delta)
+    pairs = pairs_of(grid, 3)
     a, b = grid.position[pairs.source], grid.position[pairs.target]
     crosses = a[:, 1] * b[:, 1] < 0
     with np.errstate(divide="ignore", invalid="ignore"):
         where = a[:, 0] + (b[:, 0] - a[:, 0]) * a[:, 1] / (a[:, 1] - b[:, 1])
     expected = crosses & (where <= 4e-3 + 1e-15)
     assert 0 < expected.sum() < crosses.sum()
-    assert np.array_equal(cut_by_cracks(grid, pairs), expected)
+    assert np.array_equal(Sight(grid).cut(pairs), expected)
 
 
 def test_no_bond_crosses_a_hole_or_leaves_the_plate() -> None:
@@ -75,8 +84,8 @@ def test_no_bond_crosses_a_hole_or_leaves_the_plate() -> None:
         outline=(1e-3 * np.array(corners),),
         holes=(1e-3 * np.array(hole),),
     )
-    pairs = pairs_within(grid.position, 3 * grid.delta)
-    pairs = chosen(pairs, inside_plate(grid, pairs))
+    pairs = pairs_of(grid, 3)
+    pairs = chosen(pairs, Sight(grid).inside(pairs))
     there = {
         (tuple(np.round(1e3 * grid.position[i]).astype(int)), tuple(np.round(1e3 * grid.position[j]).astype(int)))
         for i, j in zip(pairs.source, pairs.target, strict=True)
@@ -105,9 +114,9 @@ def test_marks_say_where_a_hole_is_when_a_bare_file_gives_no_outline() -> None:
         **{name: getattr(full, name)[keep] for name in ("ids", "position", "delta", "border")},
         hole_id=np.where(away < radius + 1e-3, 0, -1)[keep],
     )
-    pairs = pairs_within(bare.position, 6 * bare.delta)
-    by_outline = inside_plate(dataclasses.replace(bare, outline=(square,), holes=(ring,)), pairs)
-    by_marks = inside_plate(bare, pairs)
+    pairs = pairs_of(bare, 6)
+    by_outline = Sight(dataclasses.replace(bare, outline=(square,), holes=(ring,))).inside(pairs)
+    by_marks = Sight(bare).inside(pairs)
     a, b = bare.position[pairs.source] - centre, bare.position[pairs.target] - centre
     along = np.clip(-(a * (b - a)).sum(axis=1) / pairs.length**2, 0, 1)
     nearest = np.hypot(*(a + along[:, None] * (b - a)).T)
@@ -120,13 +129,13 @@ def test_marks_say_where_a_hole_is_when_a_bare_file_gives_no_outline() -> None:
 def test_a_plate_without_holes_needs_no_outline() -> None:
     grid = two_scale_grid()
     marked = dataclasses.replace(grid, border=np.ones(len(grid), dtype=bool))
-    assert inside_plate(marked, pairs_within(grid.position, 4 * grid.delta)).all()
+    assert Sight(marked).inside(pairs_of(grid, 4)).all()
 
 
 @pytest.mark.parametrize("scheme", [one_sided, average_horizon])
 def test_bonds_of_loaded_nodes_do_not_break(scheme: object) -> None:
     model = plate(square_grid(9, 6), conditions=(Load(nodes=(1,), body_force=(0.0, 1.0)),))
-    bonds = scheme.fill(model).bonds  # type: ignore[attr-defined]
+    bonds = scheme.fill(model).whole().bonds  # type: ignore[attr-defined]
     source = np.repeat(np.arange(len(model.grid)), np.diff(bonds.start))
     assert np.array_equal(np.isinf(bonds.limit), (source == 0) | (bonds.neighbour == 0))
 
@@ -135,7 +144,7 @@ def test_bonds_of_loaded_nodes_do_not_break(scheme: object) -> None:
 def test_average_horizon_bonds_come_in_equal_pairs(profile: str) -> None:
     """c_ij = c_ji and s0_ij = s0_ji across an interface, so that nothing pushes without being pushed."""
     model = plate(two_scale_grid(), material=msgspec.structs.replace(GLASS, micromodulus=profile))
-    assembly = average_horizon.fill(model)
+    assembly = average_horizon.fill(model).whole()
     bonds, n = assembly.bonds, len(model.grid)
     source = np.repeat(np.arange(n), np.diff(bonds.start))
     modulus, limit = np.zeros((n, n)), np.zeros((n, n))
@@ -148,7 +157,7 @@ def test_average_horizon_bonds_come_in_equal_pairs(profile: str) -> None:
 
 def test_one_sided_bonds_do_not() -> None:
     """The thesis's lists: a coarse node sees a fine one that does not see it."""
-    bonds = one_sided.fill(plate(two_scale_grid())).bonds
+    bonds = one_sided.fill(plate(two_scale_grid())).whole().bonds
     source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     directed = set(zip(source.tolist(), bonds.neighbour.tolist(), strict=True))
     assert any((j, i) not in directed for i, j in directed)

@@ -1,0 +1,156 @@
+"""Who is within reach of whom, any rows of a grid at a time.
+
+Nodes of a lattice find each other by their offsets in it; all others, and those of different lattices, by a tree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
+ON_LATTICE = 1e-9  # of a spacing: how far a node may be from its place in a lattice
+MOST_LATTICES = 16
+LEAST_NODES = 64  # of a lattice; fewer are found by the tree
+LEAST_FILLED = 0.1  # places of a lattice's rectangle that have a node
+
+
+class Pairs(NamedTuple):
+    """Directed pairs of rows of the grid, sorted by source, then target."""
+
+    source: NDArray[np.int64]  # (b,) row of the node whose family it is
+    target: NDArray[np.int64]  # (b,) row of the neighbour
+    length: NDArray[np.float64]  # (b,) |xi|, m
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Nodes that are searched alike: those of a lattice, with a map of it, or any others, without."""
+
+    rows: NDArray[np.int64]
+    position: NDArray[np.float64]  # (k, 2) m
+    reach: float  # the largest, m
+    place: NDArray[np.int64]  # (k,) of each row in `map`
+    map: NDArray[np.int32]  # rows by place, -1 where there is no node; (0,) without a lattice
+    offsets: NDArray[np.int64]  # (o,) from a place to those within reach
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """To find them by place."""
+        return cKDTree(self.position)
+
+
+def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
+    """Those of the pairs (b,) that are marked."""
+    return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
+
+
+class Neighbours:
+    """The neighbours of the nodes at `position` (n, 2), with spacings `delta` (n,), within their `reach` (n,); in m.
+
+    With `mutual`, whoever is seen sees back: a pair is one if either end reaches the other.
+    """
+
+    def __init__(
+        self,
+        position: NDArray[np.float64],
+        delta: NDArray[np.float64],
+        reach: NDArray[np.float64],
+        mutual: bool = False,
+    ) -> None:
+        self._position, self._reach, self._mutual = position, reach, mutual
+        self._groups = list(_groups(position, delta, reach))
+        self._group = np.zeros(len(position), dtype=np.int8)
+        self._index = np.zeros(len(position), dtype=np.int32)  # within its group
+        for number, group in enumerate(self._groups):
+            self._group[group.rows] = number
+            self._index[group.rows] = np.arange(len(group.rows))
+
+    def pairs(self, rows: NDArray[np.int64]) -> Pairs:
+        """Those of the nodes in `rows`, which increase."""
+        found = []
+        for number, group in enumerate(self._groups):
+            own = rows[self._group[rows] == number]
+            if not len(own):
+                continue
+            if len(group.map):
+                found.append(_by_offsets(group, own, self._index[own]))
+            for other in self._groups:
+                if other is not group or not len(group.map):
+                    found += list(self._by_tree(own, other))
+        source, target = (np.concatenate(column) for column in zip(*found, strict=True))
+        key = source * len(self._position) + target
+        if (np.diff(key) < 0).any():
+            order = np.argsort(key, kind="stable")
+            source, target = source[order], target[order]
+        xi = self._position[target] - self._position[source]
+        return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
+
+    def _by_tree(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        found = []
+        for reach in np.unique(self._reach[own]):
+            some = own[self._reach[own] == reach]
+            radius = (max(reach, other.reach) if self._mutual else reach) * (1 + ROUND_OFF)
+            near = cKDTree(self._position[some]).sparse_distance_matrix(other.tree, radius, output_type="ndarray")
+            source, target = some[near["i"]], other.rows[near["j"]]
+            limit = np.maximum(reach, self._reach[target]) if self._mutual else reach
+            seen = (near["v"] <= limit * (1 + ROUND_OFF)) & (source != target)
+            found.append((source[seen], target[seen]))
+        return found
+
+
+def _by_offsets(
+    group: _Group, own: NDArray[np.int64], index: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    target = group.map[group.place[index][:, None] + group.offsets]
+    there = target >= 0
+    return np.repeat(own, there.sum(axis=1)), target[there].astype(np.int64)
+
+
+def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: NDArray[np.float64]) -> list[_Group]:
+    left = np.arange(len(position))
+    groups: list[_Group] = []
+    alike = [(d, r) for d in np.unique(delta) for r in np.unique(reach[delta == d])][:MOST_LATTICES]
+    for spacing, own_reach in alike:
+        rest = left[(delta[left] == spacing) & (reach[left] == own_reach)]
+        while len(rest) >= LEAST_NODES and len(groups) < MOST_LATTICES:
+            place = (position[rest] - position[rest[0]]) / spacing
+            whole = np.rint(place)
+            on = (np.abs(place - whole) <= ON_LATTICE * (1 + np.abs(whole))).all(axis=1)
+            lattice = _lattice(position, rest[on], whole[on].astype(np.int64), spacing, own_reach)
+            if lattice is None:
+                break
+            groups.append(lattice)
+            rest = rest[~on]
+        taken = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
+        left = np.setdiff1d(left, taken, assume_unique=True)
+    if len(left):
+        nothing = np.zeros(0, dtype=np.int64)
+        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing
+        groups.append(_Group(left, position[left], float(reach[left].max()), *unmapped))
+    return groups
+
+
+def _lattice(
+    position: NDArray[np.float64], rows: NDArray[np.int64], place: NDArray[np.int64], spacing: float, reach: float
+) -> _Group | None:
+    """The lattice of these nodes; None if it has too few, too far apart, or two at one place."""
+    margin = int(reach / spacing * (1 + ROUND_OFF))
+    low, high = place.min(axis=0) - margin, place.max(axis=0) + margin
+    width, height = (int(side) for side in high - low + 1)
+    if len(rows) < LEAST_NODES or len(rows) < LEAST_FILLED * width * height:
+        return None
+    flat = (place[:, 1] - low[1]) * width + place[:, 0] - low[0]
+    lattice = np.full(width * height, -1, dtype=np.int32)
+    lattice[flat] = rows
+    if np.count_nonzero(lattice >= 0) < len(rows):
+        return None
+    steps = np.arange(-margin, margin + 1)
+    y, x = (side.ravel() for side in np.meshgrid(steps, steps, indexing="ij"))
+    near = (np.hypot(x, y) * spacing <= reach * (1 + ROUND_OFF)) & ((x != 0) | (y != 0))
+    return _Group(rows, position[rows], reach, flat, lattice, y[near] * width + x[near])

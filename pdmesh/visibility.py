@@ -1,0 +1,96 @@
+"""Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdmesh.grid import Grid, GridError
+from pdmesh.neighbours import ROUND_OFF, Pairs
+
+SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate
+LOOKS = 24  # places along a bond where the nodes are asked whether it is inside the plate
+COVERED = 0.75  # spacings from the nearest node; the middle of a square of nodes is 0.707 away from them
+CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
+
+
+class Sight:
+    """What stands between the nodes of the grid called `name`. Raises GridError as `plate_of` does."""
+
+    def __init__(self, grid: Grid, name: str = "grid") -> None:
+        self._grid = grid
+        self._cracks = shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2))
+        self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid.delta)
+        self._tree = cKDTree(grid.position) if self._void is None else None
+        for obstacle in (self._cracks, self._void):
+            shapely.prepare(obstacle)
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without leaving the outline or meeting a hole.
+
+        Without an outline the nodes say where the plate is: a bond of a node marked as border or as near a hole must
+        not pass through a place that no node's cell covers.
+        """
+        return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates; touching its tip counts."""
+        return self._meet(pairs, self._cracks)
+
+    def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
+        """Which pairs (b,) have a segment that meets the obstacle; (i, j) and (j, i) give the same answer."""
+        met = np.zeros(len(pairs.source), dtype=bool)
+        if obstacle.is_empty or not len(met):
+            return met
+        position, first = self._grid.position, pairs.source[0]
+        farthest = pairs.length.max() * (1 + ROUND_OFF)
+        near = shapely.dwithin(obstacle, shapely.points(position[first : pairs.source[-1] + 1]), farthest)
+        asked = np.flatnonzero(near[pairs.source - first])
+        ends = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1)
+        met[asked] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
+        return met
+
+    def _uncovered(self, pairs: Pairs) -> NDArray[np.bool_]:
+        grid, tree = self._grid, self._tree
+        marked = grid.border | (grid.hole_id >= 0)
+        asked = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
+        void = np.zeros(len(pairs.source), dtype=bool)
+        if not len(asked) or tree is None:
+            return void
+        i, j = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1).T
+        widest = np.maximum(grid.delta[i], grid.delta[j])
+        for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
+            distance, _ = tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
+            void[asked] |= distance > COVERED * widest
+        return void
+
+
+def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
+    """The plate that a grid's outline and holes describe; None without an outline.
+
+    Raises GridError, beginning with `name`, for a ring that crosses itself or has no inside.
+    """
+    if not grid.outline:
+        return None
+    rings: dict[str, list[shapely.Polygon]] = {}
+    for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
+        rings[key] = [shapely.Polygon(ring) for ring in corners]
+        for number, ring in enumerate(rings[key]):
+            if not ring.is_valid or not ring.area > 0:
+                reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
+                )
+    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
+
+
+def _void_around(plate: shapely.Geometry | None, delta: NDArray[np.float64]) -> shapely.Geometry | None:
+    """What is not plate, as far as bonds get; empty for a convex plate, None for one that is not drawn."""
+    if plate is None:
+        return None
+    if plate.convex_hull.area - plate.area < CONVEX * plate.area:
+        return shapely.Polygon()
+    around = shapely.box(*plate.bounds).buffer(float(delta.max()))
+    return around.difference(plate).buffer(-SLACK * float(delta.min()), join_style="mitre")
