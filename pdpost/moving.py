@@ -20,10 +20,9 @@ def gif(results: Results, name: str, dpi: float = 80) -> bytes:
     """An endless GIF of the field called `name`, of no more than 24 frames. Raises ResultsError without a frame."""
     steps, _ = results.frames()
     chosen = steps[np.unique(np.linspace(0, len(steps) - 1, min(FRAMES, len(steps))).round().astype(int))]
-    last = figures.PICTURES[name].values(results, int(steps[-1]))
     pictures = []
     for step in chosen:
-        figure = figures.draw(results, name, int(step), float(last.max(initial=0.0)))
+        figure = figures.draw(results, name, int(step))
         figure.set_dpi(dpi)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()

@@ -21,6 +21,7 @@ from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
+FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
@@ -127,7 +128,7 @@ def _crack(results: Results, step: int) -> list[str]:
 
 def _fields(results: Results, step: int) -> list[str]:
     parts = []
-    for name in figures.PICTURES:
+    for name in FIELDS:
         try:
             parts.append(_image(figures.draw(results, name, step), name))
         except ResultsError:  # a field that was not stored
