@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, exports, moving, pictures
+from pdpost.commands import crack, exports, history, moving, pictures, report, sql
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, crack, exports):
+    for group in (pictures, moving, history, crack, report, exports, sql):
         group.add(commands)
     return program
 
@@ -29,11 +29,13 @@ def _exits() -> dict[type[Exception], int]:
     from pdpost.export import ExportError
     from pdpost.fields import FieldError
     from pdpost.figures import FigureError
+    from pdpost.paths import PathError
     from pdpost.watching import SilentError
     from pdsolve.results import ResultsError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
-    return exits | dict.fromkeys((ExportError, FieldError, FigureError, ResultsError), commandline.BAD_INPUT)
+    kinds = (ExportError, FieldError, FigureError, PathError, ResultsError)
+    return exits | dict.fromkeys(kinds, commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -101,8 +101,7 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
 def damage_by_step(results: Results, nodes: Nodes) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Step and damage (n,), for step 0 and then for each step in which a bond broke."""
     breaks = results.breaks()
-    order = np.argsort(nodes.ids)
-    row = order[np.searchsorted(nodes.ids, breaks.node, sorter=order)]
+    row = _rows(nodes, breaks.node)
     gone = nodes.cut.copy()
     family = np.maximum(nodes.family, 1)
     yield 0, gone / family
@@ -115,8 +114,7 @@ def damage_by_step(results: Results, nodes: Nodes) -> Iterator[tuple[int, NDArra
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) after any step, between frames as well."""
     nodes, breaks = results.nodes(), results.breaks()
-    order = np.argsort(nodes.ids)
-    row = order[np.searchsorted(nodes.ids, breaks.node[breaks.step <= step], sorter=order)]
+    row = _rows(nodes, breaks.node[breaks.step <= step])
     gone: NDArray[np.int64] = nodes.cut + np.bincount(row, minlength=len(nodes.ids))
     return gone / np.maximum(nodes.family, 1)
 
@@ -168,17 +166,39 @@ def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
 
 def _split(results: Results, nodes: Nodes, time_step: float, threshold: float) -> Event | None:
     """The first step at which the plate is split, by bisection: what is cracked stays so."""
-    steps = np.unique(results.breaks().step)
-    if not len(steps) or not is_split(nodes, damage_at(results, int(steps[-1])) > threshold):
-        return None
-    low, high = 0, len(steps) - 1
+    since = cracked_since(results, threshold)
+    steps = np.unique(since[since >= 0])
+    low, high = 0, len(steps)
     while low < high:
         middle = (low + high) // 2
-        if is_split(nodes, damage_at(results, int(steps[middle])) > threshold):
+        if is_split(nodes, (since >= 0) & (since <= steps[middle])):
             high = middle
         else:
             low = middle + 1
-    return Event(int(steps[low]), int(steps[low]) * time_step)
+    return None if low == len(steps) else Event(int(steps[low]), int(steps[low]) * time_step)
+
+
+def cracked_since(results: Results, threshold: float = CRACKED) -> NDArray[np.int64]:
+    """The step (n,) from which on each node's damage is above `threshold`; -1 for nodes that stay sound."""
+    nodes, breaks = results.nodes(), results.breaks()
+    family = np.maximum(nodes.family, 1)
+    most = np.floor(threshold * family).astype(np.int64)  # bonds a node may lose, but for a rounding
+    most += ((most + 1) / family <= threshold).astype(np.int64) - (most / family > threshold)
+    further = most + 1 - nodes.cut  # breaks that a node needs
+    row = _rows(nodes, breaks.node)
+    order = np.lexsort((breaks.step, row))
+    count = np.bincount(row, minlength=len(family))
+    first = np.cumsum(count) - count
+    since = np.where(further <= 0, 0, -1)
+    broke = (further > 0) & (further <= count)
+    since[broke] = breaks.step[order][(first + further - 1)[broke]]
+    return since
+
+
+def _rows(nodes: Nodes, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The rows of nodes with these ids."""
+    order = np.argsort(nodes.ids)
+    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
 
 
 def directions(results: Results, step: int, threshold: float = CRACKED) -> list[Direction]:
@@ -196,7 +216,7 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
     cluster = clusters(position, nodes.delta[grown])
     low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
     found = []
-    for tip, heading in _tips(results.cracks()):
+    for tip, heading in tips(results.cracks()):
         if (tip < low + finest).any() or (tip > high - finest).any():
             continue
         distance, nearest = cKDTree(position).query(tip)
@@ -213,7 +233,7 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
     return found
 
 
-def _tips(cracks: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def tips(cracks: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Ends of pre-cracks that no other segment touches, with the unit vector the crack arrives with."""
     ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
     starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])

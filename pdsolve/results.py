@@ -86,6 +86,7 @@ class Frame(NamedTuple):
     ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
     probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
     checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
+    reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
 
 
 TABLES = f"""
@@ -103,6 +104,9 @@ CREATE TABLE history (step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain 
     momentum_x REAL, momentum_y REAL, broken INTEGER);
 CREATE TABLE probe (step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
     PRIMARY KEY (node, step));
+CREATE TABLE reaction (step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
+    displacement_x REAL, displacement_y REAL, PRIMARY KEY (condition, step)); -- N/m that each of the model's
+    -- conditions, counted from 0, acts with on the plate, and the mean displacement of its nodes, m
 CREATE TABLE checkpoint (name TEXT PRIMARY KEY, step INTEGER, type TEXT, data BLOB);
 CREATE TABLE float32_prefix (prefix INTEGER PRIMARY KEY, base REAL, unit REAL); -- sign and exponent of a float32
 PRAGMA application_id = {APPLICATION_ID};
@@ -193,7 +197,7 @@ class Writer:
         with _explained(path, WriteError):
             connection = _connected(path)
             connection.execute("BEGIN")
-            for table in ("frame", "field_chunk", "bond_break", "history", "probe"):
+            for table in ("frame", "field_chunk", "bond_break", "history", "probe", "reaction"):
                 connection.execute(f"DELETE FROM {table} WHERE step > ?", (step,))
             connection.execute("COMMIT")
         writer = cls(connection)
@@ -220,8 +224,10 @@ class Writer:
                     self._write_field(frame.step, name, values)
             rows = zip(*(column.tolist() for column in frame.breaks), strict=True)
             self.connection.executemany("INSERT INTO bond_break VALUES (?, ?, ?)", rows)
-            for table, lines in (("history", frame.ledger), ("probe", frame.probes)):
-                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * 9)})", lines)
+            noted = (("history", 9, frame.ledger), ("probe", 9, frame.probes), ("reaction", 8, frame.reactions))
+            for table, columns, lines in noted:
+                marks = ", ".join("?" * columns)
+                self.connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", lines)
             self.connection.executemany(
                 "INSERT OR REPLACE INTO checkpoint VALUES (?, ?, ?, ?)",
                 [
@@ -433,6 +439,13 @@ class Results:
         """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay."""
         names = [row[1] for row in self._rows("PRAGMA table_info(probe)")]
         rows = self._rows("SELECT * FROM probe ORDER BY node, step")
+        return np.array(rows, dtype=[(name, float) for name in names])
+
+    def reactions(self) -> NDArray[np.void]:
+        """What the conditions did, a record a row, with fields step, time, condition, force_x, force_y, displacement_x
+        and displacement_y; their kinds are in the model."""
+        names = ("step", "time", "condition", "force_x", "force_y", "displacement_x", "displacement_y")
+        rows = self._rows(f"SELECT {', '.join(names)} FROM reaction ORDER BY condition, step")
         return np.array(rows, dtype=[(name, float) for name in names])
 
     def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:

@@ -18,6 +18,7 @@ from pdmesh import VERSION
 from pdsolve.energy import Ledger
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.problem import Options, Problem, prepare
+from pdsolve.reactions import Reaction, grips, reactions
 from pdsolve.results import Frame, Results, ResultsError, Writer, remove
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
@@ -112,20 +113,22 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
 
 
 class _Notes:
-    """What a run has noted since it last wrote: ledger entries and probes."""
+    """What a run has noted since it last wrote: ledger entries, probes and reactions."""
 
     def __init__(self, problem: Problem, step: int) -> None:
         grid, run = problem.model.grid, problem.model.settings.run
         self._problem = problem
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
+        self._reactions: list[Reaction] = []
+        self._grips = grips(problem.model)
         self._rows = cKDTree(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
         self.written = step
         self._kept = clock.perf_counter()
         self.last = problem.books(step)
 
     def take(self, step: int) -> None:
-        """Note the ledger and the probes of this step. Raises UnstableError."""
+        """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         problem = self._problem
         self.last = problem.books(step)
         _check_physics(problem, self.last)
@@ -134,6 +137,8 @@ class _Notes:
         for row in dict.fromkeys(self._rows):
             values = (*u[row].tolist(), *v[row].tolist(), *a[row].tolist())
             self._probes.append((step, self.last.time, int(problem.model.grid.ids[row]), *values))
+        plate = problem.drive, problem.motion, problem.area, problem.model.rho
+        self._reactions += reactions(self._grips, *plate, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
@@ -150,8 +155,9 @@ class _Notes:
             self._ledgers,
             self._probes,
             problem.state() if state else None,
+            self._reactions,
         )
-        self._ledgers, self._probes, self.written = [], [], step
+        self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
         return frame
 
 

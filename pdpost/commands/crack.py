@@ -1,60 +1,110 @@
-"""When and where the crack ran."""
+"""When and where the crack ran, how fast, into how many pieces; and how far it is from another run's."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
+from pdpost.commands import numbers
 from pdpost.commands.shared import add_results
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
+    from pdsolve.results import Results
 
 
 def add(commands: Commands) -> None:
     """Put `crack` on the command line."""
-    crack = commands.add_parser("crack", help="say when and where the crack started, branched, split the plate")
+    crack = commands.add_parser(
+        "crack",
+        help="draw the path and the speed of the crack; when it started, branched, split the plate",
+        description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
+        " split the plate, and what pieces are left. Speeds are slopes over seven points of the path, two spacings of"
+        " the nodes apart; cracked nodes belong to no piece.",
+    )
     add_results(crack)
-    crack.add_argument("--along", choices=("right", "left", "up", "down"), default="right", help="where the crack runs")
-    crack.add_argument("--step", type=int, metavar="N", help="measure directions after this step (default: the last)")
+    crack.add_argument(
+        "--along", choices=("right", "left", "up", "down"), help="where the crack runs (default: as it did)"
+    )
+    crack.add_argument("--step", type=int, metavar="N", help="the path after this step (default: the last)")
+    crack.add_argument("--compare", type=Path, metavar="OTHER", help="lay the path of another run over this one's")
     commandline.add_common_options(
         crack,
-        output="write the result as JSON to this file as well",
-        assignment="override a definition: cracked=0.35 (damage of a cracked node)",
+        output="the picture, in the format of its suffix (default: the results' name with .crack.png; none with --json"
+        " or --csv alone)",
+        assignment="override a definition, cracked=0.35 (damage of a cracked node), or a matplotlib setting",
     )
+    numbers.add_csv(crack)
     crack.set_defaults(run=_crack)
 
 
 def _crack(args: argparse.Namespace) -> int:
-    import dataclasses
-    import json
+    import matplotlib
 
-    from pdmesh.files import write_atomically
-    from pdpost import cracks
+    from pdpost import figures
     from pdsolve.results import Results
 
-    path = None if args.output is None else commandline.output_path(args.output, args.results, ".json", args.force)
     threshold = _threshold(args)
-    with Results.open(args.results) as results:
-        growth = cracks.growth(results, cracks.DIRECTIONS[args.along], threshold)
-        last = int(results.history()["step"][-1])
-        step = last if args.step is None else args.step
-        if not 0 <= step <= last:
-            raise commandline.UsageError(f"--step: found {step}, expected 0 to {last}")
-        directions = cracks.directions(results, step, threshold)
-    found = {**dataclasses.asdict(growth), "directions": [dataclasses.asdict(way) for way in directions]}
-    lines = [
-        f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
-        + ("" if event.along is None else f", {event.along * 1e3:.4g} mm {args.along}")
-        for name in ("first_break", "start", "branching", "split")
-        if (event := getattr(growth, name)) is not None
-    ]
-    lines += [f"from ({way.tip[0]:g}, {way.tip[1]:g}) m: {way.angle:+.1f} degrees from the notch" for way in directions]
+    path = numbers.picture_path(args, ".compare.png" if args.compare else ".crack.png")
+    style = figures.styled({name: value for name, value in args.assignments if name != "cracked"})
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+        if args.compare is None:
+            return _one(args, results, threshold, path)
+        with Results.open(args.compare) as other:
+            return _two(args, results, other, threshold, path)
+
+
+def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
+    from pdpost import crack_figure, crack_summary, figures
+
+    found = crack_summary.summary(results, _step(args, results), threshold, args.along)
     if path is not None:
-        write_atomically(path, json.dumps(found, indent=2).encode() + b"\n")
-    commandline.report(found, lines or ["nothing broke"], args)
-    return commandline.OK
+        figures.save(crack_figure.crack(results, found), path)
+    header, rows = crack_summary.table(found)
+    lines = crack_summary.sentences(found)
+    return numbers.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+
+
+def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
+    from pdpost import crack_figure, cracks, figures, paths
+    from pdpost.comparison import compare
+
+    steps = _step(args, one), _step(args, other)
+    along = args.along or paths.heading(paths.path(one, steps[0], threshold))
+    found = compare(one, other, steps, cracks.DIRECTIONS[along], threshold)
+    lines = ["one of the two runs has no crack: nothing to compare"]
+    if found.mean is not None and found.hausdorff is not None:
+        lines = [f"mean distance {found.mean * 1e3:.3g} mm, at most {found.hausdorff * 1e3:.3g} mm (Hausdorff)"]
+    for name in ("start", "branching", "split"):
+        if (later := getattr(found, name)) is not None:
+            lines.append(f"{name}: {later * 1e6:+.3g} us in {args.compare}")
+    if path is not None:
+        names = args.results.stem, args.compare.stem
+        if names[0] == names[1]:
+            names = str(args.results), str(args.compare)
+        figures.save(crack_figure.comparison(one, steps[0], found.paths, names, lines[0]), path)
+    rows = [
+        (str(name), number, *point)
+        for name, lines_of in zip((args.results, args.compare), found.paths, strict=True)
+        for number, line in enumerate(lines_of)
+        for point in line
+    ]
+    result = found._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
+    return numbers.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
+
+
+def _step(args: argparse.Namespace, results: Results) -> int:
+    from pdsolve.results import ResultsError
+
+    steps = results.history()["step"]
+    if not len(steps):
+        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
+    last = int(steps[-1])
+    if args.step is not None and not 0 <= args.step <= last:
+        raise commandline.UsageError(f"--step: found {args.step}, expected 0 to {last}")
+    return last if args.step is None else int(args.step)
 
 
 def _threshold(args: argparse.Namespace) -> float:
@@ -62,10 +112,12 @@ def _threshold(args: argparse.Namespace) -> float:
 
     threshold = CRACKED
     for name, value in args.assignments:
+        if name != "cracked":
+            continue
         try:
             threshold = float(value)
         except ValueError:
             threshold = -1.0
-        if name != "cracked" or not 0 <= threshold < 1:
+        if not 0 <= threshold < 1:
             raise commandline.UsageError(f"--set {name}={value}: expected cracked= and a damage from 0 to below 1")
     return threshold

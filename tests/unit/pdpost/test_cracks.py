@@ -2,40 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from drawn import alone, at, lattice, run
 
-from pdpost.cracks import branch_place, clusters, damage_at, directions, growth, is_split
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
-
-
-def lattice(columns: int = 20, rows: int = 9) -> Nodes:
-    """Nodes 1 mm apart with ten bonds each, those of the first five columns of the middle row cut."""
-    y, x = np.mgrid[0:rows, 0:columns]
-    position = 1e-3 * np.column_stack([x.ravel(), y.ravel() - rows // 2])
-    count = columns * rows
-    cut = np.where((position[:, 1] == 0) & (position[:, 0] < 4.5e-3), 4, 0)
-    ids = np.arange(1, count + 1)
-    return Nodes(ids, position, np.full(count, 1e-3), np.full(count, 1e-6), np.full(count, 10), cut)
-
-
-def at(nodes: Nodes, x: int, y: int) -> int:
-    """The id of a node by its place in mm."""
-    return int(nodes.ids[np.isclose(nodes.position, [1e-3 * x, 1e-3 * y]).all(axis=1)].item())
-
-
-def alone(first: int, last: int) -> Families:
-    """Nodes without bonds."""
-    return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
-
-
-def run(nodes: Nodes, cracked: list[tuple[int, int, int]]) -> Results:
-    """Results in which nodes (step, x, y) lose four of their ten bonds."""
-    writer = Writer.create(None, nodes, alone, np.array([[0.0, 0.0, 4.5e-3, 0.0]]), {"time_step": 1e-6})
-    rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
-    breaks = Breaks(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(100, 1e-4, None, breaks, [], [], {}))
-    return Results(writer.connection, "memory")
+from pdpost.cracks import branch_place, clusters, cracked_since, damage_at, directions, growth, is_split
+from pdsolve.results import Breaks, Frame, Nodes, Results, Writer
 
 
 def test_a_crack_starts_when_its_tip_is_one_and_a_half_spacings_on() -> None:
@@ -121,6 +95,17 @@ def test_clusters_and_splits_of_nodes() -> None:
 def test_damage_between_frames() -> None:
     results = run(lattice(), [(3, 5, 0), (7, 6, 0)])
     assert [int((damage_at(results, step) > 0.35).sum()) for step in (0, 2, 3, 6, 7, 100)] == [5, 5, 6, 6, 7, 7]
+
+
+def test_since_when_nodes_are_cracked(small_results: Path) -> None:
+    """The same as damage step by step says, for thresholds that a share of the bonds meets exactly too."""
+    with Results.open(small_results) as results:
+        for threshold in (0.0, 0.25, 0.35, 0.5, 4 / 7):
+            since = cracked_since(results, threshold)
+            for step in (0, 20, 33, 60):
+                cracked = damage_at(results, step) > threshold
+                assert np.array_equal(cracked, (since >= 0) & (since <= step))
+        assert (cracked_since(results) > 0).sum() > 10
 
 
 @pytest.mark.parametrize("angle", [45.0, 63.434948822922])

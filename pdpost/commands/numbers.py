@@ -1,0 +1,95 @@
+"""What the commands that find numbers share: --json, --csv, and when a picture is drawn."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
+    """A command that reads results, draws a picture and gives its numbers."""
+    from pdpost.commands.shared import add_results
+
+    command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+    add_results(command)
+    commandline.add_common_options(
+        command,
+        output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png; none with"
+        " --json or --csv alone)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    add_csv(command)
+    return command
+
+
+def add_csv(command: argparse.ArgumentParser) -> None:
+    """--csv: the numbers as a table."""
+    command.add_argument("--csv", metavar="FILE", help="write the numbers as a table; - is stdout")
+
+
+def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
+    """Where the picture goes; None if numbers alone were asked for. Raises UsageError."""
+    if args.csv == "-" and args.json:
+        raise commandline.UsageError("--csv -: found --json too, expected one of them on stdout")
+    if args.output is None and (args.json or args.csv is not None):
+        return None
+    return commandline.output_path(args.output, args.results, suffix, args.force)
+
+
+def deliver(
+    args: argparse.Namespace,
+    result: Mapping[str, Any],
+    lines: Sequence[str],
+    header: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    picture: Path | None,
+) -> int:
+    """Print the result and write the table; returns the exit code. What is not a number becomes null or empty."""
+    if args.csv is not None:
+        _write_table(args, header, rows)
+        if args.csv == "-":
+            return commandline.OK
+        lines = [f"{args.csv}: the numbers", *lines]
+    if picture is not None:
+        result, lines = {"output": str(picture), **result}, [f"{picture}: the picture", *lines]
+    commandline.report(finite(dict(result)), lines, args)
+    return commandline.OK
+
+
+def finite(value: Any) -> Any:
+    """A value as JSON has it: arrays and tuples as lists, None for what is not a finite number."""
+    import numpy as np
+
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return finite(value.tolist())
+    if isinstance(value, tuple | list):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _write_table(args: argparse.Namespace, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    import csv
+    import io
+
+    from pdmesh.files import write_atomically
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([["" if item is None else item for item in finite(row)] for row in rows])
+    if args.csv == "-":
+        print(text.getvalue(), end="")
+    else:
+        path = commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
+        write_atomically(path, text.getvalue().encode())

@@ -1,0 +1,41 @@
+"""Everything about a run on one page."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_results
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `report` on the command line."""
+    page = commands.add_parser("report", help="write one HTML page: scene, grid, settings, balance, crack, animation")
+    add_results(page)
+    commandline.add_common_options(
+        page,
+        output="the page (default: the results' name with .report.html)",
+        assignment="override a matplotlib setting, such as font.size=11",
+    )
+    page.set_defaults(run=_report)
+
+
+def _report(args: argparse.Namespace) -> int:
+    import matplotlib
+
+    from pdmesh.files import write_atomically
+    from pdpost import figures
+    from pdpost.report import report
+    from pdsolve.results import Results
+
+    path = commandline.output_path(args.output, args.results, ".report.html", args.force)
+    style = figures.styled(dict(args.assignments))
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+        page = report(results, args.results.stem).encode()
+    write_atomically(path, page)
+    commandline.report({"output": str(path), "bytes": len(page)}, [f"{path}: {len(page) / 1e6:.2g} MB"], args)
+    return commandline.OK

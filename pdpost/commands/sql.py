@@ -1,0 +1,42 @@
+"""How to ask the database itself."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_results
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `sql` on the command line."""
+    sql = commands.add_parser("sql", help="print the tables of the database, and queries to begin with")
+    add_results(sql)
+    sql.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+    sql.set_defaults(run=_sql, quiet=False)
+
+
+def _sql(args: argparse.Namespace) -> int:
+    import shlex
+
+    from pdpost.sql import queries, tables
+    from pdsolve.results import Results
+
+    with Results.open(args.results) as results:
+        shown, asked = tables(results), queries(results)
+    lines = []
+    for table in shown:
+        columns = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in table.columns)
+        lines += [f"{table.name}: {table.about}", f"    {columns}"]
+    for query in asked:
+        lines += ["", f"{query.asks}:", f'    sqlite3 {shlex.quote(str(args.results))} "{query.sql}"']
+    found = {
+        "tables": {table.name: {"about": table.about, "columns": dict(table.columns)} for table in shown},
+        "queries": [query._asdict() for query in asked],
+    }
+    commandline.report(found, lines, args)
+    return commandline.OK

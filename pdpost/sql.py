@@ -1,0 +1,73 @@
+"""The tables of a database, for those who ask it in SQL: columns, units, and queries to begin with."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pdsolve.results import FIELDS, Results
+
+SHOWN = {  # what is in it
+    "node_state": "every node at every frame; NULL where a field was not stored",
+    "node": "the nodes, undeformed",
+    "frame": "when the fields were written",
+    "history": "the ledger, per unit thickness",
+    "reaction": "what each condition, counted from 0, does to the plate, per unit thickness",
+    "probe": "the nodes at the probes, as often as the ledger",
+    "bond_break": "every broken bond; one of both its nodes is there twice",
+    "crack": "segments of pre-cracks",
+    "meta": "what the run says of itself; 'model' is the grid file",
+}
+UNITS = {
+    **FIELDS,
+    **dict.fromkeys(("x", "y", "z", "x0", "y0", "x1", "y1", "delta", "uz", "displacement_x", "displacement_y"), "m"),
+    **dict.fromkeys(("kinetic", "strain", "dissipated", "work"), "J/m"),
+    **dict.fromkeys(("momentum_x", "momentum_y"), "N s/m"),
+    **dict.fromkeys(("force_x", "force_y"), "N/m"),
+    "time": "s",
+    "area": "m^2",
+    "vz": "m/s",
+    "az": "m/s^2",
+}
+
+
+class Table(NamedTuple):
+    """A table or view and its columns."""
+
+    name: str
+    about: str
+    columns: tuple[tuple[str, str], ...]  # name, unit; "" for numbers without one
+
+
+class Query(NamedTuple):
+    """A question and its SQL."""
+
+    asks: str
+    sql: str
+
+
+def tables(results: Results) -> list[Table]:
+    """The tables meant to be read, those that a user wants first at the top."""
+    found = []
+    for name, about in SHOWN.items():
+        columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
+        found.append(Table(name, about, tuple((column, UNITS.get(column, "").removesuffix("1")) for column in columns)))
+    return found
+
+
+def queries(results: Results) -> list[Query]:
+    """Three queries that this database answers."""
+    ids = results.nodes().ids
+    node = 7 if 7 in ids else int(ids[0])
+    return [
+        Query("a node against time", f"SELECT time, uy FROM node_state WHERE node = {node}"),
+        Query(
+            "the most damaged nodes at the end",
+            "SELECT node, x, y, damage FROM node_state WHERE step = (SELECT max(step) FROM frame)"
+            " ORDER BY damage DESC, node LIMIT 10",
+        ),
+        Query(
+            "bonds broken in each microsecond",
+            "SELECT CAST(1e6 * step * value AS INTEGER) AS microsecond, count(*) AS bonds FROM bond_break"
+            " JOIN meta ON key = 'time_step' GROUP BY microsecond",
+        ),
+    ]

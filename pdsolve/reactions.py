@@ -1,0 +1,73 @@
+"""What each condition pushes with: the resultant of a load, the force it takes to hold nodes where they are held."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.grid import InitialVelocity
+from pdsolve.conditions import Drive, factor_at
+from pdsolve.kernels.bond_sums import Motion
+from pdsolve.model import Model
+
+
+class Grip(NamedTuple):
+    """A condition that acts throughout a run, and where."""
+
+    number: int  # in the model's list of conditions
+    kind: str
+    rows: NDArray[np.int64]  # of the grid
+
+
+class Reaction(NamedTuple):
+    """What a condition does to its nodes at a step, per unit thickness."""
+
+    step: int
+    time: float  # s
+    condition: int  # in the model's list of conditions
+    kind: str
+    force_x: float  # N/m, on the plate
+    force_y: float
+    displacement_x: float  # m, mean of its nodes
+    displacement_y: float
+
+
+def grips(model: Model) -> tuple[Grip, ...]:
+    """All conditions of a model but initial velocities, in its order, which is that of the profiles of `Drive`."""
+    return tuple(
+        Grip(number, str(condition.__struct_config__.tag), model.selected(condition))
+        for number, condition in enumerate(model.settings.conditions)
+        if not isinstance(condition, InitialVelocity)
+    )
+
+
+def reactions(
+    grips: tuple[Grip, ...],
+    drive: Drive,
+    motion: Motion,
+    area: NDArray[np.float64],
+    rho: NDArray[np.float64],
+    step: int,
+    time: float,
+) -> list[Reaction]:
+    """The external force of each grip after `step`; `area` (n,), m^2; `rho` (n,), kg/m^3.
+
+    A hold stands against what bonds and loads do to its components and gives them their acceleration. That of a held
+    displacement or velocity is taken as 0: the inertia of the held nodes alone is left out while their speed changes.
+    """
+    holds, loads = drive.holds, drive.loads
+    pull = area[holds.node] * (rho[holds.node] * motion.a[holds.node, holds.axis].astype(float) - drive.held_force)
+    push = area[loads.node] * loads.value
+    found = []
+    for profile, grip in enumerate(grips):
+        factor = float(factor_at(drive.profiles, profile, time))
+        force = [
+            float(pull[(holds.profile == profile) & (holds.axis == axis)].sum())
+            + factor * float(push[(loads.profile == profile) & (loads.axis == axis)].sum())
+            for axis in (0, 1)
+        ]
+        mean = motion.u[grip.rows].astype(float).mean(axis=0).tolist()
+        found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
+    return found

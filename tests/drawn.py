@@ -1,0 +1,41 @@
+"""Cracks drawn by hand: results in which chosen nodes lose four of their ten bonds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
+
+NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
+
+
+def lattice(columns: int = 20, rows: int = 9, below: int | None = None) -> Nodes:
+    """Nodes 1 mm apart with ten bonds each, those of the first five columns of the row y = 0 cut.
+
+    That row is the middle one, or has `below` rows below it.
+    """
+    y, x = np.mgrid[0:rows, 0:columns]
+    position = 1e-3 * np.column_stack([x.ravel(), y.ravel() - (rows // 2 if below is None else below)])
+    count = columns * rows
+    cut = np.where((position[:, 1] == 0) & (position[:, 0] < 4.5e-3), 4, 0)
+    ids = np.arange(1, count + 1)
+    return Nodes(ids, position, np.full(count, 1e-3), np.full(count, 1e-6), np.full(count, 10), cut)
+
+
+def at(nodes: Nodes, x: int, y: int) -> int:
+    """The id of a node by its place in mm."""
+    return int(nodes.ids[np.isclose(nodes.position, [1e-3 * x, 1e-3 * y]).all(axis=1)].item())
+
+
+def alone(first: int, last: int) -> Families:
+    """Nodes without bonds."""
+    return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
+def run(nodes: Nodes, cracked: list[tuple[int, int, int]], notch: np.ndarray = NOTCH, model: str = "{}") -> Results:
+    """Results in which nodes (step, x, y) lose four of their ten bonds; steps of 1 us."""
+    writer = Writer.create(None, nodes, alone, notch, {"time_step": 1e-6, "model": model})
+    rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
+    breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
+    writer.write(Frame(100, 1e-4, None, breaks, [(100, 1e-4, *[0.0] * 6, len(rows))], [], {}))
+    return Results(writer.connection, "memory")
