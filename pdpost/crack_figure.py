@@ -25,6 +25,12 @@ def crack(results: Results, found: Summary) -> Figure:
     figure, plate, length, speed = _panels(nodes)
     _damage(plate, nodes, damage_at(results, found.step))
     _pre_cracks(plate, results)
+    when = f"{found.step * time_step * 1e6:.4g} µs"
+    if not found.branches:
+        length.remove()
+        speed.remove()
+        plate.set_title(f"No crack has grown at {when}", fontsize="medium")
+        return figure
     shown = [one for one in found.branches if one.length >= LONG * found.branches[0].length][:SHOWN]
     rest = [one.points * 1e3 for one in found.branches[len(shown) :]]
     plate.add_collection(LineCollection(rest, colors="0.25", linewidths=1.0))
@@ -55,7 +61,7 @@ def crack(results: Results, found: Summary) -> Figure:
     speed.set(xlabel=f"time, {seconds}", ylabel=f"speed of the tip, {unit}")
     for panel in (length, speed):
         plain(panel)
-    plate.set_title(f"Damage and path of the crack at {found.step * time_step * 1e6:.4g} µs", fontsize="medium")
+    plate.set_title(f"Damage and path of the crack at {when}", fontsize="medium")
     return figure
 
 

@@ -22,13 +22,13 @@ def add(commands: Commands) -> None:
         help="draw the path and the speed of the crack; when it started, branched, split the plate",
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
         " split the plate, and what pieces are left. Speeds are slopes over seven points of the path, two spacings of"
-        " the nodes apart; cracked nodes belong to no piece.",
+        " the nodes apart; cracked nodes belong to no piece. Start, branching and split are those of the whole run.",
     )
     add_results(crack)
     crack.add_argument(
         "--along", choices=("right", "left", "up", "down"), help="where the crack runs (default: as it did)"
     )
-    crack.add_argument("--step", type=int, metavar="N", help="the path after this step (default: the last)")
+    crack.add_argument("--step", type=int, metavar="N", help="path and pieces after this step (default: the last)")
     crack.add_argument("--compare", type=Path, metavar="OTHER", help="lay the path of another run over this one's")
     commandline.add_common_options(
         crack,

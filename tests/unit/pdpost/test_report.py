@@ -7,7 +7,10 @@ import sqlite3
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from pdpost.crack_figure import crack
+from pdpost.crack_summary import summary
 from pdpost.report import report
 from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Results
@@ -42,3 +45,11 @@ def test_text_of_the_model_is_no_markup(small_results: Path) -> None:
     assert "<i>" not in page
     assert "<img src=x>" not in page
     assert "<h1>plate &amp; crack</h1>" in page
+
+
+@pytest.mark.parametrize(("step", "panels", "title"), [(0, 1, "No crack has grown at 0 µs"), (60, 3, "at 3 µs")])
+def test_a_plate_without_a_crack_has_no_speed(small_results: Path, step: int, panels: int, title: str) -> None:
+    with Results.open(small_results) as results:
+        figure = crack(results, summary(results, step))
+    assert len(figure.axes) == panels
+    assert figure.axes[0].get_title().endswith(title)
