@@ -16,6 +16,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pdsolve.bonds import Assembly, Bonds
+from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels.blocks import LANES, Blocks, Tracks
@@ -23,7 +24,7 @@ from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of, energies, revive
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Families, Nodes
-from pdsolve.schemes import EXACT_LOAD, SCHEMES
+from pdsolve.schemes import EXACT_LOAD, PARTIAL_CELLS, SCHEMES
 from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
 SAFETY = 0.8  # of the stability bound, for a model that names no time step
@@ -205,6 +206,7 @@ def prepare(model: Model, options: Options) -> Problem:
     if options.threads is not None and not 1 <= options.threads <= cores:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
     numba.set_num_threads(options.threads or cores)
+    refuse(model, PARTIAL_CELLS[options.mode])
     return problem_of(model, options, SCHEMES[options.mode](model))
 
 

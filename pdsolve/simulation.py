@@ -13,10 +13,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pdmesh import VERSION
+from pdsolve.checks import Watch, advise, closing
 from pdsolve.energy import Ledger
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.problem import Options, Problem, prepare
 from pdsolve.results import Frame, Results, ResultsError, Writer, remove
+from pdsolve.schemes import PARTIAL_CELLS, SYMMETRIC
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -65,6 +67,7 @@ def simulate(
     Raises ModelError, UnstableError (the frames so far are kept), ResultsError.
     """
     problem = prepare(model, options)
+    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode])
     try:
         writer = Writer.create(output, problem.nodes(), problem.families, model.grid.cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
@@ -95,6 +98,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
     problem = prepare(model, options)
+    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode])
     problem.march(1, 2)
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)
@@ -112,6 +116,7 @@ class _Notes:
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._rows = cKDTree(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
+        self._watch = Watch(problem.model)
         self.written = step
         self.last = problem.books(step)
 
@@ -120,6 +125,7 @@ class _Notes:
         problem = self._problem
         self.last = problem.books(step)
         _check_physics(problem, self.last)
+        self._watch.look(problem.motion, problem.start, problem.neighbour, step)
         self._ledgers.append(self.last)
         u, v, a = problem.motion.u, problem.motion.v, problem.motion.a
         for row in dict.fromkeys(self._rows):
@@ -176,6 +182,8 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
             writer.write(notes.frame(step, whole=not interrupted or step % run.every == 0))
     wall = clock.perf_counter() - began
     writer.tell({"summary": json.dumps(_summary(problem, notes.last, wall, step - begun_at, done))})
+    balance, spent = notes.last.balance(problem.initial_energy), notes.last.dissipated
+    closing(problem.model, balance, spent, SYMMETRIC[problem.options.mode])
     return "finished" if done or step == run.steps else "interrupted"
 
 
@@ -206,6 +214,7 @@ def _check_physics(problem: Problem, books: Ledger) -> None:
         f"unstable at step {books.step}, {books.time:.4g} s, node {problem.model.grid.ids[worst]}: energy is"
         f" {ratio:.3g} times what was put in; the time step is {problem.time_step:.4g} s,"
         f" surely stable up to {problem.bound:.4g} s"
+        + ("" if problem.time_step > problem.bound else ", so look at what is held or loaded instead")
     )
 
 

@@ -1,0 +1,235 @@
+"""What makes a model impossible or doubtful, found before it is solved; and what a run must not do unnoticed.
+
+Impossible is a ModelError, doubtful a ModelWarning; each says where, what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdsolve.kernels.bond_sums import Motion
+from pdsolve.lattice import ROUND_OFF, lattice_ratios
+from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.model import Model, ModelError, ModelWarning
+
+LEAST, MOST = 1e-30, 1e30  # of a material's numbers; beyond, products of them leave what a number can hold
+SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
+CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
+JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
+ON = 1e-6  # spacings: a crack this near a node passes through it
+FRACTION = 0.1  # of what breaks a bond: displacements must be known to that
+LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
+
+
+class Nearest(NamedTuple):
+    """The nearest other node of each node (n,)."""
+
+    row: NDArray[np.int64]
+    distance: NDArray[np.float64]  # m; infinite where there is no other
+
+
+def nearest(model: Model) -> Nearest:
+    """Who is nearest to whom."""
+    position = model.grid.position
+    if len(position) == 1:
+        return Nearest(np.zeros(1, dtype=np.int64), np.full(1, np.inf))
+    distance, row = cKDTree(position).query(position, 2)
+    return Nearest(row[:, 1], distance[:, 1])
+
+
+def refuse(model: Model, partial_cells: bool) -> None:
+    """Raises ModelError for a model that has no stiffness, or numbers that nothing can be computed with.
+
+    `partial_cells` says whether the family reaches half a spacing beyond the horizon.
+    """
+    for number, material in enumerate(model.materials):
+        place = f"{model.name}: $.material" if number == 0 else f"{model.name}: $.regions[{number - 1}].material"
+        for name in ("E", "rho", "G0"):
+            value = getattr(material, name)
+            if not LEAST <= value <= MOST:
+                raise ModelError(f"{place}.{name}: found {value:g}, expected {LEAST:g} to {MOST:g} in SI units")
+        ratio = model.settings.horizon.ratio
+        if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c11 > ROUND_OFF:
+            raise ModelError(
+                f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
+                " micromodulus have no stiffness, expected more than 1 (3 is usual)"
+            )
+
+
+def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool) -> None:
+    """Warns of what can be solved but will hardly be what was meant; `bonds` (n,) are those each node has.
+
+    Raises ModelError for nodes at one place.
+    """
+    found = nearest(model)
+    _places(model, found)
+    through = _cracks(model)
+    _lonely(model, (bonds == 0) & ~through)
+    _shapes(model)
+    ratio = model.settings.horizon.ratio
+    for material in model.materials:
+        if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c66 > ROUND_OFF:
+            _warn(
+                model,
+                f"$.horizon.ratio: found {ratio:g}, where only the four nearest nodes pull and nothing resists shear,"
+                " expected 1.5 or more (3 is usual)",
+            )
+            return
+
+
+def _warn(model: Model, message: str) -> None:
+    warnings.warn(f"{model.name}: {message}", ModelWarning, stacklevel=2)
+
+
+def _named(model: Model, row: int) -> str:
+    x, y = model.grid.position[row]
+    return f"node {model.grid.ids[row]} at ({x:.6g}, {y:.6g}) m"
+
+
+def _places(model: Model, found: Nearest) -> None:
+    """Nodes too near to each other, and spacings that jump."""
+    grid = model.grid
+    near = found.distance / np.minimum(grid.delta, grid.delta[found.row])
+    row = int(near.argmin())
+    pair = f"{_named(model, row)} and {_named(model, int(found.row[row]))}"
+    if near[row] < SAME:
+        raise ModelError(
+            f"{model.name}: $.nodes: found {pair}, {found.distance[row]:.3g} m apart, which is the same place but"
+            " for round-off, expected them apart"
+        )
+    if near[row] < CLOSE:
+        _warn(
+            model,
+            f"$.nodes: found {pair}, {near[row]:.2g} spacings apart, expected about one; so stiff a bond makes the"
+            " stable time step small",
+        )
+    jump = np.where(np.isfinite(found.distance), grid.delta / grid.delta[found.row], 1.0)
+    jump = np.maximum(jump, 1 / jump)
+    row = int(jump.argmax())
+    if jump[row] > JUMP:
+        _warn(
+            model,
+            f"$.nodes: found spacings of {grid.delta[row]:g} and {grid.delta[found.row[row]]:g} m next to each other,"
+            f" {_named(model, row)}, expected steps of at most 2 (pdmesh grades zones so); the jump reflects waves",
+        )
+
+
+def _cracks(model: Model) -> NDArray[np.bool_]:
+    """Which nodes (n,) a pre-crack passes through."""
+    grid = model.grid
+    hit = np.zeros(len(grid), dtype=bool)
+    points = shapely.points(grid.position) if len(grid.cracks) else None
+    for number, segment in enumerate(grid.cracks.reshape(-1, 2, 2)):
+        on = shapely.distance(points, shapely.linestrings(segment)) < ON * grid.delta
+        if on.any():
+            _warn(
+                model,
+                f"$.notch[{number}]: found through {on.sum()} nodes, the first {_named(model, int(on.argmax()))},"
+                " expected between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to"
+                " one side by round-off",
+            )
+        hit |= on
+    return hit
+
+
+def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
+    if lonely.any():
+        _warn(
+            model,
+            f"$.nodes: found {lonely.sum()} without a bond, the first {_named(model, int(lonely.argmax()))}, expected"
+            " neighbours within the horizon; nothing holds such a node back",
+        )
+
+
+def _shapes(model: Model) -> None:
+    """Plates that are too small to be one."""
+    position, widest = model.grid.position, float(model.horizons.max())
+    extent = float(np.ptp(position, axis=0).max() + model.grid.delta.max())
+    if len(position) < 3:
+        return
+    if widest > extent * (1 + ROUND_OFF):
+        _warn(
+            model,
+            f"$.horizon: found {widest:g} m, expected less than the plate's {extent:g} m; every node is a surface node",
+        )
+    middle = position - position.mean(axis=0)
+    if np.linalg.svd(middle, compute_uv=False)[1] < ON * extent:
+        _warn(
+            model,
+            f"$.nodes: found all {len(position)} in one row, expected several rows; bonds along a row do not resist"
+            " motion across it",
+        )
+
+
+class Watch:
+    """Looks at the motion of a run now and then; says each thing once."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._said, self._vague = model, False, False
+        self._nearest: Nearest | None = None  # not asked for while displacements are small
+        self._smallest = float(model.grid.delta.min())
+        breaking = np.full(len(model.grid), np.inf)
+        for number, material in enumerate(model.materials):
+            own = model.material_of == number
+            stretch = limits(material, critical_stretch(material, model.horizons[own])).peak
+            breaking[own] = stretch * model.grid.delta[own]
+        self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
+
+    def look(self, motion: Motion, start: NDArray[np.int64], neighbour: NDArray[np.int32], step: int) -> None:
+        """Warns of bonds turned inside out, and of displacements too large for their digits.
+
+        `start` (n + 1,) and `neighbour` (b,) are the bonds as in `Bonds`.
+        """
+        if not self._said and np.ptp(motion.u, axis=0).max() >= self._smallest:
+            self._crushed(motion, start, neighbour, step)
+        known = float(np.finfo(motion.u.dtype).eps * np.abs(motion.u).max(initial=0.0))
+        if not self._vague and known > FRACTION * self._breaking:
+            self._vague = True
+            _warn(
+                self._model,
+                f"step {step}: found displacements up to {np.abs(motion.u).max():.3g} m, which {motion.u.dtype} knows"
+                f" to {known:.2g} m, expected {FRACTION * self._breaking:.2g} m or better: {self._breaking:.2g} m break"
+                " a bond",
+            )
+
+    def _crushed(self, motion: Motion, start: NDArray[np.int64], neighbour: NDArray[np.int32], step: int) -> None:
+        self._nearest = self._nearest or nearest(self._model)
+        row, position = self._nearest.row, self._model.grid.position
+        xi = position[row] - position
+        now = xi + motion.u[row] - motion.u
+        for i in np.flatnonzero((xi * now).sum(axis=1) <= 0).tolist():
+            own = slice(start[i], start[i + 1])
+            bond = np.flatnonzero(neighbour[own] == row[i])
+            if len(bond) and motion.broken[own][bond[0]] == 0:
+                self._said = True
+                _warn(
+                    self._model,
+                    f"step {step}: found {_named(self._model, i)} and {_named(self._model, int(row[i]))} pushed through"
+                    " each other with their bond intact, expected less compression; bonds do not keep nodes apart",
+                )
+                return
+
+
+def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
+    """Warns at the end of a run whose energy does not add up though its operator is `symmetric`.
+
+    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds.
+    """
+    if spent < 0:
+        _warn(
+            model,
+            f"found {spent:.3g} J/m spent on breaking bonds, expected no less than 0: bonds went from pressed to broken"
+            " within a step, as where a plate is crushed; a smaller time step resolves it",
+        )
+    if symmetric and abs(balance) > LOST:
+        _warn(
+            model,
+            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {LOST:g} at most; look at"
+            " the time step, and at what is held or loaded too suddenly",
+        )
