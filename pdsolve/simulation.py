@@ -214,8 +214,17 @@ def _check_physics(problem: Problem, books: Ledger) -> None:
         f"unstable at step {books.step}, {books.time:.4g} s, node {problem.model.grid.ids[worst]}: energy is"
         f" {ratio:.3g} times what was put in; the time step is {problem.time_step:.4g} s,"
         f" surely stable up to {problem.bound:.4g} s"
-        + ("" if problem.time_step > problem.bound else ", so look at what is held or loaded instead")
+        f"{_suspect(problem)}"
     )
+
+
+def _suspect(problem: Problem) -> str:
+    """What to look at where it is not the time step."""
+    if problem.time_step > problem.bound:
+        return ""
+    if SYMMETRIC[problem.options.mode]:
+        return ", so it is not the step: look at what is held or loaded"
+    return f", so it is not the step: the {problem.options.mode} mode's one-sided bonds make energy, --mode conservative"
 
 
 def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
