@@ -153,10 +153,11 @@ def _shapes(model: Model) -> None:
     extent = float(np.ptp(position, axis=0).max() + model.grid.delta.max())
     if len(position) < 3:
         return
-    if widest > extent * (1 + ROUND_OFF):
+    if widest > extent / 2 * (1 + ROUND_OFF):
         _warn(
             model,
-            f"$.horizon: found {widest:g} m, expected less than the plate's {extent:g} m; every node is a surface node",
+            f"$.horizon: found {widest:g} m in a plate of {extent:g} m, expected less than half of it; every node is a"
+            " surface node, and the plate too stiff",
         )
     middle = position - position.mean(axis=0)
     if np.linalg.svd(middle, compute_uv=False)[1] < ON * extent:

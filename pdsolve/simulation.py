@@ -224,7 +224,9 @@ def _suspect(problem: Problem) -> str:
         return ""
     if SYMMETRIC[problem.options.mode]:
         return ", so it is not the step: look at what is held or loaded"
-    return f", so it is not the step: the {problem.options.mode} mode's one-sided bonds make energy, --mode conservative"
+    return (
+        f", so it is not the step: the {problem.options.mode} mode's one-sided bonds make energy, --mode conservative"
+    )
 
 
 def _meta(problem: Problem, provenance: str) -> dict[str, Any]:

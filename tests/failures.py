@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from pdsolve.model import ModelWarning
 
@@ -19,6 +20,14 @@ cure, and every number and message was measured or said while it ran. "thesis" a
 `pdsolve` (see the [README](../README.md)). A warning is one line on stderr; an error is one line and an exit code of 2,
 or 3 where a run had to be stopped.
 """
+
+
+class Said(NamedTuple):
+    """What a program has said."""
+
+    code: int
+    out: list[str]  # lines on stdout
+    err: list[str]  # on stderr
 
 
 def theme_of(docstring: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from failures import cases, page, theme_of
+from failures import Said, cases, page, theme_of
 
 from pdmesh.grid import document_of, write_file
 from pdsolve.__main__ import main
@@ -54,13 +54,11 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 
 @pytest.fixture
-def pdsolve(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, list[str]]]:
-    """Runs the program on a model, or on the text of a grid file; returns its exit code and the lines on stderr."""
+def pdsolve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Said]:
+    """Runs the program on a model, or on the text of a grid file; returns what it says."""
     monkeypatch.chdir(tmp_path)
 
-    def run(model: Model | str, *arguments: str) -> tuple[int, list[str]]:
+    def run(model: Model | str, *arguments: str) -> Said:
         path = Path("plate.json")
         if isinstance(model, str):
             path.write_text(model)
@@ -68,6 +66,7 @@ def pdsolve(
             write_file(document_of(model.grid, model.settings), path)
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             code = main([str(path), "--force", "--threads", "1", *arguments])
-        return code, capsys.readouterr().err.splitlines()
+        out, err = capsys.readouterr()
+        return Said(code, out.splitlines(), err.splitlines())
 
     return run
