@@ -23,6 +23,7 @@ SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
 ON = 1e-6  # spacings: a crack this near a node passes through it
+AROUND = 4  # nodes next to a node, looked at for having passed it
 FRACTION = 0.1  # of what breaks a bond: displacements must be known to that
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
@@ -62,12 +63,21 @@ def refuse(model: Model, partial_cells: bool) -> None:
             )
 
 
-def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool) -> None:
-    """Warns of what can be solved but will hardly be what was meant; `bonds` (n,) are those each node has.
+def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
+    """Warns of what can be solved but will hardly be what was meant.
 
-    Raises ModelError for nodes at one place.
+    `bonds` (n,) are those each node has, the other two as in `refuse` and `closing`. Raises ModelError for nodes at one
+    place.
     """
+    stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
+    if stiffest > softest and not symmetric:
+        _warn(
+            model,
+            f"$.regions: found E from {softest:g} to {stiffest:g} Pa, expected one E in the thesis mode: a bond has the"
+            " constants of its own node there, and carries no stress from one material to the other",
+        )
     found = nearest(model)
+    _digits(model)
     _places(model, found)
     through = _cracks(model)
     _lonely(model, (bonds == 0) & ~through)
@@ -90,6 +100,19 @@ def _warn(model: Model, message: str) -> None:
 def _named(model: Model, row: int) -> str:
     x, y = model.grid.position[row]
     return f"node {model.grid.ids[row]} at ({x:.6g}, {y:.6g}) m"
+
+
+def _digits(model: Model) -> None:
+    """Plates so far from the origin that round-off decides who is within whose horizon."""
+    farthest, least = float(np.abs(model.grid.position).max()), float(model.horizons.min())
+    known = float(np.spacing(farthest))
+    needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
+    if known > needed:
+        _warn(
+            model,
+            f"$.nodes: found coordinates up to {farthest:.3g} m, known to {known:.2g} m, expected {needed:.2g} m or"
+            f" better for horizons of {least:.3g} m; round-off decides who sees whom, move the plate to the origin",
+        )
 
 
 def _places(model: Model, found: Nearest) -> None:
@@ -173,7 +196,7 @@ class Watch:
 
     def __init__(self, model: Model) -> None:
         self._model, self._said, self._vague = model, False, False
-        self._nearest: Nearest | None = None  # not asked for while displacements are small
+        self._near: NDArray[np.int64] | None = None  # (n, k) nearest nodes; not asked for while displacements are small
         self._smallest = float(model.grid.delta.min())
         breaking = np.full(len(model.grid), np.inf)
         for number, material in enumerate(model.materials):
@@ -200,21 +223,24 @@ class Watch:
             )
 
     def _crushed(self, motion: Motion, start: NDArray[np.int64], neighbour: NDArray[np.int32], step: int) -> None:
-        self._nearest = self._nearest or nearest(self._model)
-        row, position = self._nearest.row, self._model.grid.position
-        xi = position[row] - position
-        now = xi + motion.u[row] - motion.u
-        for i in np.flatnonzero((xi * now).sum(axis=1) <= 0).tolist():
-            own = slice(start[i], start[i + 1])
-            bond = np.flatnonzero(neighbour[own] == row[i])
-            if len(bond) and motion.broken[own][bond[0]] == 0:
-                self._said = True
-                _warn(
-                    self._model,
-                    f"step {step}: found {_named(self._model, i)} and {_named(self._model, int(row[i]))} pushed through"
-                    " each other with their bond intact, expected less compression; bonds do not keep nodes apart",
-                )
-                return
+        position = self._model.grid.position
+        if self._near is None:
+            self._near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+        for near in self._near.T:
+            xi = position[near] - position
+            now = xi + motion.u[near] - motion.u
+            for i in np.flatnonzero((xi * now).sum(axis=1) <= 0).tolist():
+                own = slice(start[i], start[i + 1])
+                bond = np.flatnonzero(neighbour[own] == near[i])
+                if len(bond) and motion.broken[own][bond[0]] == 0:
+                    self._said = True
+                    _warn(
+                        self._model,
+                        f"step {step}: found {_named(self._model, i)} and {_named(self._model, int(near[i]))} pushed"
+                        " through each other with their bond intact, expected less compression; bonds do not keep nodes"
+                        " apart",
+                    )
+                    return
 
 
 def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:

@@ -67,7 +67,7 @@ def simulate(
     Raises ModelError, UnstableError (the frames so far are kept), ResultsError.
     """
     problem = prepare(model, options)
-    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode])
+    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
     try:
         writer = Writer.create(output, problem.nodes(), problem.families, model.grid.cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
@@ -98,7 +98,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
     problem = prepare(model, options)
-    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode])
+    advise(model, np.diff(problem.start), PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
     problem.march(1, 2)
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)

@@ -98,13 +98,13 @@ def test_a_crack_through_nodes(failure: Callable[..., None]) -> None:
     assert [shift.offset for shift in shifts] == [(0.0, 0.5e-3)]
     assert warned(plate(built, run=settings.run)) == []
     failure(
-        fails=f"Bonds worth {through:.2f} G0 are cut along a row of nodes, {between:.2f} G0 between two rows, and every node "
-        "on the crack is left without a bond.",
-        noticed="A warning before the run that names the crack and its first node, also where it misses nodes by less "
-        "than 1e-6 of a spacing.",
+        fails=f"Bonds worth {through:.2f} G0 are cut along a row of nodes, {between:.2f} G0 between two rows, and "
+        "every node on the crack is left without a bond.",
+        noticed="A warning before the run that names the crack and its first node, also where it misses nodes by "
+        "less than 1e-6 of a spacing.",
         says=says,
-        cure=f"`pdmesh` builds the same plate with its lattice shifted by {1e3 * shifts[0].offset[1]:g} mm and says so; the "
-        "solver is then silent.",
+        cure=f"`pdmesh` builds the same plate with its lattice shifted by {1e3 * shifts[0].offset[1]:g} mm and says "
+        "so; the solver is then silent.",
     )
 
 
@@ -131,10 +131,10 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
     assert steps[1e-3] / steps[1e-12] > 1e4  # measured 1.5e4
     assert steps[1e-3] / steps[1e-5] == pytest.approx(4.7, abs=0.5)
     failure(
-        fails=f"Nodes 1e-12 m apart on a grid of 1 mm: the stable step is {steps[1e-12]:.2g} s, not {steps[1e-3]:.2g} s; "
-        "at one place there is none.",
-        noticed="An error that names both nodes (exit code 2), also where they are apart by round-off; a warning below a "
-        "tenth of a spacing.",
+        fails=f"Nodes 1e-12 m apart on a grid of 1 mm: the stable step is {steps[1e-12]:.2g} s, not {steps[1e-3]:.2g} "
+        "s; at one place there is none.",
+        noticed="An error that names both nodes (exit code 2), also where they are apart by round-off; a warning "
+        "below a tenth of a spacing.",
         says=said,
         cure=f"The nodes one spacing apart: {steps[1e-3]:.2g} s, and silence.",
     )
@@ -181,11 +181,12 @@ def test_one_row(failure: Callable[..., None]) -> None:
     found = {rows: modulus(24, rows, 3) for rows in (1, 2, 4, 8)}
     assert found == pytest.approx({1: 1.163, 2: 1.183, 4: 1.118, 8: 1.082}, abs=0.001)
     failure(
-        fails=f"A row of 12 nodes has {loose[0]} motions that nothing resists; its Young's modulus is {found[1]:.2f} E.",
+        fails=f"A row of 12 nodes has {loose[0]} motions that nothing resists; its Young's modulus is {found[1]:.2f} "
+        "E.",
         noticed="A warning before the run.",
         says=says,
-        cure=f"Two rows have the {loose[1]} rigid motions and no more; the modulus needs rows: {found[2]:.2f}, {found[4]:.2f} "
-        f"and {found[8]:.2f} E with 2, 4 and 8 of them at m = 3.",
+        cure=f"Two rows have the {loose[1]} rigid motions and no more; the modulus needs rows: {found[2]:.2f}, "
+        f"{found[4]:.2f} and {found[8]:.2f} E with 2, 4 and 8 of them at m = 3.",
     )
 
 
@@ -204,7 +205,7 @@ def test_a_horizon_larger_than_the_plate(failure: Callable[..., None]) -> None:
     wide = modulus(20, 20, 4)
     assert wide == pytest.approx(1.032, abs=0.001)
     failure(
-        fails=f"A plate of 8 x 8 nodes in tension, m = 2, 3, 4, 6 and 16: Young's modulus is "
+        fails="A plate of 8 x 8 nodes in tension, m = 2, 3, 4, 6 and 16: Young's modulus is "
         f"{', '.join(f'{value:.2f}' for value in found.values())} times that of the material.",
         noticed="A warning before the run from half the plate on.",
         says=says,
@@ -225,12 +226,13 @@ def test_too_few_neighbours(failure: Callable[..., None], pdsolve: Callable[...,
     said = pdsolve(plate(square_grid(8, 8), 1))
     assert said.code == 2
     assert said.err == [
-        "pdsolve: plate.json: $.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness,"
-        " expected more than 1 (3 is usual)"
+        "pdsolve: plate.json: $.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness, "
+        "expected more than 1 (3 is usual)"
     ]
     assert warned(plate(square_grid(8, 8), 1.5, run=Run(steps=1))) == []
     failure(
-        fails=f"8 x 8 nodes, m = 1.2: {loose[1.2]} motions that nothing resists, each row and each column sliding by itself.",
+        fails=f"8 x 8 nodes, m = 1.2: {loose[1.2]} motions that nothing resists, each row and each column sliding by "
+        "itself.",
         noticed="m = 1.2 is a warning; m = 1 with the conical micromodulus an error (exit code 2).",
         says=[*says, *said.err],
         cure=f"m = 1.5 takes the diagonals in: {loose[1.5]} free motions, the rigid ones.",
@@ -254,7 +256,8 @@ def test_numbers_that_are_no_material(failure: Callable[..., None], pdsolve: Cal
     lightest = pdsolve(plate(square_grid(8, 8), 3, material=Material(E=1e-3, rho=1e-20, G0=1e-12), run=Run(steps=10)))
     assert (lightest.code, lightest.err) == (0, [])
     failure(
-        fails="A density of 0, or of 1e-300, and the stable time step is 0; an infinite modulus, and it is not a number.",
+        fails="A density of 0, or of 1e-300, and the stable time step is 0; an infinite modulus, and it is not a "
+        "number.",
         noticed="An error (exit code 2) that names the setting.",
         says=[one.err[0] for one in said],
         cure="Anything from 1e-30 to 1e30: E = 1e-3, rho = 1e-20, G0 = 1e-12 runs, and in silence.",

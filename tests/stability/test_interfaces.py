@@ -46,7 +46,8 @@ def begin(problem: Problem, u: NDArray[np.float64], v: NDArray[np.float64]) -> N
 
 
 def torn(mode: str, strain: float, coarse: int = 30) -> int:
-    """Bonds that a pulse of this strain, 8 mm wide, breaks on its way from the fine nodes to the coarse ones and back."""
+    """Bonds that a pulse of this strain, 8 mm wide, breaks on its way from the fine nodes to the coarse ones and
+    back."""
     problem = strip(mode, 4, 80, coarse)
     problem = dataclasses.replace(problem, time_step=0.5 * problem.bound)
     s = (problem.model.grid.position[:, 0] + 40e-3) / 8e-3
@@ -68,8 +69,8 @@ def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
     assert thesis[2] > 200  # measured 342
     assert conservative == [0, 0, 0]
     failure(
-        fails=f"Thesis mode: a pulse of compression, 8 mm wide, 2 and 3 times the stretch at which coarse bonds break: "
-        f"{thesis[1]} and {thesis[2]} bonds break left of the interface, a false crack along it.",
+        fails="Thesis mode: a pulse of compression, 8 mm wide, 2 and 3 times the stretch at which coarse bonds "
+        f"break: {thesis[1]} and {thesis[2]} bonds break left of the interface, a false crack along it.",
         noticed="Not at all: it looks like spalling.",
         cure="The conservative mode corrects by energy, not by number, and bonds are the same for both ends: "
         f"{conservative[1]} and {conservative[2]} bonds.",
@@ -77,7 +78,8 @@ def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
 
 
 def concentration(mode: str, m: int) -> float:
-    """Largest share of a bond's limit within 5 mm of the interface, over that far from it, in slow tension across it."""
+    """Largest share of a bond's limit within 5 mm of the interface, over that far from it, in slow tension across
+    it."""
     problem = strip(mode, m, 60, 20)
     x = problem.model.grid.position[:, 0]
     held = np.zeros((len(x), 2), dtype=bool)
@@ -101,11 +103,11 @@ def test_slow_tension_across_an_interface(failure: Callable[..., None]) -> None:
     assert found == pytest.approx(expected, abs=0.002)
     failure(
         fails=f"Conservative mode: bonds at the interface are at {found['conservative', 3]:.2f} (m = 3) and "
-        f"{found['conservative', 4]:.2f} (m = 4) of the share of their limit that bonds far from it are at: a plate torn "
-        "slowly breaks there first.",
+        f"{found['conservative', 4]:.2f} (m = 4) of the share of their limit that bonds far from it are at: a plate "
+        "torn slowly breaks there first.",
         noticed="Not at all.",
-        cure="Keep interfaces away from where a plate is to break (`pdmesh` grows zones by the horizon for this). One-sided "
-        f"bonds are better at this: {found['thesis', 3]:.2f} and {found['thesis', 4]:.2f}.",
+        cure="Keep interfaces away from where a plate is to break (`pdmesh` grows zones by the horizon for this). "
+        f"One-sided bonds are better at this: {found['thesis', 3]:.2f} and {found['thesis', 4]:.2f}.",
     )
 
 
@@ -140,7 +142,8 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
 def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     """A crack that reaches an interface.
 
-    Where it crosses, bonds along the interface break to both sides of it, that would not have in a plate of one spacing.
+    Where it crosses, bonds along the interface break to both sides of it, that would not have in a plate of one
+    spacing.
     """
     one = crossed("conservative", 5e6, 1)
     thesis = crossed("thesis", 5e6 / 0.79, 2)  # as much more as its softening loses of four rows
@@ -150,11 +153,11 @@ def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     assert thesis.stray == pytest.approx(42, abs=4)
     assert conservative.stray == pytest.approx(13, abs=4)
     failure(
-        fails=f"Thesis mode, at a load that makes up for what it loses: {thesis.stray} bonds along the interface, more than "
-        "5 mm off the crack.",
+        fails=f"Thesis mode, at a load that makes up for what it loses: {thesis.stray} bonds along the interface, "
+        "more than 5 mm off the crack.",
         noticed="Not at all; no node of them is damaged by more than 0.35.",
-        cure=f"The conservative mode: {conservative.stray} bonds, fewer, not none. One spacing: {one.stray}. Better still, "
-        "no interface in a crack's way.",
+        cure=f"The conservative mode: {conservative.stray} bonds, fewer, not none. One spacing: {one.stray}. Better "
+        "still, no interface in a crack's way.",
     )
 
 
@@ -193,7 +196,8 @@ def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float)
 def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     """Spacings that jump by 2, 4 and 8.
 
-    A coarse zone cannot carry a wave shorter than its horizon, and sends back the more, the larger the jump of horizons.
+    A coarse zone cannot carry a wave shorter than its horizon, and sends back the more, the larger the jump of
+    horizons.
     """
     found = {(w, jump): sent_back((1, jump), (160, 160), w * 1e-3) for w in (8, 16) for jump in (2, 4, 8)}
     expected = {(8, 2): 0.027, (8, 4): 0.290, (8, 8): 0.637, (16, 2): 0.0143, (16, 4): 0.081, (16, 8): 0.315}
@@ -214,6 +218,6 @@ def test_spacings_that_jump(failure: Callable[..., None]) -> None:
         + " % (conservative mode, m = 3).",
         noticed="A warning before the run where nodes next to each other differ by more than 2.5.",
         says=says[1, 4],
-        cure=f"Grading by steps of 2, as `pdmesh` does: from 1 to 8 {100 * graded[8]:.0f} and {100 * graded[16]:.0f} %. What "
-        "is left is what 8 mm nodes cannot carry: waves should be several horizons long.",
+        cure=f"Grading by steps of 2, as `pdmesh` does: from 1 to 8 {100 * graded[8]:.0f} and {100 * graded[16]:.0f} "
+        "%. What is left is what 8 mm nodes cannot carry: waves should be several horizons long.",
     )

@@ -56,8 +56,8 @@ def balance(said: Said) -> float:
 def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """The softening coefficient divides the load.
 
-    lambda_i = potential / actual bonds multiplies the sum of a node's bonds, so at rest they carry load / lambda_i: what
-    arrives is the mean of 1 / lambda over the loaded rows.
+    lambda_i = potential / actual bonds multiplies the sum of a node's bonds, so at rest they carry load / lambda_i:
+    what arrives is the mean of 1 / lambda over the loaded rows.
     """
     lost = {rows: passed_on("thesis", rows) for rows in (1, 4, 8)}
     assert lost == pytest.approx({1: 0.58, 4: 0.79, 8: 0.90}, abs=0.01)  # published
@@ -74,10 +74,10 @@ def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Calla
     failure(
         fails=f"Thesis mode, m = {RATIO}, tension on 1, 4 and 8 rows: the middle of the plate gets {lost[1]:.2f}, "
         f"{lost[4]:.2f} and {lost[8]:.2f} of traction times width.",
-        noticed="By the balance of energy that a run ends with, work that arrived nowhere; no warning, as the thesis mode "
-        "is there to reproduce this, and the README says so.",
+        noticed="By the balance of energy that a run ends with, work that arrived nowhere; no warning, as the thesis "
+        "mode is there to reproduce this, and the README says so.",
         says=thesis.out[2:],
-        cure="The conservative mode corrects surfaces by a factor of the bond, the same for both ends, and gives the rows "
-        f"traction times length: {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}; "
-        f"the balance of the same run is then {balance(conservative):+.1g}.",
+        cure="The conservative mode corrects surfaces by a factor of the bond, the same for both ends, and gives the "
+        f"rows traction times length: {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}; the balance of the same run is "
+        f"then {balance(conservative):+.1g}.",
     )

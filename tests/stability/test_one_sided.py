@@ -74,8 +74,8 @@ def test_complex_frequencies(failure: Callable[..., None]) -> None:
     kept = energies(conservative)
     assert kept == pytest.approx([1.05] * 10, abs=0.01)  # measured 1.047 to 1.053
     failure(
-        fails=f"The thesis mode at 0.8 of its bound, 132 nodes: Im(omega) dt = {rate:.2e}; energy grows as "
-        f"e^(2 * {seen:.2e} step), to {grown[3]:.1e} times itself in 4e4 steps.",
+        fails=f"The thesis mode at 0.8 of its bound, 132 nodes: Im(omega) dt = {rate:.2e}; energy grows as e^(2 * "
+        f"{seen:.2e} step), to {grown[3]:.1e} times itself in 4e4 steps.",
         noticed="The run is stopped (exit code 3), and told that it is not the step.",
         says=[str(error.value)],
         cure="Symmetric bonds (conservative mode): all frequencies real, energy within "
@@ -100,9 +100,9 @@ def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
     assert drift["thesis"] > 0.01  # measured 0.20
     assert drift["conservative"] < 1e-14  # measured 2e-16
     failure(
-        fails=f"A pulse in a free plate of two scales, thesis mode: after 2000 steps momentum is off by "
+        fails="A pulse in a free plate of two scales, thesis mode: after 2000 steps momentum is off by "
         f"{drift['thesis']:.1g} of the sum of |m v|.",
-        noticed="By the ledger, which every run writes (`history` in the database); without a word, as the mode is there "
-        "to reproduce this.",
+        noticed="By the ledger, which every run writes (`history` in the database); without a word, as the mode is "
+        "there to reproduce this.",
         cure="Symmetric bonds: below 1e-14.",
     )

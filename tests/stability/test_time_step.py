@@ -1,6 +1,7 @@
 """Time steps.
 
-The true limit of velocity Verlet is 2 / omega_max, omega_max^2 the largest eigenvalue of M^-1 K of the plate's own bonds.
+The true limit of velocity Verlet is 2 / omega_max, omega_max^2 the largest eigenvalue of M^-1 K of the plate's own
+bonds.
 """
 
 from __future__ import annotations
@@ -81,8 +82,9 @@ def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
         noticed="A warning before the run, as the step is above the bound; then the run is stopped (exit code 3), "
         "its frames so far kept.",
         says=[warned[0], message],
-        cure=f"At 0.98 of the limit {STEPS} steps keep the energy, to {below:.1g} of it. The program's own step is 0.8 of "
-        f"Silling and Askari's bound, which is the limit over {ratio:.2f} here: to {usual:.1g}, and without a warning.",
+        cure=f"At 0.98 of the limit {STEPS} steps keep the energy, to {below:.1g} of it. The program's own step is "
+        f"0.8 of Silling and Askari's bound, which is the limit over {ratio:.2f} here: to {usual:.1g}, and without a "
+        "warning.",
     )
 
 
