@@ -156,8 +156,12 @@ def _through_the_void(grid: Grid, pairs: Pairs) -> NDArray[np.bool_]:
 
 
 def cut_by_cracks(grid: Grid, pairs: Pairs) -> NDArray[np.bool_]:
-    """Which pairs (b,) a pre-crack separates; touching its tip counts."""
-    return _meet(grid, pairs, shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2)))
+    """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
+    ends = grid.cracks.reshape(-1, 2, 2)
+    way = np.diff(ends, axis=1)
+    length = np.hypot(way[..., :1], way[..., 1:])
+    longer = SLACK * float(grid.delta.min()) * way / np.where(length > 0, length, 1.0)
+    return _meet(grid, pairs, shapely.multilinestrings(ends + longer * np.array([[-1.0], [1.0]])))
 
 
 def _meet(grid: Grid, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ Impossible is a ModelError, doubtful a ModelWarning; each says where, what was f
 from __future__ import annotations
 
 import warnings
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,9 @@ SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
 ON = 1e-6  # spacings: a crack this near a node passes through it
-AROUND = 4  # nodes next to a node, looked at for having passed it
-FRACTION = 0.1  # of what breaks a bond: displacements must be known to that
+AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
+FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
+FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
 
@@ -226,21 +228,27 @@ class Watch:
         position = self._model.grid.position
         if self._near is None:
             self._near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-        for near in self._near.T:
-            xi = position[near] - position
-            now = xi + motion.u[near] - motion.u
-            for i in np.flatnonzero((xi * now).sum(axis=1) <= 0).tolist():
+        for one, other in combinations(self._near.T, 2):
+            before = _cross(position[one] - position, position[other] - position)
+            place = position + motion.u
+            now = _cross(place[one] - place, place[other] - place)
+            flat = np.abs(before) < FLAT * self._smallest**2
+            for i in np.flatnonzero(~flat & (before * now <= 0)).tolist():
                 own = slice(start[i], start[i + 1])
-                bond = np.flatnonzero(neighbour[own] == near[i])
-                if len(bond) and motion.broken[own][bond[0]] == 0:
+                bonds = np.isin(neighbour[own], (one[i], other[i])) & (motion.broken[own] == 0)
+                if bonds.sum() == 2:
                     self._said = True
+                    names = ", ".join(_named(self._model, row) for row in (i, int(one[i]), int(other[i])))
                     _warn(
                         self._model,
-                        f"step {step}: found {_named(self._model, i)} and {_named(self._model, int(near[i]))} pushed"
-                        " through each other with their bond intact, expected less compression; bonds do not keep nodes"
-                        " apart",
+                        f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
+                        " compression; bonds do not keep nodes apart",
                     )
                     return
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:

@@ -36,7 +36,7 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     said = pdsolve(pressed(1000.0, steps=200, every=10))
     assert said.code == 0
     assert len(said.err) == 2
-    assert "pushed through each other with their bond intact" in said.err[0]
+    assert "turned inside out with its bonds intact" in said.err[0]
     assert "spent on breaking bonds, expected no less than 0" in said.err[1]
     work = prepare(pressed(1000.0, steps=200), Options(threads=1))
     work.march(1, 61)
@@ -50,8 +50,8 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     failure(
         fails=f"Edges held at 1000 m/s against each other: neighbouring columns end {gap.min():.1f} spacings apart, "
         "turned round, and the energy is finite.",
-        noticed="A warning at the first look at which a node has passed its nearest neighbour while their bond is "
-        "intact; and one at the end if bonds seem to have given energy back as they broke.",
+        noticed="A warning at the first look at which a node and two neighbours have changed sides, their bonds intact; "
+        "and one at the end if bonds seem to have given energy back as they broke.",
         says=said.err,
         cure=f"None in the model, which has no contact: press less. At 5 m/s, until the plate is {100 * shorter:.0f} "
         "% shorter, nothing is said.",
@@ -82,10 +82,10 @@ def test_two_nodes_that_meet(failure: Callable[..., None], pdsolve: Callable[...
     later = tuple(Velocity(box=half.box, x=0.999 * half.x, y=0.0) for half in halves)  # type: ignore[operator]
     missed = pdsolve(plate(square_grid(10, 6, DELTA), 3, conditions=later, run=run))
     assert missed.code == 0
-    assert "pushed through each other" in missed.err[0]
+    assert "turned inside out" in missed.err[0]
     failure(
         fails=f"Two halves of a plate held so that their edges meet exactly at step {steps}: displacements are NaN.",
         noticed="The run is stopped (exit code 3) and told that it is not the time step; its frames so far are kept.",
         says=said.err,
-        cure="Speeds 0.1 % lower miss the point: the run goes on, with the warning of nodes pushed through each other.",
+        cure="Speeds 0.1 % lower miss the point: the run goes on, with the warning of triangles turned inside out.",
     )
