@@ -50,8 +50,8 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     failure(
         fails=f"Edges held at 1000 m/s against each other: neighbouring columns end {gap.min():.1f} spacings apart, "
         "turned round, and the energy is finite.",
-        noticed="A warning at the first look at which a node and two neighbours have changed sides, their bonds intact; "
-        "and one at the end if bonds seem to have given energy back as they broke.",
+        noticed="A warning at the first look at which a node and two neighbours have changed sides, their bonds "
+        "intact; and one at the end if bonds seem to have given energy back as they broke.",
         says=said.err,
         cure=f"None in the model, which has no contact: press less. At 5 m/s, until the plate is {100 * shorter:.0f} "
         "% shorter, nothing is said.",
