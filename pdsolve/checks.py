@@ -42,7 +42,7 @@ def nearest(model: Model) -> Nearest:
     position = model.grid.position
     if len(position) == 1:
         return Nearest(np.zeros(1, dtype=np.int64), np.full(1, np.inf))
-    distance, row = cKDTree(position).query(position, 2)
+    distance, row = cKDTree(position).query(position, 2, workers=-1)
     return Nearest(row[:, 1], distance[:, 1])
 
 
@@ -149,17 +149,23 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     """Which nodes (n,) a pre-crack passes through."""
     grid = model.grid
     hit = np.zeros(len(grid), dtype=bool)
-    points = shapely.points(grid.position) if len(grid.cracks) else None
-    for number, segment in enumerate(grid.cracks.reshape(-1, 2, 2)):
-        on = shapely.distance(points, shapely.linestrings(segment)) < ON * grid.delta
-        if on.any():
+    segments = grid.cracks.reshape(-1, 2, 2)
+    if not len(segments):
+        return hit
+    cracks, reach = shapely.multilinestrings(segments), ON * float(grid.delta.max())
+    shapely.prepare(cracks)
+    rows = np.flatnonzero(shapely.dwithin(cracks, shapely.points(grid.position), reach))
+    points, spacing = shapely.points(grid.position[rows]), grid.delta[rows]
+    for number, segment in enumerate(segments):
+        on = rows[shapely.distance(points, shapely.linestrings(segment)) < ON * spacing]
+        if len(on):
             _warn(
                 model,
-                f"$.notch[{number}]: found through {on.sum()} nodes, the first {_named(model, int(on.argmax()))},"
-                " expected between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to"
-                " one side by round-off",
+                f"$.notch[{number}]: found through {len(on)} nodes, the first {_named(model, int(on[0]))}, expected"
+                " between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to one side by"
+                " round-off",
             )
-        hit |= on
+        hit[on] = True
     return hit
 
 
