@@ -174,7 +174,7 @@ def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
         _warn(
             model,
             f"$.nodes: found {lonely.sum()} without a bond, the first {_named(model, int(lonely.argmax()))}, expected"
-            " neighbours within the horizon; nothing holds such a node back",
+            " neighbours within the horizon, inside the plate; nothing holds such a node back",
         )
 
 

@@ -143,7 +143,7 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
 def test_a_lonely_node(failure: Callable[..., None]) -> None:
     """A node without bonds.
 
-    Nothing holds it: under a load it falls freely, for ever.
+    Nothing holds it: under a load it falls freely, for ever. It may be far away, or just outside the outline.
     """
     grid = square_grid(12, 8)
     grid.position[0] -= 0.02
@@ -154,6 +154,12 @@ def test_a_lonely_node(failure: Callable[..., None]) -> None:
     assert gone == pytest.approx(force / GLASS.rho * time**2 / 2, rel=1e-6)  # measured 3e-8, stored as float32
     assert len(says) == 1
     assert "found 1 without a bond, the first node 1 at (-0.02, -0.02) m" in says[0]
+    outside = square_grid(12, 8)
+    outside.position[3, 1] -= 2e-6 * 1e-3
+    ring = 1e-3 * np.array([[0.0, 0.0], [11.0, 0.0], [11.0, 7.0], [0.0, 7.0]])
+    beside = warned(plate(dataclasses.replace(outside, outline=(ring,)), run=Run(steps=1)))
+    assert len(beside) == 1
+    assert "found 1 without a bond, the first node 4" in beside[0]
     held = plate(square_grid(12, 8), conditions=model.settings.conditions, run=model.settings.run)
     with saying() as silent, simulate(held, options=ONE) as results:
         stays = float(results.field("ux", steps)[0])
@@ -161,8 +167,9 @@ def test_a_lonely_node(failure: Callable[..., None]) -> None:
     assert gone > 20 * stays  # measured 28
     failure(
         fails=f"A loaded node 20 spacings from the plate flies {1e3 * gone:.2g} mm in {1e6 * time:.2g} us.",
-        noticed="A warning before the run that counts such nodes and names the first.",
-        says=says,
+        noticed="A warning before the run that counts such nodes and names the first; also where a node lies outside "
+        "the outline, by 2e-6 of a spacing here, so that all of its bonds leave the plate.",
+        says=[*says, *beside],
         cure=f"The node in its place moves with the plate, {1e3 * stays:.2g} mm.",
     )
 
