@@ -32,16 +32,17 @@ def true_limit(problem: Problem) -> float:
     mass = np.repeat(problem.rho * problem.area, 2)
     K = weighted(problem)
     scaled = diags(mass**-0.5) @ (K + K.T) / 2 @ diags(mass**-0.5)
-    return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", return_eigenvectors=False)[0]))
+    start = np.random.default_rng(1).standard_normal(len(mass))
+    return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", v0=start, return_eigenvectors=False)[0]))
 
 
-def knocked(material: Material, share: float, **run: int) -> Model:
+def knocked(material: Material, share: float) -> Model:
     """A free plate of 25 x 25 nodes, one side of it knocked at 1 m/s, marching at `share` of the true limit."""
     grid = square_grid(25, 25)
     step = share * true_limit(prepare(plate(grid, 3, material=material), ONE))
-    knock = InitialVelocity(box=(0.0, 0.0, 5e-3, 1.0), x=1.0)
-    settings = Run(**{"time_step": step, "steps": STEPS, "every": STEPS, "ledger": 20, **run})  # type: ignore[arg-type]
-    return plate(grid, 3, material=material, conditions=(knock,), run=settings)
+    knock = InitialVelocity(box=(0.0, 0.0, 5e-3, 20e-3), x=1.0)  # so that no two nodes are alike
+    run = Run(time_step=step, steps=STEPS, every=STEPS, ledger=20)
+    return plate(grid, 3, material=material, conditions=(knock,), run=run)
 
 
 def excess(model: Model) -> float:
@@ -96,8 +97,8 @@ def test_an_unstable_plate_that_breaks(failure: Callable[..., None]) -> None:
     """
     with saying() as warned, simulate(knocked(GLASS, 1.02), options=ONE) as results:
         unstable = results.summary()
-    assert unstable["broken_bonds"] > 0  # measured 72
-    assert unstable["balance"] > 0.5  # measured 1.9
+    assert unstable["broken_bonds"] > 0  # measured 84
+    assert unstable["balance"] > 0.5  # measured 2.4
     assert [("bound" in line, "balance" in line, "spent" in line) for line in warned] == [
         (True, False, False),
         (False, False, True),
