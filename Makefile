@@ -3,6 +3,7 @@
 # make check   lint, types, import contracts
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
+# make failures  where methods fail, measured anew on one page
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make clean   remove what the others made
@@ -12,7 +13,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test slow thesis check bench-speed bench-quick install gmsh-libraries clean
+.PHONY: demo test slow thesis failures check bench-speed bench-quick install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -29,6 +30,9 @@ slow: $(VENV)/test.done gmsh-libraries
 
 thesis: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.thesis
+
+failures: $(VENV)/test.done
+	$(BIN)/python -m pytest tests/stability --failures-page docs/where_methods_fail.md
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check

@@ -27,8 +27,10 @@ def built(case: Case, folder: Path) -> Model:
     model = read_model(path)
     if not case.noise:
         return model
-    moved = model.grid.position + case.noise * np.random.default_rng(0).standard_normal(model.grid.position.shape)
-    return dataclasses.replace(model, grid=dataclasses.replace(model.grid, position=moved))
+    grid = model.grid
+    noise = case.noise * np.random.default_rng(0).standard_normal(grid.position.shape)
+    noise[grid.border] = 0.0  # a node outside the outline has no bonds
+    return dataclasses.replace(model, grid=dataclasses.replace(grid, position=grid.position + noise))
 
 
 def solved(case: Case, mode: str, folder: Path) -> Path:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from pdmesh.grid import Grid, GridError
 from pdmesh.neighbours import ROUND_OFF, Pairs
 
-SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate
+SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate, one at the tip of a crack is cut
 LOOKS = 24  # places along a bond where the nodes are asked whether it is inside the plate
 COVERED = 0.75  # spacings from the nearest node; the middle of a square of nodes is 0.707 away from them
 CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
@@ -21,8 +21,8 @@ class Sight:
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid
-        self._cracks = shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2))
-        self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid.delta)
+        self._cracks = _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
+        self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid)
         self._tree = cKDTree(grid.position) if self._void is None else None
         for obstacle in (self._cracks, self._void):
             shapely.prepare(obstacle)
@@ -36,7 +36,7 @@ class Sight:
         return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) a pre-crack separates; touching its tip counts."""
+        """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
         return self._meet(pairs, self._cracks)
 
     def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
@@ -67,6 +67,14 @@ class Sight:
         return void
 
 
+def _lengthened(segments: NDArray[np.float64], by: float) -> shapely.Geometry:
+    """The segments (k, 2, 2) as lines, longer at both ends, m."""
+    way = np.diff(segments, axis=1)
+    length = np.hypot(way[..., :1], way[..., 1:])
+    longer = by * way / np.where(length > 0, length, 1.0)
+    return shapely.multilinestrings(segments + longer * np.array([[-1.0], [1.0]]))
+
+
 def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
     """The plate that a grid's outline and holes describe; None without an outline.
 
@@ -86,11 +94,14 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
     return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
 
 
-def _void_around(plate: shapely.Geometry | None, delta: NDArray[np.float64]) -> shapely.Geometry | None:
-    """What is not plate, as far as bonds get; empty for a convex plate, None for one that is not drawn."""
+def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry | None:
+    """What is not plate, as far as bonds get; empty where none can get there, None for a plate that is not drawn."""
     if plate is None:
         return None
+    slack = SLACK * float(grid.delta.min())
     if plate.convex_hull.area - plate.area < CONVEX * plate.area:
-        return shapely.Polygon()
-    around = shapely.box(*plate.bounds).buffer(float(delta.max()))
-    return around.difference(plate).buffer(-SLACK * float(delta.min()), join_style="mitre")
+        shapely.prepare(plate)
+        if shapely.dwithin(plate, shapely.points(grid.position), slack).all():
+            return shapely.Polygon()
+    around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
+    return around.difference(plate).buffer(-slack, join_style="mitre")

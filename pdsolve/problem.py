@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pdsolve import bonds as lists
 from pdsolve.bonds import Assembly, Bonds, Filling, Part, listed
+from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels import layout
@@ -25,7 +26,7 @@ from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Families, Nodes
-from pdsolve.schemes import EXACT_LOAD, SCHEMES
+from pdsolve.schemes import EXACT_LOAD, PARTIAL_CELLS, SCHEMES
 from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
 SAFETY = 0.8  # of the stability bound, for a model that names no time step
@@ -111,7 +112,7 @@ class Problem:
 
     def damage(self) -> NDArray[np.float64]:
         """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
-        broken, _ = self._ends(self.broken())
+        broken, _ = self.ends(self.broken())
         intact = self.count - np.bincount(broken, minlength=len(self.family))
         return np.where(self.family > 0, 1 - intact / np.maximum(self.family, 1), 0.0)
 
@@ -121,7 +122,18 @@ class Problem:
             return layout.there(self.fast.whole & ~self.fast.blocks.mask)
         return np.flatnonzero(self.motion.broken)
 
-    def _ends(self, bonds: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def intact_neighbours(self, row: int) -> NDArray[np.int64]:
+        """The rows that a node still has a bond to."""
+        if self.fast:
+            slots = self.fast.blocks.start[[row // LANES, row // LANES + 1]]
+            numbers = layout.there(self.fast.blocks.mask[slots[0] : slots[1]], int(slots[0]))
+        else:
+            numbers = np.arange(*self.assembly.bonds.start[[row, row + 1]])
+            numbers = numbers[self.motion.broken[numbers] == 0]
+        source, target = self.ends(numbers)
+        return np.asarray(target[source == row])
+
+    def ends(self, bonds: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The rows (k,) of both nodes of the bonds with these numbers (k,)."""
         return layout.ends(self.fast.blocks, bonds) if self.fast else lists.ends(self.assembly.bonds, bonds)
 
@@ -150,7 +162,7 @@ class Problem:
             numbers = layout.there(self.fast.whole[slots[0] : slots[1]], int(slots[0]))
         else:
             numbers = np.arange(*self.assembly.bonds.start[[first, last]])
-        source, target = self._ends(numbers)
+        source, target = self.ends(numbers)
         own = (source >= first) & (source < last)
         order = np.lexsort((target[own], source[own]))
         start = np.concatenate([[0], np.cumsum(self.count[first:last])])
@@ -160,7 +172,7 @@ class Problem:
         """Bonds broken after `step`, in order."""
         ids, new = self.model.grid.ids, self.broken()
         new = new[self.motion.broken[new] > step]
-        broken, (source, target) = self.motion.broken[new].astype(np.int64), self._ends(new)
+        broken, (source, target) = self.motion.broken[new].astype(np.int64), self.ends(new)
         order = np.lexsort((target, source, broken))
         return Breaks(broken[order], ids[source[order]], ids[target[order]])
 
@@ -168,7 +180,7 @@ class Problem:
         """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
         sound = self.damage() <= CRACKED
         intact = layout.there(self.fast.blocks.mask) if self.fast else np.flatnonzero(self.motion.broken == 0)
-        ends = self._ends(intact)
+        ends = self.ends(intact)
         whole = sound[ends[0]] & sound[ends[1]]
         nodes = len(sound)
         graph = coo_matrix((np.ones(int(whole.sum()), dtype=bool), (ends[0][whole], ends[1][whole])), (nodes, nodes))
@@ -226,6 +238,7 @@ def prepare(model: Model, options: Options) -> Problem:
     if options.threads is not None and not 1 <= options.threads <= cores:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
     numba.set_num_threads(options.threads or cores)
+    refuse(model, PARTIAL_CELLS[options.mode])
     return problem_of(model, options, SCHEMES[options.mode](model))
 
 

@@ -15,11 +15,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pdmesh import VERSION
+from pdsolve.checks import Watch, advise, closing
 from pdsolve.energy import Ledger
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.problem import Options, Problem, prepare
 from pdsolve.reactions import Reaction, grips, reactions
 from pdsolve.results import Frame, Results, ResultsError, Writer, remove
+from pdsolve.schemes import PARTIAL_CELLS, SYMMETRIC
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -68,7 +70,9 @@ def simulate(
     `watch` is called many times a second and stops the run by returning True; `provenance` says who asked.
     Raises ModelError, UnstableError (the frames so far are kept), ResultsError.
     """
-    return run(prepare(model, options), output, watch, provenance)
+    problem = prepare(model, options)
+    advise(model, problem.count, PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
+    return run(problem, output, watch, provenance)
 
 
 def run(problem: Problem, output: Path | None = None, watch: Watcher | None = None, provenance: str = "") -> Results:
@@ -104,6 +108,7 @@ def resume(output: Path, threads: int | None = None, watch: Watcher | None = Non
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
     problem = prepare(model, options)
+    advise(model, problem.count, PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
     problem.march(1, 2)
     began = clock.perf_counter()
     problem.march(2, 2 + SAMPLE)
@@ -123,6 +128,7 @@ class _Notes:
         self._reactions: list[Reaction] = []
         self._grips = grips(problem.model)
         self._rows = cKDTree(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
+        self._watch = Watch(problem.model)
         self.written = step
         self._kept = clock.perf_counter()
         self.last = problem.books(step)
@@ -132,6 +138,7 @@ class _Notes:
         problem = self._problem
         self.last = problem.books(step)
         _check_physics(problem, self.last)
+        self._watch.look(problem.motion.u, problem.intact_neighbours, step)
         self._ledgers.append(self.last)
         u, v, a = problem.motion.u, problem.motion.v, problem.motion.a
         for row in dict.fromkeys(self._rows):
@@ -204,6 +211,8 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
             writer.write(notes.frame(step, whole=not interrupted or step % run.every == 0, state=ends_here))
     wall = clock.perf_counter() - began
     writer.tell({"summary": json.dumps(_summary(problem, notes.last, wall, step - begun_at, done))})
+    balance, spent = notes.last.balance(problem.initial_energy), notes.last.dissipated
+    closing(problem.model, balance, spent, SYMMETRIC[problem.options.mode])
     return "finished" if done or step == run.steps else "interrupted"
 
 
@@ -217,7 +226,7 @@ def _is_enough(problem: Problem, step: int) -> bool:
     if run.until == "split":
         return problem.pieces() > 1
     if run.until == "quiet":
-        last = int(problem.motion.broken.max(initial=0))
+        last = int(problem.motion.broken[problem.broken()].max(initial=0))
         return last > 0 and run.quiet is not None and (step - last) * problem.time_step >= run.quiet
     return False
 
@@ -234,6 +243,18 @@ def _check_physics(problem: Problem, books: Ledger) -> None:
         f"unstable at step {books.step}, {books.time:.4g} s, node {problem.model.grid.ids[worst]}: energy is"
         f" {ratio:.3g} times what was put in; the time step is {problem.time_step:.4g} s,"
         f" surely stable up to {problem.bound:.4g} s"
+        f"{_suspect(problem)}"
+    )
+
+
+def _suspect(problem: Problem) -> str:
+    """What to look at where it is not the time step."""
+    if problem.time_step > problem.bound:
+        return ""
+    if SYMMETRIC[problem.options.mode]:
+        return ", so it is not the step: look at what is held or loaded"
+    return (
+        f", so it is not the step: the {problem.options.mode} mode's one-sided bonds make energy, --mode conservative"
     )
 
 

@@ -13,3 +13,5 @@ SCHEMES: dict[str, Callable[[Model], Filling]] = {
     "conservative": average_horizon.fill,
 }
 EXACT_LOAD = {"thesis": False, "conservative": True}  # the body forces of an edge sum to traction * length
+SYMMETRIC = {"thesis": False, "conservative": True}  # energy and momentum are conserved
+PARTIAL_CELLS = {"thesis": False, "conservative": True}  # families reach half a spacing beyond the horizon

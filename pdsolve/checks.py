@@ -1,0 +1,274 @@
+"""What makes a model impossible or doubtful, found before it is solved; and what a run must not do unnoticed.
+
+Impossible is a ModelError, doubtful a ModelWarning; each says where, what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdsolve.lattice import ROUND_OFF, lattice_ratios
+from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.model import Model, ModelError, ModelWarning
+
+LEAST, MOST = 1e-30, 1e30  # of a material's numbers; beyond, products of them leave what a number can hold
+SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
+CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
+JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
+ON = 1e-6  # spacings: a crack this near a node passes through it
+AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
+FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
+FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
+LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
+
+
+class Nearest(NamedTuple):
+    """The nearest other node of each node (n,)."""
+
+    row: NDArray[np.int64]
+    distance: NDArray[np.float64]  # m; infinite where there is no other
+
+
+def nearest(model: Model) -> Nearest:
+    """Who is nearest to whom."""
+    position = model.grid.position
+    if len(position) == 1:
+        return Nearest(np.zeros(1, dtype=np.int64), np.full(1, np.inf))
+    distance, row = cKDTree(position).query(position, 2, workers=-1)
+    return Nearest(row[:, 1], distance[:, 1])
+
+
+def refuse(model: Model, partial_cells: bool) -> None:
+    """Raises ModelError for a model that has no stiffness, or numbers that nothing can be computed with.
+
+    `partial_cells` says whether the family reaches half a spacing beyond the horizon.
+    """
+    for number, material in enumerate(model.materials):
+        place = f"{model.name}: $.material" if number == 0 else f"{model.name}: $.regions[{number - 1}].material"
+        for name in ("E", "rho", "G0"):
+            value = getattr(material, name)
+            if not LEAST <= value <= MOST:
+                raise ModelError(f"{place}.{name}: found {value:g}, expected {LEAST:g} to {MOST:g} in SI units")
+        ratio = model.settings.horizon.ratio
+        if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c11 > ROUND_OFF:
+            raise ModelError(
+                f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
+                " micromodulus have no stiffness, expected more than 1 (3 is usual)"
+            )
+
+
+def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
+    """Warns of what can be solved but will hardly be what was meant.
+
+    `bonds` (n,) are those each node has, the other two as in `refuse` and `closing`. Raises ModelError for nodes at one
+    place.
+    """
+    stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
+    if stiffest > softest and not symmetric:
+        _warn(
+            model,
+            f"$.regions: found E from {softest:g} to {stiffest:g} Pa, expected one E in the thesis mode: a bond has the"
+            " constants of its own node there, and carries no stress from one material to the other",
+        )
+    found = nearest(model)
+    _digits(model)
+    _places(model, found)
+    through = _cracks(model)
+    _lonely(model, (bonds == 0) & ~through)
+    _shapes(model)
+    ratio = model.settings.horizon.ratio
+    for material in model.materials:
+        if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c66 > ROUND_OFF:
+            _warn(
+                model,
+                f"$.horizon.ratio: found {ratio:g}, where only the four nearest nodes pull and nothing resists shear,"
+                " expected 1.5 or more (3 is usual)",
+            )
+            return
+
+
+def _warn(model: Model, message: str) -> None:
+    warnings.warn(f"{model.name}: {message}", ModelWarning, stacklevel=2)
+
+
+def _named(model: Model, row: int) -> str:
+    x, y = model.grid.position[row]
+    return f"node {model.grid.ids[row]} at ({x:.6g}, {y:.6g}) m"
+
+
+def _digits(model: Model) -> None:
+    """Plates so far from the origin that round-off decides who is within whose horizon."""
+    farthest, least = float(np.abs(model.grid.position).max()), float(model.horizons.min())
+    known = float(np.spacing(farthest))
+    needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
+    if known > needed:
+        _warn(
+            model,
+            f"$.nodes: found coordinates up to {farthest:.3g} m, known to {known:.2g} m, expected {needed:.2g} m or"
+            f" better for horizons of {least:.3g} m; round-off decides who sees whom, move the plate to the origin",
+        )
+
+
+def _places(model: Model, found: Nearest) -> None:
+    """Nodes too near to each other, and spacings that jump."""
+    grid = model.grid
+    near = found.distance / np.minimum(grid.delta, grid.delta[found.row])
+    row = int(near.argmin())
+    pair = f"{_named(model, row)} and {_named(model, int(found.row[row]))}"
+    if near[row] < SAME:
+        raise ModelError(
+            f"{model.name}: $.nodes: found {pair}, {found.distance[row]:.3g} m apart, which is the same place but"
+            " for round-off, expected them apart"
+        )
+    if near[row] < CLOSE:
+        _warn(
+            model,
+            f"$.nodes: found {pair}, {near[row]:.2g} spacings apart, expected about one; so stiff a bond makes the"
+            " stable time step small",
+        )
+    jump = np.where(np.isfinite(found.distance), grid.delta / grid.delta[found.row], 1.0)
+    jump = np.maximum(jump, 1 / jump)
+    row = int(jump.argmax())
+    if jump[row] > JUMP:
+        _warn(
+            model,
+            f"$.nodes: found spacings of {grid.delta[row]:g} and {grid.delta[found.row[row]]:g} m next to each other,"
+            f" {_named(model, row)}, expected steps of at most 2 (pdmesh grades zones so); the jump reflects waves",
+        )
+
+
+def _cracks(model: Model) -> NDArray[np.bool_]:
+    """Which nodes (n,) a pre-crack passes through."""
+    grid = model.grid
+    hit = np.zeros(len(grid), dtype=bool)
+    segments = grid.cracks.reshape(-1, 2, 2)
+    if not len(segments):
+        return hit
+    cracks, reach = shapely.multilinestrings(segments), ON * float(grid.delta.max())
+    shapely.prepare(cracks)
+    rows = np.flatnonzero(shapely.dwithin(cracks, shapely.points(grid.position), reach))
+    points, spacing = shapely.points(grid.position[rows]), grid.delta[rows]
+    for number, segment in enumerate(segments):
+        on = rows[shapely.distance(points, shapely.linestrings(segment)) < ON * spacing]
+        if len(on):
+            _warn(
+                model,
+                f"$.notch[{number}]: found through {len(on)} nodes, the first {_named(model, int(on[0]))}, expected"
+                " between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to one side by"
+                " round-off",
+            )
+        hit[on] = True
+    return hit
+
+
+def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
+    if lonely.any():
+        _warn(
+            model,
+            f"$.nodes: found {lonely.sum()} without a bond, the first {_named(model, int(lonely.argmax()))}, expected"
+            " neighbours within the horizon, inside the plate; nothing holds such a node back",
+        )
+
+
+def _shapes(model: Model) -> None:
+    """Plates that are too small to be one."""
+    position, widest = model.grid.position, float(model.horizons.max())
+    extent = float(np.ptp(position, axis=0).max() + model.grid.delta.max())
+    if len(position) < 3:
+        return
+    if widest > extent / 2 * (1 + ROUND_OFF):
+        _warn(
+            model,
+            f"$.horizon: found {widest:g} m in a plate of {extent:g} m, expected less than half of it; every node is a"
+            " surface node, and the plate too stiff",
+        )
+    middle = position - position.mean(axis=0)
+    if np.linalg.svd(middle, compute_uv=False)[1] < ON * extent:
+        _warn(
+            model,
+            f"$.nodes: found all {len(position)} in one row, expected several rows; bonds along a row do not resist"
+            " motion across it",
+        )
+
+
+class Watch:
+    """Looks at the motion of a run now and then; says each thing once."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._said, self._vague = model, False, False
+        self._near: NDArray[np.int64] | None = None  # (n, k) nearest nodes; not asked for while displacements are small
+        self._smallest = float(model.grid.delta.min())
+        breaking = np.full(len(model.grid), np.inf)
+        for number, material in enumerate(model.materials):
+            own = model.material_of == number
+            stretch = limits(material, critical_stretch(material, model.horizons[own])).peak
+            breaking[own] = stretch * model.grid.delta[own]
+        self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
+
+    def look(self, u: NDArray[np.floating], intact: Callable[[int], NDArray[np.int64]], step: int) -> None:
+        """Warns of bonds turned inside out, and of displacements too large for their digits.
+
+        `u` (n, 2) are the displacements, m; `intact(row)` are the rows that a node still has a bond to.
+        """
+        if not self._said and np.ptp(u, axis=0).max() >= self._smallest:
+            self._crushed(u, intact, step)
+        known = float(np.finfo(u.dtype).eps * np.abs(u).max(initial=0.0))
+        if not self._vague and known > FRACTION * self._breaking:
+            self._vague = True
+            _warn(
+                self._model,
+                f"step {step}: found displacements up to {np.abs(u).max():.3g} m, which {u.dtype} knows"
+                f" to {known:.2g} m, expected {FRACTION * self._breaking:.2g} m or better: {self._breaking:.2g} m break"
+                " a bond",
+            )
+
+    def _crushed(self, u: NDArray[np.floating], intact: Callable[[int], NDArray[np.int64]], step: int) -> None:
+        position = self._model.grid.position
+        if self._near is None:
+            self._near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+        for one, other in combinations(self._near.T, 2):
+            before = _cross(position[one] - position, position[other] - position)
+            place = position + u
+            now = _cross(place[one] - place, place[other] - place)
+            flat = np.abs(before) < FLAT * self._smallest**2
+            for i in np.flatnonzero(~flat & (before * now <= 0)).tolist():
+                if np.isin((one[i], other[i]), intact(i)).all():
+                    self._said = True
+                    names = ", ".join(_named(self._model, row) for row in (i, int(one[i]), int(other[i])))
+                    _warn(
+                        self._model,
+                        f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
+                        " compression; bonds do not keep nodes apart",
+                    )
+                    return
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
+    """Warns at the end of a run whose energy does not add up though its operator is `symmetric`.
+
+    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds.
+    """
+    if spent < 0:
+        _warn(
+            model,
+            f"found {spent:.3g} J/m spent on breaking bonds, expected no less than 0: bonds went from pressed to broken"
+            " within a step, as where a plate is crushed; a smaller time step resolves it",
+        )
+    if symmetric and abs(balance) > LOST:
+        _warn(
+            model,
+            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {LOST:g} at most; look at"
+            " the time step, and at what is held or loaded too suddenly",
+        )

@@ -1,0 +1,271 @@
+"""Grids that are hardly plates."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from failures import Said, saying
+from linear import operator, sources
+from plates import GLASS, plate, square_grid
+
+from pdmesh.grid import Load, Material, Run
+from pdmesh.lattice import build_grid
+from pdmesh.scene import Scene, box
+from pdsolve.lattice import hu_beta, offsets
+from pdsolve.model import ModelError
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import plan, simulate
+
+ONE = Options(threads=1)
+ON_A_ROW = 9 * 1e-3  # m, the height of nodes to the last bit; 9e-3 is another number
+CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
+
+
+def warned(model: object) -> list[str]:
+    """What the solver says of a model before it marches."""
+    with saying() as lines:
+        plan(model, ONE)  # type: ignore[arg-type]
+    return lines
+
+
+def free_motions(problem: Problem) -> int:
+    """How many motions nothing resists: zero eigenvalues of K, three of them rigid."""
+    values = np.abs(np.linalg.eigvals(operator(problem.assembly.bonds).toarray()))
+    return int((values < 1e-9 * values.max()).sum())
+
+
+def modulus(columns: int, rows: int, ratio: float) -> float:
+    """Stress over strain of a free plate pulled at its end columns, in the middle half, over E."""
+    grid = square_grid(columns, rows)
+    ends = ((1e-3 * (columns - 1.1), -1.0, 1.0, 1.0), (-1.0, -1.0, 1e-4, 1.0))
+    loads = tuple(
+        Load(box=end, traction=(pull, 0.0), rows=1, length=rows * 1e-3)
+        for end, pull in zip(ends, (1.0, -1.0), strict=True)
+    )
+    problem = prepare(plate(grid, ratio, material=CONSTANT, conditions=loads), ONE)
+    K = operator(problem.assembly.bonds).toarray()
+    u = np.linalg.lstsq(K, problem.drive.force.ravel(), rcond=1e-10)[0].reshape(rows, columns, 2)[..., 0].mean(axis=0)
+    first, last = columns // 4, columns - 1 - columns // 4
+    return float((last - first) * 1e-3 / (u[last] - u[first]) / GLASS.E)
+
+
+def cut_energy(height: float) -> tuple[float, int]:
+    """What the bonds that a crack at this height (m) cuts would take to break, over G0 times its length; and how many
+    nodes it leaves without a bond."""
+    grid = square_grid(30, 20)
+    whole = prepare(plate(grid, 3, material=CONSTANT), ONE)
+    cracked = plate(dataclasses.replace(grid, cracks=np.array([[-1.0, height, 1.0, height]])), 3, material=CONSTANT)
+    left = prepare(cracked, ONE)
+    middle = (grid.position[:, 0] > 9.5e-3) & (grid.position[:, 0] < 19.5e-3)
+
+    def energy(problem: Problem) -> float:
+        bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
+        spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * problem.area[i]
+        return float(spent[middle[i]].sum())
+
+    lonely = int((left.count == 0).sum())
+    return (energy(whole) - energy(left)) / (GLASS.G0 * 10e-3), lonely
+
+
+def test_a_crack_through_nodes(failure: Callable[..., None]) -> None:
+    """A crack that passes through nodes.
+
+    Every bond of a node on the crack touches it, so all are cut: the crack becomes a slit two spacings wide with loose
+    nodes in it. A crack that misses the nodes by round-off takes one side of them, whichever it is.
+    """
+    through, loose = cut_energy(ON_A_ROW)
+    between, none = cut_energy(9.5e-3)
+    assert (loose, none) == (30, 0)
+    assert between == pytest.approx(1, abs=0.02)  # measured 0.994: calibrated to the mean of two directions
+    xi = offsets(3.5)  # by counting: of the bonds k rows high, k cross a line between rows, and k + 1 meet a row
+    spent = hu_beta(np.hypot(*xi.T), np.array(3.0), np.array(1.0)) * np.hypot(*xi.T)
+    up, level = xi[:, 1] > 0, (xi[:, 1] == 0) & (xi[:, 0] > 0)
+    counted = (spent[up] @ (xi[up, 1] + 1) + spent[level].sum()) / (spent[up] @ xi[up, 1])
+    assert through / between == pytest.approx(counted, rel=1e-9)  # 1.68
+    sides = [cut_energy(ON_A_ROW + nudge)[1] for nudge in (-1e-15, 1e-15)]
+    assert sides == [0, 0]
+
+    grid = dataclasses.replace(square_grid(30, 20), cracks=np.array([[0.0, 9e-3, 12e-3, 9e-3]]))
+    says = warned(plate(grid, run=Run(steps=1)))
+    assert len(says) == 1
+    assert "$.notch[0]: found through 13 nodes, the first node 271 at (0, 0.009) m" in says[0]
+    scene = Scene(box(0, 0, 29e-3, 19e-3), 1e-3, GLASS, horizon=3).crack([(0, 9e-3), (12e-3, 9e-3)])
+    built, settings, shifts = build_grid(scene)
+    assert [shift.offset for shift in shifts] == [(0.0, 0.5e-3)]
+    assert warned(plate(built, run=settings.run)) == []
+    failure(
+        fails=f"Bonds worth {through:.2f} G0 are cut along a row of nodes, {between:.2f} G0 between two rows, and "
+        "every node on the crack is left without a bond.",
+        noticed="A warning before the run that names the crack and its first node, also where it misses nodes by "
+        "less than 1e-6 of a spacing.",
+        says=says,
+        cure=f"`pdmesh` builds the same plate with its lattice shifted by {1e3 * shifts[0].offset[1]:g} mm and says "
+        "so; the solver is then silent.",
+    )
+
+
+def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
+    """Two nodes at one place.
+
+    Meshes that were glued have such pairs. The bond between them is infinitely stiff, or nearly so.
+    """
+    said = []
+    steps = {}
+    for apart in (0.0, 1e-12, 1e-5, 1e-3):
+        grid = square_grid(12, 8)
+        grid.position[5] = grid.position[6] - [apart, 0.0]
+        try:
+            model = plate(grid, run=Run(steps=1))
+            steps[apart] = prepare(model, ONE).bound
+            said += warned(model)
+        except ModelError as error:
+            said.append(str(error))
+    assert [line.split(": found")[0] for line in said] == ["model: $.nodes"] * 3
+    assert "at the same place" in said[0]
+    assert "the same place but for round-off" in said[1]
+    assert "0.01 spacings apart" in said[2]
+    assert steps[1e-3] / steps[1e-12] > 1e4  # measured 1.5e4
+    assert steps[1e-3] / steps[1e-5] == pytest.approx(4.7, abs=0.5)
+    failure(
+        fails=f"Nodes 1e-12 m apart on a grid of 1 mm: the stable step is {steps[1e-12]:.2g} s, not {steps[1e-3]:.2g} "
+        "s; at one place there is none.",
+        noticed="An error that names both nodes (exit code 2), also where they are apart by round-off; a warning "
+        "below a tenth of a spacing.",
+        says=said,
+        cure=f"The nodes one spacing apart: {steps[1e-3]:.2g} s, and silence.",
+    )
+
+
+def test_a_lonely_node(failure: Callable[..., None]) -> None:
+    """A node without bonds.
+
+    Nothing holds it: under a load it falls freely, for ever. It may be far away, or just outside the outline.
+    """
+    grid = square_grid(12, 8)
+    grid.position[0] -= 0.02
+    force, steps = 1e9, 400
+    model = plate(grid, conditions=(Load(nodes=(1,), body_force=(force, 0.0)),), run=Run(steps=steps, every=steps))
+    with saying() as says, simulate(model, options=ONE) as results:
+        gone, time = float(results.field("ux", steps)[0]), float(results.frames()[1][-1])
+    assert gone == pytest.approx(force / GLASS.rho * time**2 / 2, rel=1e-6)  # measured 3e-8, stored as float32
+    assert len(says) == 1
+    assert "found 1 without a bond, the first node 1 at (-0.02, -0.02) m" in says[0]
+    outside = square_grid(12, 8)
+    outside.position[3, 1] -= 2e-6 * 1e-3
+    ring = 1e-3 * np.array([[0.0, 0.0], [11.0, 0.0], [11.0, 7.0], [0.0, 7.0]])
+    beside = warned(plate(dataclasses.replace(outside, outline=(ring,)), run=Run(steps=1)))
+    assert len(beside) == 1
+    assert "found 1 without a bond, the first node 4" in beside[0]
+    held = plate(square_grid(12, 8), conditions=model.settings.conditions, run=model.settings.run)
+    with saying() as silent, simulate(held, options=ONE) as results:
+        stays = float(results.field("ux", steps)[0])
+    assert silent == []
+    assert gone > 20 * stays  # measured 28
+    failure(
+        fails=f"A loaded node 20 spacings from the plate flies {1e3 * gone:.2g} mm in {1e6 * time:.2g} us.",
+        noticed="A warning before the run that counts such nodes and names the first; also where a node lies outside "
+        "the outline, by 2e-6 of a spacing here, so that all of its bonds leave the plate.",
+        says=[*says, *beside],
+        cure=f"The node in its place moves with the plate, {1e3 * stays:.2g} mm.",
+    )
+
+
+def test_one_row(failure: Callable[..., None]) -> None:
+    """A strip of one row.
+
+    Bonds pull along themselves: in one row, nothing resists motion across it. Energy corrections make the strip as
+    stiff as a plate that cannot contract, 9/8 E.
+    """
+    says = warned(plate(square_grid(24, 1), run=Run(steps=1)))
+    assert len(says) == 1
+    assert "found all 24 in one row" in says[0]
+    loose = [free_motions(prepare(plate(square_grid(12, rows)), ONE)) for rows in (1, 2)]
+    assert loose == [13, 3]
+    found = {rows: modulus(24, rows, 3) for rows in (1, 2, 4, 8)}
+    assert found == pytest.approx({1: 1.163, 2: 1.183, 4: 1.118, 8: 1.082}, abs=0.001)
+    failure(
+        fails=f"A row of 12 nodes has {loose[0]} motions that nothing resists; its Young's modulus is {found[1]:.2f} "
+        "E.",
+        noticed="A warning before the run.",
+        says=says,
+        cure=f"Two rows have the {loose[1]} rigid motions and no more; the modulus needs rows: {found[2]:.2f}, "
+        f"{found[4]:.2f} and {found[8]:.2f} E with 2, 4 and 8 of them at m = 3.",
+    )
+
+
+def test_a_horizon_larger_than_the_plate(failure: Callable[..., None]) -> None:
+    """A horizon larger than the plate.
+
+    No node has a full family; the correction for what is missing is made for one surface, not for four.
+    """
+    found = {ratio: modulus(8, 8, ratio) for ratio in (2, 3, 4, 6, 16)}
+    assert found == pytest.approx({2: 1.108, 3: 1.223, 4: 1.578, 6: 3.887, 16: 5.531}, abs=0.001)
+    says = warned(plate(square_grid(8, 8), 16, run=Run(steps=1)))
+    assert len(says) == 1
+    assert "$.horizon: found 0.016 m in a plate of 0.008 m" in says[0]
+    assert len(warned(plate(square_grid(8, 8), 6, run=Run(steps=1)))) == 1
+    assert warned(plate(square_grid(8, 8), 3, run=Run(steps=1))) == []
+    wide = modulus(20, 20, 4)
+    assert wide == pytest.approx(1.032, abs=0.001)
+    failure(
+        fails="A plate of 8 x 8 nodes in tension, m = 2, 3, 4, 6 and 16: Young's modulus is "
+        f"{', '.join(f'{value:.2f}' for value in found.values())} times that of the material.",
+        noticed="A warning before the run from half the plate on.",
+        says=says,
+        cure=f"Nodes enough: {wide:.2f} with 20 x 20 nodes and m = 4.",
+    )
+
+
+def test_too_few_neighbours(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
+    """Too few neighbours to be solid.
+
+    With the four nearest nodes alone a square lattice shears like a curtain. With m = 1 the conical micromodulus, which
+    is nothing at the horizon, is nothing everywhere.
+    """
+    loose = {ratio: free_motions(prepare(plate(square_grid(8, 8), ratio), ONE)) for ratio in (1.2, 1.5)}
+    assert loose == {1.2: 16, 1.5: 3}
+    says = warned(plate(square_grid(8, 8), 1.2, run=Run(steps=1)))
+    assert len(says) == 1
+    said = pdsolve(plate(square_grid(8, 8), 1))
+    assert said.code == 2
+    assert said.err == [
+        "pdsolve: plate.json: $.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness, "
+        "expected more than 1 (3 is usual)"
+    ]
+    assert warned(plate(square_grid(8, 8), 1.5, run=Run(steps=1))) == []
+    failure(
+        fails=f"8 x 8 nodes, m = 1.2: {loose[1.2]} motions that nothing resists, each row and each column sliding by "
+        "itself.",
+        noticed="m = 1.2 is a warning; m = 1 with the conical micromodulus an error (exit code 2).",
+        says=[*says, *said.err],
+        cure=f"m = 1.5 takes the diagonals in: {loose[1.5]} free motions, the rigid ones.",
+    )
+
+
+def test_numbers_that_are_no_material(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
+    """Zero density, and numbers that are none.
+
+    A node without mass has no finite frequency, one of infinite stiffness neither.
+    """
+    model = plate(square_grid(8, 8), 3, run=Run(steps=1))
+    said = [
+        pdsolve(model, "--set", assignment)
+        for assignment in ("material.rho=0", "material.rho=1e-300", "material.E=inf", "material.G0=nan")
+    ]
+    assert [one.code for one in said] == [2] * 4
+    assert [len(one.err) for one in said] == [1] * 4
+    for one, name in zip(said, ("rho", "rho", "E", "G0"), strict=True):
+        assert f"$.material.{name}" in one.err[0]
+    lightest = pdsolve(plate(square_grid(8, 8), 3, material=Material(E=1e-3, rho=1e-20, G0=1e-12), run=Run(steps=10)))
+    assert (lightest.code, lightest.err) == (0, [])
+    failure(
+        fails="A density of 0, or of 1e-300, and the stable time step is 0; an infinite modulus, and it is not a "
+        "number.",
+        noticed="An error (exit code 2) that names the setting.",
+        says=[one.err[0] for one in said],
+        cure="Anything from 1e-30 to 1e30: E = 1e-3, rho = 1e-20, G0 = 1e-12 runs, and in silence.",
+    )

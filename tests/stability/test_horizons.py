@@ -1,0 +1,81 @@
+"""Horizons in spacings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from linear import stiffness
+from plates import GLASS, plate, square_grid
+
+from pdsolve.lattice import calibration, full_family, lattice_ratios
+from pdsolve.problem import Options, prepare
+
+CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
+SIDE = 31
+
+
+def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
+    """m = 3.0 and 3.015: round-off at the horizon.
+
+    The fourth ring of neighbours lies exactly on a horizon of three spacings, and 3 * 0.001 is not 0.003.
+    """
+    grid = square_grid(40, 40)
+    x, y = grid.position.T
+    inner = (np.minimum(x, y) > 3.9e-3) & (np.maximum(x, y) < 35.1e-3)
+    distance = np.hypot(*(grid.position[:, None] - grid.position[None]).transpose(2, 0, 1))
+    naive = {m: np.unique(((distance <= m * 1e-3).sum(axis=1) - 1)[inner]).tolist() for m in (3.0, 3.015)}
+    assert naive == {3.0: [24, 25, 26, 27, 28], 3.015: [28]}
+    families = {}
+    for mode in ("thesis", "conservative"):
+        problems = [prepare(plate(grid, m, material=CONSTANT), Options(mode, threads=1)) for m in (3.0, 3.015)]
+        counts = [np.unique(problem.count[inner]).tolist() for problem in problems]
+        assert counts[0] == counts[1]
+        assert np.array_equal(*(problem.assembly.bonds.neighbour for problem in problems))
+        families[mode] = counts[0]
+    assert families == {"thesis": [28], "conservative": [36]}
+    few = sum(1 for count in ((distance <= 3e-3).sum(axis=1) - 1)[inner] if count < 28) / inner.sum()
+    failure(
+        fails=f"|xi| <= 0.003 on a grid of 0.001: inner nodes have {min(naive[3.0])} to {max(naive[3.0])} neighbours, "
+        f"{100 * few:.0f} % of them fewer than 28.",
+        noticed="Nothing to notice: families reach to the horizon and 1e-9 of it.",
+        cure=f"With that slack all have {families['thesis'][0]} (the conservative mode, whose families reach half a "
+        f"spacing further, {families['conservative'][0]}), and m = 3.0 gives the very bonds of m = 3.015, in both "
+        "modes.",
+    )
+
+
+def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
+    """m = 2 and m = 6.
+
+    Few bonds are a lattice with directions of its own; many are slow, and blur.
+    """
+    table = {}
+    for m in (2, 3, 4, 6):
+        found = lattice_ratios(m, "constant", "stress", True)
+        factor = calibration(m, CONSTANT)
+        crack = factor.stiffness * factor.stretch**2
+        problem = prepare(
+            plate(square_grid(SIDE, SIDE), m, material=CONSTANT),
+            Options(threads=1),
+        )
+        c11, c22, c66 = stiffness(problem.assembly.bonds, SIDE * SIDE // 2)
+        assert c11 == pytest.approx(c22, rel=1e-12)
+        assert c11 / (1.125 * GLASS.E) == pytest.approx(factor.stiffness * found.c11, rel=1e-12)
+        ratio = c11 / c66 / 3  # 1 if isotropic
+        table[m] = (full_family(m), ratio - 1, crack * found.diagonal / (crack * found.row) - 1)
+    assert [row[0] for row in table.values()] == [12, 28, 48, 112]
+    assert [row[1] for row in table.values()] == pytest.approx([0.0785, 0.0511, 0.0121, 0.0084], abs=2e-4)
+    assert [row[2] for row in table.values()] == pytest.approx([0.0226, 0.0151, 0.0068, 0.0036], abs=2e-4)
+    two, six = table[2], table[6]
+    failure(
+        fails=f"m = 2 (constant micromodulus, {two[0]} neighbours): C11 / C66 is {100 * two[1]:.1f} % off that of an "
+        f"isotropic plate, and a crack at 45 degrees costs {100 * two[2]:.1f} % more than one along a row.",
+        noticed="Not at all; means over directions are right, as they are calibrated.",
+        cure=f"m = 3, 4 and 6: {', '.join(f'{100 * table[m][1]:.1f}' for m in (3, 4, 6))} % and "
+        f"{', '.join(f'{100 * table[m][2]:.1f}' for m in (3, 4, 6))} %. m = 6 has {six[0]} neighbours, "
+        f"{six[0] / table[3][0]:.0f} times the work of m = 3, and needs a plate of many horizons (see "
+        '"A horizon larger than the plate").',
+    )

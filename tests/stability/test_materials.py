@@ -1,0 +1,122 @@
+"""Materials that differ much."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+from failures import saying
+from linear import operator
+from periodic import joined
+from plates import GLASS, plate, square_grid
+from scipy.sparse.linalg import spsolve
+
+from pdmesh.grid import Region, Run
+from pdsolve.model import Model
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import plan
+
+UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
+ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows
+
+
+def layers(contrast: float) -> Model:
+    """Glass below, a material `contrast` times softer above."""
+    soft = msgspec.structs.replace(UNBREAKABLE, E=GLASS.E / contrast)
+    region = Region(box=(-1.0, MIDDLE, 1.0, 1.0), material=soft)
+    return plate(square_grid(32, ROWS), 3, material=UNBREAKABLE, regions=(region,), run=Run(steps=1))
+
+
+def strip(mode: str, contrast: float) -> Problem:
+    """The layers without sides."""
+    whole = prepare(layers(contrast), Options(mode, threads=1, kernel="textbook"))
+    return joined(whole, (10e-3, -np.inf, 22e-3, np.inf))
+
+
+class Stretched(NamedTuple):
+    """The layers, their ends held apart."""
+
+    strains: float  # of the soft one over that of the stiff one
+    boundary: float  # m: where the straight lines of both displacements meet
+
+
+def stretched(mode: str, contrast: float) -> Stretched:
+    """In series the strain of the soft layer is `contrast` times that of the stiff one, from y = 19.5 mm on."""
+    problem = strip(mode, contrast)
+    y = problem.model.grid.position[:, 1]
+    held = np.column_stack([np.ones(len(y), dtype=bool), (y < 3.1e-3) | (y > y.max() - 3.1e-3)])
+    free = ~held.ravel()
+    u = np.where(held, np.column_stack([0 * y, 1e-6 * y]), 0.0).ravel()
+    K = operator(problem.assembly.bonds)
+    u[free] += spsolve(K[free][:, free].tocsc(), -(K @ u)[free])
+    rows = u.reshape(-1, 2)[:, 1].reshape(ROWS, -1).mean(axis=1)
+    stiff, soft = (rows[13] - rows[7]) / 6e-3, (rows[32] - rows[26]) / 6e-3
+    boundary = (rows[10] - stiff * 10e-3 - rows[29] + soft * 29e-3) / (soft - stiff)
+    return Stretched(float(soft / stiff), float(boundary))
+
+
+def growth(mode: str, contrast: float) -> float:
+    """Energy after 2e4 steps over that of random velocities at the start."""
+    problem = strip(mode, contrast)
+    problem.motion.v[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.motion.v.shape)
+    start = problem.books(0).kinetic
+    problem.march(1, 20_001)
+    books = problem.books(20_000)
+    return (books.kinetic + books.strain) / start
+
+
+def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
+    """Two materials, one-sided bonds.
+
+    A bond has the constants of its own node. At rest each node's sum is nothing whatever its constants are, so a
+    uniform stretch is in equilibrium: no stress is passed on from one material to the other.
+    """
+    thesis, conservative = stretched("thesis", 10), stretched("conservative", 10)
+    assert thesis.strains == pytest.approx(1, abs=1e-9)
+    assert conservative.strains == pytest.approx(10, rel=1e-3)  # measured 10.003
+    energy = {mode: growth(mode, 1e6) for mode in ("thesis", "conservative")}
+    assert energy["thesis"] > 1000  # measured 3900
+    assert energy["conservative"] == pytest.approx(1.035, abs=0.01)
+    says = {}
+    for mode in ("thesis", "conservative"):
+        with saying() as says[mode]:
+            plan(layers(10), Options(mode, threads=1))
+    assert len(says["thesis"]) == 1
+    assert says["thesis"][0].startswith(
+        "model: $.regions: found E from 6.5e+09 to 6.5e+10 Pa, expected one E in the thesis"
+    )
+    assert says["conservative"] == []
+    failure(
+        fails="Two layers in series, one ten times softer: thesis mode stretches both alike (ratio "
+        f"{thesis.strains:.2f}). With a contrast of 1:1e6 the energy of random motion is {energy['thesis']:.0e} times "
+        "itself after 2e4 steps.",
+        noticed="A warning before the run.",
+        says=says["thesis"],
+        cure=f"In the conservative mode each end brings half of a bond: the ratio is {conservative.strains:.2f}, the "
+        f"energy {energy['conservative']:.1f} times itself.",
+    )
+
+
+def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
+    """A contrast of 1:1e6.
+
+    Bonds across the boundary have half the stiffness of the stiff side and take its soft neighbours along.
+    """
+    with saying() as says:
+        plan(layers(1e6), Options(threads=1))
+    assert says == []
+    found = {contrast: 1e3 * (MIDDLE - stretched("conservative", contrast).boundary) for contrast in (10, 1e3, 1e6)}
+    assert [abs(shift) < 0.15 for shift in found.values()] == [True] * 3  # measured -0.07, 0.09 and 0.13 spacings
+    steps = {contrast: strip("conservative", contrast).bound for contrast in (1, 1e6)}
+    soft = steps[1] * 1e3
+    assert steps[1e6] == pytest.approx(steps[1], rel=1e-12)
+    failure(
+        fails="The boundary is blurred over a horizon, and the stable step is that of the stiff side, "
+        f"{steps[1e6]:.2g} s; the soft side alone would take {soft:.2g} s, a thousand times as much.",
+        noticed="Not at all, as nothing is wrong; `pdsolve --dry-run` shows the step.",
+        cure=f"None needed: layers in series meet within {max(abs(shift) for shift in found.values()):.2f} spacings "
+        "of where they are drawn, for contrasts of 10, 1e3 and 1e6.",
+    )

@@ -1,0 +1,108 @@
+"""One-sided bonds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from linear import operator
+from plates import GLASS, plate, two_scale_grid
+
+from pdmesh.grid import InitialVelocity, Run
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import UnstableError, simulate
+
+UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
+PART = 10_000
+
+
+def free_plate(mode: str) -> Problem:
+    """A free plate of two scales, 132 nodes, at random velocities of 1e-6 m/s that carry no momentum."""
+    problem = prepare(plate(two_scale_grid(), 3, material=UNBREAKABLE), Options(mode, threads=1))
+    velocity = 1e-6 * np.random.default_rng(1).standard_normal(problem.motion.v.shape)
+    velocity -= (velocity * problem.area[:, None]).sum(axis=0) / problem.area.sum()
+    problem.motion.v[:] = velocity
+    return problem
+
+
+def frequencies(problem: Problem) -> np.ndarray:
+    """omega, 1/s: roots of the eigenvalues of M^-1 K, without those of rigid motion."""
+    values = np.linalg.eigvals((operator(problem.assembly.bonds) / GLASS.rho).toarray())
+    return np.sqrt(values[np.abs(values) > 1e-6 * np.abs(values).max()].astype(complex))
+
+
+def energies(problem: Problem) -> list[float]:
+    """Energy over that of the start, after each 10^4 of 10^5 steps."""
+    start, found = problem.books(0), []
+    for part in range(10):
+        problem.march(part * PART + 1, (part + 1) * PART + 1)
+        books = problem.books((part + 1) * PART)
+        found.append((books.kinetic + books.strain) / (start.kinetic + start.strain))
+    return found
+
+
+def test_complex_frequencies(failure: Callable[..., None]) -> None:
+    """Complex frequencies where spacings meet, over 10^5 steps.
+
+    A coarse node sees fine ones that do not see it: forces without reaction, a stiffness matrix that no diagonal makes
+    symmetric, and frequencies with an imaginary part. Modes of such a pair grow at any time step.
+    """
+    thesis = free_plate("thesis")
+    omega = frequencies(thesis)
+    rate = float(np.abs(omega.imag).max() * thesis.time_step)
+    assert (np.abs(omega.imag) > 1e-9 * np.abs(omega)).sum() == 2
+    assert rate == pytest.approx(4.29e-4, rel=0.01)
+    grown = energies(thesis)
+    seen = float(np.log(grown[3] / grown[1]) / (4 * PART))  # early enough for small displacements
+    assert seen == pytest.approx(rate, rel=0.01)  # measured 0.4 per cent off: Verlet's own error
+    assert grown[-1] > 1e15  # measured 1.9e22
+
+    stopped = plate(
+        two_scale_grid(),
+        3,
+        material=UNBREAKABLE,
+        conditions=(InitialVelocity(box=(0.0, 0.0, 3e-3, 3e-3), x=1e-6),),
+        run=Run(steps=10 * PART, every=PART, ledger=100),
+    )
+    with pytest.raises(UnstableError, match="one-sided bonds make energy") as error:
+        simulate(stopped, options=Options("thesis", threads=1))
+
+    conservative = free_plate("conservative")
+    assert np.abs(frequencies(conservative).imag).max() == 0
+    kept = energies(conservative)
+    assert kept == pytest.approx([1.05] * 10, abs=0.01)  # measured 1.047 to 1.053
+    failure(
+        fails=f"The thesis mode at 0.8 of its bound, 132 nodes: Im(omega) dt = {rate:.2e}; energy grows as e^(2 * "
+        f"{seen:.2e} step), to {grown[3]:.1e} times itself in 4e4 steps.",
+        noticed="The run is stopped (exit code 3), and told that it is not the step.",
+        says=[str(error.value)],
+        cure="Symmetric bonds (conservative mode): all frequencies real, energy within "
+        f"{np.abs(np.array(kept) - 1).max():.0%} of its start over 1e5 steps.",
+    )
+
+
+def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
+    """Momentum that nobody gave.
+
+    The same bonds push without being pushed.
+    """
+    drift = {}
+    for mode in ("thesis", "conservative"):
+        problem = prepare(plate(two_scale_grid(), run=Run(time_step=5e-8)), Options(mode, threads=1))
+        motion, mass = problem.motion, (problem.model.rho * problem.area)[:, None]
+        x = problem.model.grid.position
+        motion.v[:, 1] = np.exp(-((x - [4e-3, 5e-3]) ** 2).sum(axis=1) / (2e-3) ** 2)
+        before = (mass * motion.v).sum(axis=0)
+        problem.march(1, 2001)
+        drift[mode] = float(np.abs((mass * motion.v).sum(axis=0) - before).max() / np.abs(mass * motion.v).sum())
+    assert drift["thesis"] > 0.01  # measured 0.20
+    assert drift["conservative"] < 1e-14  # measured 2e-16
+    failure(
+        fails="A pulse in a free plate of two scales, thesis mode: after 2000 steps momentum is off by "
+        f"{drift['thesis']:.1g} of the sum of |m v|.",
+        noticed="By the ledger, which every run writes (`history` in the database); without a word, as the mode is "
+        "there to reproduce this.",
+        cure="Symmetric bonds: below 1e-14.",
+    )

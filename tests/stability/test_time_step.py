@@ -1,0 +1,119 @@
+"""Time steps.
+
+The true limit of velocity Verlet is 2 / omega_max, omega_max^2 the largest eigenvalue of M^-1 K of the plate's own
+bonds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from failures import saying
+from linear import weighted
+from plates import GLASS, plate, square_grid
+from scipy.sparse import diags
+from scipy.sparse.linalg import eigsh
+
+from pdmesh.grid import InitialVelocity, Material, Run
+from pdsolve.model import Model
+from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import UnstableError, simulate
+
+UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
+ONE = Options(threads=1)
+STEPS = 10_000
+
+
+def true_limit(problem: Problem) -> float:
+    """2 / omega_max, s."""
+    mass = np.repeat(problem.rho * problem.area, 2)
+    K = weighted(problem)
+    scaled = diags(mass**-0.5) @ (K + K.T) / 2 @ diags(mass**-0.5)
+    start = np.random.default_rng(1).standard_normal(len(mass))
+    return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", v0=start, return_eigenvectors=False)[0]))
+
+
+def knocked(material: Material, share: float) -> Model:
+    """A free plate of 25 x 25 nodes, one side of it knocked at 1 m/s, marching at `share` of the true limit."""
+    grid = square_grid(25, 25)
+    step = share * true_limit(prepare(plate(grid, 3, material=material), ONE))
+    knock = InitialVelocity(box=(0.0, 0.0, 5e-3, 20e-3), x=1.0)  # so that no two nodes are alike
+    run = Run(time_step=step, steps=STEPS, every=STEPS, ledger=20)
+    return plate(grid, 3, material=material, conditions=(knock,), run=run)
+
+
+def excess(model: Model) -> float:
+    """The largest energy of the run over that of its start, less 1."""
+    with simulate(model, options=ONE) as results:
+        history = results.history()
+    energy = history["kinetic"] + history["strain"]
+    return float(np.abs(energy / energy[0] - 1).max())
+
+
+def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
+    """A step 2 % above the true limit.
+
+    The highest mode of the lattice grows by e^0.4 a step, from the little that the knock puts into it.
+    """
+    with saying() as warned, pytest.raises(UnstableError) as stopped:
+        simulate(knocked(UNBREAKABLE, 1.02), options=ONE)
+    assert len(warned) == 1
+    assert "is above the bound that is surely stable" in warned[0]
+    message = str(stopped.value)
+    for part in ("unstable at step", "node", "energy is", "times what was put in", "surely stable up to"):
+        assert part in message
+    step = int(message.split("at step ")[1].split(",")[0])
+    assert step <= 40  # measured 20, the first step looked at
+
+    with saying() as warned_below:
+        below = excess(knocked(UNBREAKABLE, 0.98))
+    assert len(warned_below) == 1  # still above the bound
+    assert below < 0.2  # measured 0.09: the error of a step so near the limit, but no growth
+    bound = prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE).bound
+    ratio = true_limit(prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE)) / bound
+    with saying() as silent:
+        usual = excess(knocked(UNBREAKABLE, 0.8 / ratio))
+    assert silent == []
+    assert usual < 0.02  # measured 0.01
+    failure(
+        fails=f"Verlet at 1.02 of 2 / omega_max: energy without bounds within {step} steps.",
+        noticed="A warning before the run, as the step is above the bound; then the run is stopped (exit code 3), "
+        "its frames so far kept.",
+        says=[warned[0], message],
+        cure=f"At 0.98 of the limit {STEPS} steps keep the energy, to {below:.1g} of it. The program's own step is "
+        f"0.8 of Silling and Askari's bound, which is the limit over {ratio:.2f} here: to {usual:.1g}, and without a "
+        "warning.",
+    )
+
+
+def test_an_unstable_plate_that_breaks(failure: Callable[..., None]) -> None:
+    """An unstable step in a plate that breaks.
+
+    Bonds of the growing mode break and take its energy with them: it stays within ten times what was put in, and looks
+    like fracture.
+    """
+    with saying() as warned, simulate(knocked(GLASS, 1.02), options=ONE) as results:
+        unstable = results.summary()
+    assert unstable["broken_bonds"] > 0  # measured 84
+    assert unstable["balance"] > 0.5  # measured 2.4
+    assert [("bound" in line, "balance" in line, "spent" in line) for line in warned] == [
+        (True, False, False),
+        (False, False, True),
+        (False, True, False),
+    ]
+    with saying() as warned_below, simulate(knocked(GLASS, 0.98), options=ONE) as results:
+        stable = results.summary()
+    assert len(warned_below) == 1
+    assert stable["broken_bonds"] == 0
+    assert abs(stable["balance"]) < 0.1  # measured 0.07
+    failure(
+        fails=f"1.02 of the limit breaks {unstable['broken_bonds']} bonds of a plate whose waves break none, and "
+        f"{1 + unstable['balance']:.2g} times the energy put in is there at the end.",
+        noticed="Before the run by the bound, after it by its energy: the balance, and bonds that seem to have given "
+        "energy back.",
+        says=warned,
+        cure=f"At 0.98 no bond breaks and the balance is {stable['balance']:+.1g}.",
+    )

@@ -1,0 +1,96 @@
+"""What is refused, what is warned of, and what is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+from failures import saying
+from plates import GLASS, plate, square_grid, two_scale_grid
+
+from pdmesh.grid import Region
+from pdsolve.checks import Watch, advise, closing, refuse
+from pdsolve.kernels.bond_sums import Motion
+from pdsolve.model import Model, ModelError
+from pdsolve.problem import Options, Problem, prepare
+
+
+def bonds(model: Model) -> np.ndarray:
+    """Twelve bonds for each node."""
+    return np.full(len(model.grid), 12)
+
+
+@pytest.mark.parametrize("grid", [square_grid(9, 8), two_scale_grid(), square_grid(9, 8, 1e-9), square_grid(9, 8, 1e3)])
+def test_plates_that_are_plates_are_not_spoken_of(grid: object) -> None:
+    model = plate(grid)  # type: ignore[arg-type]
+    with saying() as lines:
+        refuse(model, True)
+        advise(model, bonds(model), True, True)
+    assert lines == []
+
+
+def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> None:
+    cracks = np.array([[0.0, 3.5e-3, 4e-3, 3.5e-3], [5e-3, 1e-3, 5e-3, 2.5e-3]])
+    model = plate(dataclasses.replace(square_grid(9, 8), cracks=cracks))
+    with saying() as lines:
+        advise(model, bonds(model), True, True)
+    assert len(lines) == 1
+    assert "$.notch[1]: found through 2 nodes, the first node 15 at (0.005, 0.001) m" in lines[0]
+
+
+def test_the_material_of_a_region_is_named() -> None:
+    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e40))
+    with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e\+40, expected 1e-30 to 1e\+30"):
+        refuse(plate(square_grid(9, 8), regions=(region,)), True)
+
+
+def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> tuple[Problem, Motion]:
+    """A plate whose nodes are where this matrix brings them, and so far away."""
+    problem = prepare(plate(square_grid(9, 8)), Options(precision=kind, threads=1))
+    x = problem.model.grid.position
+    problem.motion.u[:] = x @ np.array(matrix).T - x + away
+    return problem, problem.motion
+
+
+def seen(problem: Problem, motion: Motion, looks: int = 2) -> list[str]:
+    """What a watch says of that, looking so many times."""
+    watch = Watch(problem.model)
+    with saying() as lines:
+        for step in range(looks):
+            watch.look(motion.u, problem.intact_neighbours, step)
+    return lines
+
+
+@pytest.mark.parametrize("turn", [0.1, 1.6, 3.1, 4.0])
+def test_a_plate_that_turns_is_not_crushed(turn: float) -> None:
+    c, s = np.cos(turn), np.sin(turn)
+    assert seen(*moved([[c, -s], [s, c]], away=0.1)) == []
+
+
+def test_a_plate_turned_inside_out_is_told_once() -> None:
+    problem, motion = moved([[-0.1, 0.0], [0.0, 1.0]])
+    (line,) = seen(problem, motion)
+    assert "step 0: found a triangle turned inside out with its bonds intact, node" in line
+    assert seen(*moved([[0.1, 0.0], [0.0, 1.0]])) == []
+    assert problem.fast is not None
+    problem.fast.blocks.mask[:] = 0
+    assert seen(problem, motion) == []
+
+
+def test_digits_that_do_not_suffice_are_told_once() -> None:
+    (line,) = seen(*moved([[1.0, 0.0], [0.0, 1.0]], away=0.1, kind="float32"))
+    assert "step 0: found displacements up to 0.1 m, which float32 knows to 1.2e-08 m" in line
+    assert seen(*moved([[1.0, 0.0], [0.0, 1.0]], away=0.01, kind="float32")) == []
+    assert seen(*moved([[1.0, 0.0], [0.0, 1.0]], away=100.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("balance", "spent", "symmetric", "told"),
+    [(0.09, 1.0, True, 0), (-0.11, 1.0, True, 1), (-0.4, 1.0, False, 0), (0.0, -1.0, False, 1), (9.0, -1.0, True, 2)],
+)
+def test_energy_that_does_not_add_up(balance: float, spent: float, symmetric: bool, told: int) -> None:
+    with saying() as lines:
+        closing(plate(square_grid(9, 8)), balance, spent, symmetric)
+    assert len(lines) == told
