@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, history, pictures, report, sql
+from pdpost.commands import crack, exports, history, moving, pictures, report, sql
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, history, crack, report, sql):
+    for group in (pictures, moving, history, crack, report, exports, sql):
         group.add(commands)
     return program
 
@@ -26,11 +26,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
+    from pdpost.export import ExportError
+    from pdpost.fields import FieldError
     from pdpost.figures import FigureError
     from pdpost.paths import PathError
+    from pdpost.watching import SilentError
     from pdsolve.results import ResultsError
 
-    return dict.fromkeys((FigureError, PathError, ResultsError), commandline.BAD_INPUT)
+    exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
+    expected = (ExportError, FieldError, FigureError, PathError, ResultsError)
+    return exits | dict.fromkeys(expected, commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pdpost.balance import Balance
-from pdpost.figures import prefixed
 from pdpost.histories import QUANTITIES, History
 from pdpost.reactions import Reaction
+from pdpost.sheets import prefixed
 
 # M. Okabe, K. Ito, Color Universal Design (2008): blue, vermilion, green, purple, orange, sky blue, black.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

@@ -1,56 +1,52 @@
-"""Pictures of a run, with matplotlib; a figure is returned, never shown."""
+"""Pictures of a field, with matplotlib: which colours, which unit, what is written. A figure is never shown."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
-from pdpost.cracks import damage_at
-from pdsolve.results import Nodes, Results
+from pdpost import fields
+from pdpost.sheets import UNKNOWN, Sheet, box_of, paint, prefixed, shape, sheet
+from pdsolve.results import Results
 
-STYLE = {"font.size": 9, "axes.linewidth": 0.6, "savefig.dpi": 200}
-WIDTH = 7.0  # inches
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+STYLE = {
+    "font.size": 9,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.titlesize": 9,
+    "savefig.dpi": 200,
+}
+USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
+PARTS = {"x": "x", "y": "y", "largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
+POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class FigureError(ValueError):
     """A picture that cannot be drawn; the message says what was found and what was expected."""
 
 
-class Picture(NamedTuple):
-    """A field of the nodes that can be drawn: its numbers and how they are shown."""
+class Colours(NamedTuple):
+    """How a field's numbers are shown."""
 
-    title: str
-    unit: str
+    low: float  # SI
+    high: float
     cmap: str
-    values: Callable[[Results, int], NDArray[np.floating]]  # of the frame at a step: (n,)
-    limits: tuple[float, float] | None = None  # fixed, or from 0 to the largest
-
-
-def _size_of(letter: str) -> Callable[[Results, int], NDArray[np.floating]]:
-    def size(results: Results, step: int) -> NDArray[np.floating]:
-        x, y = results.field(f"{letter}x", step), results.field(f"{letter}y", step)
-        return np.asarray(np.hypot(x.astype(float), y))
-
-    return size
-
-
-PICTURES = {
-    "damage": Picture("Damage", "", "magma_r", damage_at, (0.0, 1.0)),
-    "energy": Picture("Strain energy", "J/m³", "viridis", lambda results, step: results.field("energy", step)),
-    "displacement": Picture("Displacement", "m", "viridis", _size_of("u")),
-    "velocity": Picture("Velocity", "m/s", "viridis", _size_of("v")),
-    "acceleration": Picture("Acceleration", "m/s²", "viridis", _size_of("a")),
-}
+    factor: float  # from SI to the unit of the label
+    label: str
+    beyond: str  # which ends are arrows: "neither", "min", "max", "both"
 
 
 def styled(style: Mapping[str, str]) -> dict[str, object]:
@@ -65,46 +61,108 @@ def styled(style: Mapping[str, str]) -> dict[str, object]:
     return STYLE | dict(style)
 
 
-def draw(results: Results, name: str, step: int, largest: float | None = None) -> Figure:
-    """The field called `name` after `step`: each node a square the size of its spacing, at its reference position.
+def draw(
+    results: Results,
+    name: str,
+    step: int,
+    *,
+    part: str | None = None,
+    scale: float = 0.0,
+    largest: float | None = None,
+    values: NDArray[np.float64] | None = None,
+) -> Figure:
+    """The field called `name` after `step`: each node a square the size of its spacing.
 
-    Damage is known at every step, other fields at frames that stored them. `largest` ends the colours, in SI units.
-    Raises ResultsError, naming what there is, if the field is not there.
+    `part` is the field's component, `scale` what displacements are multiplied by (0: the reference), `largest` where
+    the colours end, in SI units, `values` (n,) the component's if they are known already. Raises FieldError, and
+    ResultsError, naming what there is.
     """
-    picture = PICTURES[name]
-    nodes = results.nodes()
-    values = picture.values(results, step)
-    time = step * float(results.meta()["time_step"])
-    figure, axes = _plate(nodes)
-    if picture.limits is not None:
-        low, high = picture.limits
-        scale, label = 1.0, picture.title.lower()
-    else:
-        low, high = 0.0, float(values.max(initial=0.0)) if largest is None else largest
-        scale, prefix = prefixed(high)
-        label = f"{picture.title.lower()}, {prefix}{picture.unit}"
-    squares = _squares(nodes) * 1e3
-    colours = {"cmap": picture.cmap, "clim": (low * scale, high * scale), "edgecolors": "face", "linewidths": 0.2}
-    cells = PolyCollection(squares, array=values * scale, **colours)  # type: ignore[arg-type]
-    axes.add_collection(cells)
-    figure.colorbar(cells, cax=axes.inset_axes((1.02, 0, 0.025, 1)), label=label)
-    axes.set_title(f"{picture.title} at {time * 1e6:.4g} µs (step {step})")
-    return figure
+    part = fields.component(name, part)
+    if values is None:
+        values = fields.values(results, name, step, part or None)
+    where = shape(results, step, scale)
+    on = sheet(box_of(results, [where]))
+    shown = colours(name, part, values, largest)
+    mappable = bar(on, shown)
+    paint(on, where, values * shown.factor, mappable)
+    on.axes.set_title(title(results, name, part, step, scale))
+    return on.figure
 
 
-def prefixed(largest: float) -> tuple[float, str]:
-    """A factor and an SI prefix that turn numbers up to `largest` into handy ones."""
-    power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
-    power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    return 10.0**-power, PREFIXES[power]
+def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
+    """Damage from 0 to 1, signed values from minus to plus, others from 0; up to `largest`, or the usual largest."""
+    finite = values[np.isfinite(values)]
+    high = largest or (1.0 if name == "damage" else usual(finite))
+    signed = fields.signed(name, part)
+    low = -high if signed else 0.0
+    above, below = bool((finite > high).any()), bool((finite < low).any())
+    beyond = ("both" if below else "max") if above else ("min" if below else "neither")
+    factor, label = unit(fields.FIELDS[name].unit, high)
+    if name == "damage":
+        factor, label = 1.0, ""
+    cmap = "magma_r" if name == "damage" else "coolwarm" if signed else "viridis"
+    text = caption(name, part)
+    text = text[0].lower() + text[1:]
+    return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond)
+
+
+def usual(values: NDArray[np.float64]) -> float:
+    """The largest size of values (k,), or, where a few are far above the others, what 99.5 % stay below."""
+    size = np.abs(values)
+    largest = float(size.max(initial=0.0))
+    most = float(np.percentile(size, USUAL)) if len(size) else 0.0
+    return most if 0 < 2 * most < largest else largest
+
+
+def unit(name: str, largest: float) -> tuple[float, str]:
+    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where none is usual."""
+    factor, prefix = prefixed(largest)
+    power = -round(np.log10(factor))
+    if power and (not name or (power > 0 and name.startswith("m/"))):
+        return factor, f"10{str(power).translate(POWERS)} {name}".rstrip()
+    return factor, prefix + name
+
+
+def bar(on: Sheet, shown: Colours) -> ScalarMappable:
+    """Put a bar of colours beside the plate; what it returns turns numbers in the label's unit into colours."""
+    low, high = shown.low * shown.factor, shown.high * shown.factor
+    cmap = colormaps[shown.cmap].with_extremes(bad=UNKNOWN)
+    mappable = ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
+    arrow = 0.1 / (on.axes.get_position().height * on.figure.get_figheight())
+    on.figure.colorbar(mappable, cax=beside(on), label=shown.label, extend=shown.beyond, extendfrac=arrow)
+    return mappable
+
+
+def beside(on: Sheet) -> Axes:
+    """A place for a bar of colours at the right of the plate."""
+    place = on.axes.get_position()
+    width = on.figure.get_figwidth()
+    return on.figure.add_axes((place.x1 + 0.12 / width, place.y0, 0.13 / width, place.height))
+
+
+def caption(name: str, part: str) -> str:
+    """What a component is called."""
+    text = fields.FIELDS[name].title
+    return text if part in ("", "magnitude") else f"{text}, {PARTS.get(part, part)}"
+
+
+def title(results: Results, name: str, part: str, step: int, scale: float) -> str:
+    """What is written above a picture."""
+    return f"{caption(name, part)} {at(results, step, scale)}"
+
+
+def at(results: Results, step: int, scale: float = 0.0) -> str:
+    """When a picture is, and how deformed, in the unit of the run's last frame."""
+    time_step = float(results.meta()["time_step"])
+    _, times = results.frames()
+    factor, prefix = prefixed(float(times[-1]) if len(times) else step * time_step)
+    when = f"at {step * time_step * factor:.4g} {prefix}s (step {step})"
+    return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format of the path's suffix, the same bytes each time. Raises FigureError."""
-    formats = figure.canvas.get_supported_filetypes()
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats:
-        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
+    kind = check_format(path)
     undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
     picture = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "pdpost"}):
@@ -112,22 +170,10 @@ def save(figure: Figure, path: Path) -> None:
     write_atomically(path, picture.getvalue())
 
 
-def _aspect(position: NDArray[np.float64]) -> float:
-    size = np.ptp(position, axis=0)
-    return float(min(max(size[1] / max(size[0], 1e-300), 0.2), 2.0))
-
-
-def _plate(nodes: Nodes) -> tuple[Figure, matplotlib.axes.Axes]:
-    figure = Figure(figsize=(WIDTH, WIDTH * _aspect(nodes.position) + 0.6), layout="constrained")
-    axes = figure.add_subplot(aspect="equal", xlabel="x, mm", ylabel="y, mm")
-    edge = nodes.delta.min() / 2
-    low, high = nodes.position.min(axis=0) - edge, nodes.position.max(axis=0) + edge
-    axes.set_xlim(low[0] * 1e3, high[0] * 1e3)
-    axes.set_ylim(low[1] * 1e3, high[1] * 1e3)
-    return figure, axes
-
-
-def _squares(nodes: Nodes) -> NDArray[np.float64]:
-    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    squares: NDArray[np.float64] = nodes.position[:, None, :] + nodes.delta[:, None, None] * corners
-    return squares
+def check_format(path: Path) -> str:
+    """The format of the path's suffix. Raises FigureError, naming those there are, if there is none."""
+    formats = Figure().canvas.get_supported_filetypes()
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in formats:
+        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
+    return kind

@@ -13,14 +13,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pdpost import charts, crack_figure, figures
+from pdpost.animation import gif
 from pdpost.balance import balance
 from pdpost.crack_summary import sentences, summary
-from pdpost.moving import gif
 from pdpost.reactions import reactions
 from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
+SHOTS = 40  # of the animation
 FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
 STYLE = """
@@ -59,7 +60,7 @@ def report(results: Results, name: str) -> str:
         ("Balance", _balance(results)),
         ("Crack", _crack(results, last)),
         (f"Fields at {times[-1] * 1e6:.4g} µs", _fields(results, int(steps[-1]))),
-        ("Animation", [_picture(gif(results, "damage"), "gif", "damage over time")]),
+        ("Animation", [_picture(gif(results, "damage", every=-(-len(steps) // SHOTS)), "gif", "damage")]),
     ]
     body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
     return (

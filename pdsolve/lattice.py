@@ -85,9 +85,9 @@ def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_
     return LatticeRatios(*(float(value) for value in (c11 / full11, c66 / full66, c66 / full66, row, diagonal)))
 
 
-def calibration(ratio: float, material: Material) -> Calibration:
-    """Factors for the lattice with partial cells: the mean of its stiffnesses, and of the energies of a crack
-    along a row and at 45 degrees, become those of the material."""
-    found = lattice_ratios(ratio, material.micromodulus, material.plane, True)
+def calibration(ratio: float, material: Material, partial_cells: bool = True) -> Calibration:
+    """Factors for the lattice, with partial cells or without: the mean of its stiffnesses, and of the energies of a
+    crack along a row and at 45 degrees, become those of the material."""
+    found = lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells)
     stiffness = 3 / (found.c11 + found.c12 + found.c66)
     return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (found.row + found.diagonal)))))

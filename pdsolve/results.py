@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -24,6 +25,7 @@ APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION = 2
 CHUNK = 1024  # nodes
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
+READERS = 3.0  # s that a run waits in the end for those who read its database
 FIELDS = {  # name: unit, in the order of the view
     "ux": "m",
     "uy": "m",
@@ -38,6 +40,10 @@ FIELDS = {  # name: unit, in the order of the view
 
 class ResultsError(ValueError):
     """A database that cannot be used; the message names the file, what was found and what was expected."""
+
+
+class EmptyError(ResultsError):
+    """A database with nothing in it yet: a run has only just begun."""
 
 
 class WriteError(ResultsError):
@@ -238,13 +244,26 @@ class Writer:
         self.connection.executemany("INSERT INTO field_chunk VALUES (?, ?, ?, ?)", rows)
 
     def close(self, status: str) -> None:
-        """Leave one single file behind, with `status` in its meta."""
+        """Leave one single file behind, with `status` in its meta; with SQLite's log beside it if someone reads on."""
         path = self._path()
         self.tell({"status": status})
         if path is not None:
             with _explained(path, WriteError):
-                self.connection.execute("PRAGMA journal_mode = DELETE")
+                deadline = time.monotonic() + READERS
+                while not self._alone() and time.monotonic() < deadline:
+                    time.sleep(0.02)
             self.connection.close()
+
+    def _alone(self) -> bool:
+        """Put SQLite's log away; False where a reader keeps it."""
+        try:
+            self.connection.execute("PRAGMA journal_mode = DELETE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorname != "SQLITE_BUSY":
+                raise
+            self.connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            return False
+        return True
 
     def _path(self) -> Path | None:
         name = self.connection.execute("PRAGMA database_list").fetchone()[2]
@@ -267,6 +286,13 @@ def remove(path: Path) -> None:
         name.unlink(missing_ok=True)
 
 
+HINTS = {
+    "SQLITE_BUSY": ", expected one that no other program keeps to itself",
+    "SQLITE_CORRUPT": ", expected a whole one (was the file cut short?)",
+    "SQLITE_NOTADB": ", expected one written by pdsolve",
+}
+
+
 class _explained:
     """Turns SQLite's errors into one of ours that names the file."""
 
@@ -278,7 +304,8 @@ class _explained:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, sqlite3.Error):
-            raise self.kind(f"{self.path or 'results in memory'}: {error}") from None
+            hint = HINTS.get(getattr(error, "sqlite_errorname", ""), "")
+            raise self.kind(f"{self.path or 'results in memory'}: {error}{hint}") from None
 
 
 class Results:
@@ -287,6 +314,7 @@ class Results:
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
         self.connection = connection
         self.name = name
+        self._nodes: Nodes | None = None
 
     @classmethod
     def open(cls, path: Path) -> Results:
@@ -295,13 +323,24 @@ class Results:
             raise ResultsError(f"{path}: found no such file, expected a database of results")
         with _explained(path):
             connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
-            found = connection.execute("PRAGMA application_id").fetchone()[0]
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
+            try:
+                cls._check(connection, path)
+            except BaseException:
+                connection.close()
+                raise
+        return cls(connection, str(path))
+
+    @staticmethod
+    def _check(connection: sqlite3.Connection, path: Path) -> None:
+        found = connection.execute("PRAGMA application_id").fetchone()[0]
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+        if not tables:
+            raise EmptyError(f"{path}: found an empty database, expected one written by pdsolve")
         if found != APPLICATION_ID:
             raise ResultsError(f"{path}: found a database of another program, expected one written by pdsolve")
         if version != SCHEMA_VERSION:
             raise ResultsError(f"{path}: found schema version {version}, expected {SCHEMA_VERSION}")
-        return cls(connection, str(path))
 
     def __enter__(self) -> Results:
         return self
@@ -334,16 +373,19 @@ class Results:
         return summary
 
     def nodes(self) -> Nodes:
-        """The nodes of the model."""
-        rows = np.array(self._rows('SELECT node, x, y, delta, area, family, cut FROM node ORDER BY "row"'))
-        return Nodes(
-            rows[:, 0].astype(np.int64),
-            rows[:, 1:3].copy(),
-            rows[:, 3].copy(),
-            rows[:, 4].copy(),
-            rows[:, 5].astype(np.int64),
-            rows[:, 6].astype(np.int64),
-        )
+        """The nodes of the model, read once: the arrays are shared and cannot be written to."""
+        if self._nodes is None:
+            kinds = np.dtype("i8, f8, f8, f8, f8, i8, i8")
+            with _explained(Path(self.name)):
+                count = self.connection.execute("SELECT count(*) FROM node").fetchone()[0]
+                query = 'SELECT node, x, y, delta, area, family, cut FROM node ORDER BY "row"'
+                with closing(self.connection.execute(query)) as rows:
+                    table = np.fromiter(rows, kinds, count)
+            ids, x, y, *others = (np.ascontiguousarray(table[name]) for name in kinds.names or ())
+            self._nodes = Nodes(ids, np.column_stack([x, y]), *others)
+            for column in self._nodes:
+                column.flags.writeable = False
+        return self._nodes
 
     def families(self) -> Families:
         """Who is bonded to whom at the start."""
@@ -372,10 +414,14 @@ class Results:
             if step not in steps:
                 there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
                 raise ResultsError(f"{self.name}: found no frame of step {step}, expected one of {there}")
-            stored = self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
-            fields = f"{', '.join(row[0] for row in stored)} (pdsolve --fields stores others)"
+            fields = f"{', '.join(self.stored(step))} (pdsolve --fields stores others)"
             raise ResultsError(f"{self.name}: found no field '{name}', expected one of {fields}")
         return np.frombuffer(b"".join(row[0] for row in rows), dtype="<f4")
+
+    def stored(self, step: int) -> list[str]:
+        """The names of the fields that the frame at `step` holds, in the order of the view."""
+        rows = self._rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
+        return [name for name in FIELDS if (name,) in rows]
 
     def breaks(self) -> Breaks:
         """All bonds broken so far."""

@@ -68,9 +68,14 @@ def simulate(
     `watch` is called many times a second and stops the run by returning True; `provenance` says who asked.
     Raises ModelError, UnstableError (the frames so far are kept), ResultsError.
     """
-    problem = prepare(model, options)
+    return run(prepare(model, options), output, watch, provenance)
+
+
+def run(problem: Problem, output: Path | None = None, watch: Watcher | None = None, provenance: str = "") -> Results:
+    """Solve a model that is prepared; the rest as in `simulate`. Raises UnstableError, ResultsError."""
+    cracks = problem.model.grid.cracks
     try:
-        writer = Writer.create(output, problem.nodes(), problem.families, model.grid.cracks, _meta(problem, provenance))
+        writer = Writer.create(output, problem.nodes(), problem.families, cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
         notes.take(0)
         writer.write(notes.frame(0, whole=True, state=True))

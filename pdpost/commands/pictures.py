@@ -1,25 +1,74 @@
-"""Pictures of a field of the nodes."""
+"""Pictures of a frame: a field of the nodes, the nodes themselves, their bonds."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_frame, add_results, chosen_frame
+from pdpost.commands.shared import (
+    add_colours,
+    add_csv,
+    add_frame,
+    add_results,
+    add_scale,
+    chosen_frame,
+    chosen_scale,
+    csv_path,
+    numbers,
+    write_csv,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from pdpost.commands.shared import Commands
+    from pdpost.tables import Columns
+    from pdsolve.results import Results
+
+
+class Shown(NamedTuple):
+    """A picture, and what is said of it."""
+
+    figure: Figure
+    told: dict[str, Any]  # for --json
+    words: str  # for a reader
+    table: Callable[[], Columns]  # for --csv
+
+
+FIELDS = {  # as fields.FIELDS, which is not imported for --help
+    "damage": "draw the share of broken bonds at the nodes of a frame",
+    "energy": "draw the potential energy of the nodes",
+    "displacement": "draw the displacement of the nodes",
+    "velocity": "draw the velocity of the nodes",
+    "acceleration": "draw the acceleration of the nodes",
+    "strain": "draw the strain of the nodes, fitted to their bonds",
+    "stress": "draw the stress of the nodes, Hooke's with their strain",
+}
+PARTS = {
+    **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),
+    "strain": "largest principal (default), smallest; xx, yy, xy, zz",
+    "stress": "largest principal (default), smallest; xx, yy, xy, zz; mises",
+}
 
 
 def add(commands: Commands) -> None:
-    """Put a command for each field on the command line."""
-    for name in ("damage", "energy", "displacement", "velocity", "acceleration"):
-        _add_picture(commands, name)
+    """Put a command for each field, `nodes` and `bonds` on the command line."""
+    for name, does in FIELDS.items():
+        picture = _add_picture(commands, name, does, default="0")
+        if name in PARTS:
+            picture.add_argument("--component", metavar="NAME", help=f"which one: {PARTS[name]}")
+        add_colours(picture)
+        picture.set_defaults(run=_field, component=None)
+    nodes = _add_picture(commands, "nodes", "draw the deformed grid, a colour for each spacing", default="auto")
+    nodes.set_defaults(run=_nodes)
+    bonds = _add_picture(commands, "bonds", "draw the bonds: intact ones blue, broken ones red", default="0")
+    bonds.set_defaults(run=_bonds)
 
 
-def _add_picture(commands: Commands, name: str) -> None:
-    picture = commands.add_parser(name, help=f"draw the {name} of a frame")
+def _add_picture(commands: Commands, name: str, does: str, default: str) -> argparse.ArgumentParser:
+    picture = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
     add_results(picture)
     commandline.add_common_options(
         picture,
@@ -27,23 +76,77 @@ def _add_picture(commands: Commands, name: str) -> None:
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
     add_frame(picture)
-    picture.set_defaults(run=_picture, picture=name)
+    add_scale(picture, default)
+    add_csv(picture)
+    picture.set_defaults(picture=name)
+    return picture
 
 
-def _picture(args: argparse.Namespace) -> int:
+def _field(args: argparse.Namespace) -> int:
+    from pdpost import fields, figures, tables
+
+    name = args.picture
+    part = fields.component(name, args.component)
+
+    def show(results: Results, step: int, scale: float) -> Shown:
+        values = fields.values(results, name, step, part or None)
+        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest}
+        figure = figures.draw(results, name, step, values=values, **how)
+        unit = fields.FIELDS[name].unit
+        told = {"component": part or None, **numbers(values), "unit": unit}
+        largest = told["largest"]
+        words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
+        return Shown(figure, told, words, lambda: tables.of_field(results, name, step))
+
+    return _drawn(args, show)
+
+
+def _nodes(args: argparse.Namespace) -> int:
+    import numpy as np
+
+    from pdpost import levels, tables
+
+    def show(results: Results, step: int, scale: float) -> Shown:
+        spacings, counts = np.unique(results.nodes().delta.round(12), return_counts=True)
+        pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
+        told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
+        words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
+        return Shown(levels.draw(results, step, scale), told, words, lambda: tables.of_frame(results, step))
+
+    return _drawn(args, show)
+
+
+def _bonds(args: argparse.Namespace) -> int:
+    from pdpost import bonds, tables
+
+    def show(results: Results, step: int, scale: float) -> Shown:
+        found = bonds.bonds(results, step)
+        told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
+        words = f"{told['intact']} bonds intact, {told['broken']} broken"
+        return Shown(bonds.draw(results, step, scale, found), told, words, lambda: tables.of_bonds(results, found))
+
+    return _drawn(args, show)
+
+
+def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown]) -> int:
+    """Draw the frame asked for, and report what is shown there."""
     import matplotlib
 
     from pdpost import figures
     from pdsolve.results import Results
 
-    name = args.picture
-    path = commandline.output_path(args.output, args.results, f".{name}.png", args.force)
+    path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
+    figures.check_format(path)
+    csv = csv_path(args)
     style = figures.styled(dict(args.assignments))
     with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
         step, time = chosen_frame(results, args)
-        values = figures.PICTURES[name].values(results, step)
-        figures.save(figures.draw(results, name, step), path)
-    largest, unit = float(values.max()), figures.PICTURES[name].unit
-    result = {"output": str(path), "step": step, "time": time, "largest": largest, "unit": unit}
-    commandline.report(result, [f"{path}: {name} at {time * 1e6:.4g} us, up to {largest:.4g} {unit}".rstrip()], args)
+        scale = chosen_scale(results, step, args)
+        shown = show(results, step, scale)
+        figures.save(shown.figure, path)
+        if csv is not None:
+            write_csv(shown.table(), csv)
+    if str(csv) != "-":
+        result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
+        commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)
     return commandline.OK

@@ -1,12 +1,20 @@
-"""What several commands ask for: results, a frame."""
+"""What several commands ask for: results, a frame, a scale, colours, numbers."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pdmesh import commandline
+
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pdpost.tables import Columns
     from pdsolve.results import Results
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -43,3 +51,124 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
     else:
         raise ResultsError(f"{args.results}: found no frame {args.frame}, expected 0 to {count - 1} or -{count} to -1")
     return int(steps[at]), float(times[at])
+
+
+def add_scale(command: argparse.ArgumentParser, default: str) -> None:
+    """What displacements are multiplied by."""
+    command.add_argument(
+        "--scale",
+        type=_scale,
+        default=default,
+        metavar="N",
+        help="draw the deformed shape, displacements times N; 0: the reference, auto: so that they are seen"
+        f" (default: {default})",
+    )
+
+
+def _scale(text: str) -> float | None:
+    """A number from 0, or None for auto."""
+    if text == "auto":
+        return None
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = -1.0
+    if not 0 <= scale < float("inf"):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a number from 0, or auto")
+    return scale
+
+
+def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
+    """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none."""
+    from pdpost.sheets import chosen_scale
+
+    if args.scale is not None:
+        return float(args.scale)
+    if not {"ux", "uy"} <= set(results.stored(step)):
+        commandline.note(f"{args.results}: holds no displacements; the reference is drawn", args)
+        return 0.0
+    return chosen_scale(results, step)
+
+
+def add_colours(command: argparse.ArgumentParser) -> None:
+    """Where the colours end."""
+    command.add_argument(
+        "--largest",
+        type=positive,
+        metavar="N",
+        help="where the colours end, in SI units, and at -N of what has a sign (default: damage 1; others at the"
+        " largest value, or at what 99.5 %% of the nodes stay below where a few are far above)",
+    )
+
+
+def positive(text: str) -> float:
+    """A number above 0, as an option's type."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a number above 0")
+    return number
+
+
+def add_csv(command: argparse.ArgumentParser) -> None:
+    """The numbers behind the picture."""
+    command.add_argument(
+        "--csv", metavar="FILE", help="write the numbers behind the picture as well, as CSV in SI units; -: on stdout"
+    )
+
+
+def csv_path(args: argparse.Namespace) -> Path | None:
+    """Where the numbers go, `-` for stdout, or None. Raises UsageError where they cannot."""
+    if args.csv is None:
+        return None
+    if args.csv == "-":
+        if args.json:
+            raise commandline.UsageError("--csv -: found --json as well, expected one of them on stdout")
+        return Path("-")
+    return commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
+
+
+def write_csv(columns: Columns, path: Path) -> None:
+    """Write the numbers to a file, or to stdout."""
+    from pdmesh.files import write_atomically
+    from pdpost.tables import csv
+
+    if str(path) == "-":
+        sys.stdout.write(csv(columns).decode())
+    else:
+        write_atomically(path, csv(columns))
+
+
+def numbers(values: NDArray[np.float64]) -> dict[str, float | int | None]:
+    """The least and the largest of values (n,) that are known, and how many are not."""
+    import numpy as np
+
+    known = values[np.isfinite(values)]
+    ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
+    return {"smallest": ends[0], "largest": ends[1], "nodes": len(values), "unknown": len(values) - len(known)}
+
+
+def add_every(command: argparse.ArgumentParser) -> None:
+    """Of many frames, every so many."""
+    command.add_argument("--every", type=_count, default=1, metavar="N", help="take every Nth frame (default: 1)")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number from 1")
+    return int(text)
+
+
+def counted(args: argparse.Namespace, doing: str) -> Callable[[list[int]], Iterable[int]]:
+    """Hands on steps with a bar of progress on stderr, where someone looks at it and did not ask for quiet."""
+
+    def steps(given: list[int]) -> Iterable[int]:
+        if args.quiet or not sys.stderr.isatty():
+            return given
+        from tqdm import tqdm
+
+        return tqdm(given, desc=doing, unit=" frames", dynamic_ncols=True, leave=False)  # type: ignore[no-any-return]
+
+    return steps

@@ -22,16 +22,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.grid import Material
 from pdmesh.neighbours import Neighbours, Pairs
 from pdmesh.visibility import Sight
 from pdsolve.bonds import Filling, Part, areas, part_of, row_chunks
 from pdsolve.conditions import unbreakable
-from pdsolve.lattice import ROUND_OFF, calibration, hu_beta, lattice_ratios
+from pdsolve.lattice import ROUND_OFF, Calibration, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.laws.micromodulus import STIFFNESS, micromodulus
 from pdsolve.model import Model
 
 SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bond, but for round-off
+
+
+class Corrections(NamedTuple):
+    """What is done beyond the bare sums; all of it unless one wants to see what it is worth."""
+
+    partial_cells: bool = True  # Hu's beta
+    calibration: bool = True  # of the lattice's stiffness and fracture energy
+    surfaces: bool = True  # the energy method
+
+
+ALL = Corrections()
 
 
 class Candidates(NamedTuple):
@@ -42,10 +54,11 @@ class Candidates(NamedTuple):
     limits: tuple[NDArray[np.float64], NDArray[np.float64]]  # peak and limit, (b,) each
 
 
-def fill(model: Model) -> Filling:
+def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
-    neighbours = Neighbours(grid.position, grid.delta, horizon + grid.delta / 2, mutual=True)
+    margin = grid.delta / 2 if corrections.partial_cells else 0.0
+    neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight = Sight(grid, model.name)
     nothing = ROUND_OFF * max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
 
@@ -53,14 +66,18 @@ def fill(model: Model) -> Filling:
         pairs = neighbours.pairs(rows)
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
-        beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
-        modulus, peak, limit = _mean_of_ends(model, pairs, reach)
-        modulus *= beta
+        modulus, peak, limit = _mean_of_ends(model, pairs, reach, corrections)
+        if corrections.partial_cells:
+            modulus *= (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
+        else:
+            modulus = np.where(length <= reach * (1 + ROUND_OFF), modulus, 0.0)
         kept = np.flatnonzero(modulus * reach**3 > nothing)
         kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
         return Candidates(Pairs(i[kept], j[kept], length[kept]), modulus[kept], (peak[kept], limit[kept]))
 
-    lack = np.concatenate([_lack(model, rows, candidates(rows), area) for rows in row_chunks(len(grid))])
+    lack = np.ones((len(grid), 2))
+    for rows in row_chunks(len(grid)) if corrections.surfaces else ():
+        lack[rows] = _lack(model, rows, candidates(rows), area, corrections)
 
     def part(rows: NDArray[np.int64]) -> Part:
         pairs, modulus, bounds = candidates(rows)
@@ -71,7 +88,7 @@ def fill(model: Model) -> Filling:
 
 
 def _mean_of_ends(
-    model: Model, pairs: Pairs, reach: NDArray[np.float64]
+    model: Model, pairs: Pairs, reach: NDArray[np.float64], corrections: Corrections
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Modulus, peak and limit of each pair (b,): half from the material of each end.
 
@@ -80,7 +97,7 @@ def _mean_of_ends(
     modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
     for number, material in enumerate(model.materials):
-        calibrated = calibration(model.settings.horizon.ratio, material)
+        calibrated = _calibration(model, material, corrections)
         c = calibrated.stiffness * micromodulus(material, pairs.length, reach)
         own = limits(material, calibrated.stretch * critical_stretch(material, reach))
         if len(model.materials) == 1:
@@ -98,11 +115,23 @@ def _mean_of_ends(
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
 
-def _lack(model: Model, rows: NDArray[np.int64], found: Candidates, area: NDArray[np.float64]) -> NDArray[np.float64]:
+def _calibration(model: Model, material: Material, corrections: Corrections) -> Calibration:
+    if not corrections.calibration:
+        return Calibration(1.0, 1.0)
+    return calibration(model.settings.horizon.ratio, material, corrections.partial_cells)
+
+
+def _lack(
+    model: Model,
+    rows: NDArray[np.int64],
+    found: Candidates,
+    area: NDArray[np.float64],
+    corrections: Corrections,
+) -> NDArray[np.float64]:
     """What the rows (k, 2) of a full lattice hold in uniform stretching along x and along y, over what these hold."""
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
-    full, lack = _full_energy(model, rows), []
+    full, lack = _full_energy(model, rows, corrections), []
     for axis in (0, 1):
         energy = found.modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
         held = np.bincount(pairs.source - rows[0], energy, minlength=len(rows))
@@ -118,12 +147,12 @@ def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np
     return np.asarray(((n[:, 0] / mean[0]) ** 2 + (n[:, 1] / mean[1]) ** 2) ** -0.5)
 
 
-def _full_energy(model: Model, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
     """Twice the energy density (k,) of the rows of a full lattice of its material at unit stretch, Pa."""
     ratio = model.settings.horizon.ratio
     full = []
     for material in model.materials:
-        found = lattice_ratios(ratio, material.micromodulus, material.plane, True)
+        found = lattice_ratios(ratio, material.micromodulus, material.plane, corrections.partial_cells)
         c11 = (1.125 if material.plane == "stress" else 1.2) * material.E
-        full.append(c11 * found.c11 * calibration(ratio, material).stiffness)
+        full.append(c11 * found.c11 * _calibration(model, material, corrections).stiffness)
     return np.array(full)[model.material_of[rows]]

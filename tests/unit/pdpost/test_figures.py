@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
-from pdpost import figures
+from pdpost import bonds, figures, levels, sheets
+from pdpost.fields import FIELDS, FieldError
 from pdpost.figures import FigureError
+from pdpost.sheets import prefixed
 from pdsolve.results import Results, ResultsError
 
+DRAW: dict[str, Callable[[Results], Figure]] = {
+    "damage": lambda results: figures.draw(results, "damage", 60),
+    "stress": lambda results: figures.draw(results, "stress", 60, scale=2.0),
+    "nodes": lambda results: levels.draw(results, 60, 1.0),
+    "bonds": lambda results: bonds.draw(results, 60, 0.0),
+}
 
+
+@pytest.mark.parametrize("what", DRAW)
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: str) -> None:
+def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: str, what: str) -> None:
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
-            figures.save(figures.draw(results, "damage", 60), tmp_path / f"{name}{suffix}")
+            figures.save(DRAW[what](results), tmp_path / f"{name}{suffix}")
         written.append((tmp_path / f"{name}{suffix}").read_bytes())
     assert written[0] == written[1]
     assert len(written[0]) > 1000
@@ -44,18 +58,18 @@ def test_sizes_of_vectors_in_handy_units(small_results: Path, name: str, letter:
     with Results.open(small_results) as results:
         figure = figures.draw(results, name, 60)
         size = np.hypot(results.field(f"{letter}x", 60).astype(float), results.field(f"{letter}y", 60))
-    scale, prefix = figures.prefixed(float(size.max()))
+    scale, prefix = prefixed(float(size.max()))
     (cells,) = figure.axes[0].collections
     assert np.asarray(cells.get_array()) == pytest.approx(size * scale, rel=1e-12)
     assert 1 <= size.max() * scale < 1000
-    assert figure.axes[0].child_axes[0].get_ylabel() == f"{name}, {prefix}{figures.PICTURES[name].unit}"
+    assert figure.axes[1].get_ylabel() == f"{name}, {prefix}{FIELDS[name].unit}"
 
 
 @pytest.mark.parametrize(
     ("largest", "handy"), [(0.0, (1, "")), (3e-5, (1e6, "µ")), (1.0, (1, "")), (2e7, (1e-6, "M")), (1e-30, (1e9, "n"))]
 )
 def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
-    factor, prefix = figures.prefixed(largest)
+    factor, prefix = prefixed(largest)
     assert (factor, prefix) == (pytest.approx(handy[0], rel=1e-12), handy[1])
 
 
@@ -74,3 +88,128 @@ def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path)
     with pytest.raises(FigureError, match=r"--set font\.size=big: "):
         figures.styled({"font.size": "big"})
     assert list(tmp_path.glob("x*")) == []
+
+
+def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        figure = figures.draw(results, "velocity", 60, part="y")
+        largest = float(np.abs(results.field("vy", 60)).max())
+        narrow = figures.draw(results, "velocity", 60, part="y", largest=2.0)
+        with pytest.raises(FieldError, match="velocity: found no component 'xx', expected one of magnitude, x, y"):
+            figures.draw(results, "velocity", 60, part="xx")
+        with pytest.raises(FieldError, match="damage: found no component 'x', expected none, it is a scalar"):
+            figures.draw(results, "damage", 60, part="x")
+    (cells,) = figure.axes[0].collections
+    factor, _ = prefixed(largest)
+    assert cells.get_clim() == pytest.approx((-largest * factor, largest * factor))
+    assert narrow.axes[0].collections[0].get_clim() == (-2.0, 2.0)
+
+
+def test_colours_end_at_the_usual_largest() -> None:
+    """One value in a thousand that is far above all others does not make the others all alike."""
+    values = np.full(1000, 2.0)
+    assert figures.usual(values) == 2.0
+    values[7] = -3.9
+    assert figures.usual(values) == 3.9
+    values[7] = -100.0
+    assert figures.usual(values) == 2.0
+    shown = figures.colours("stress", "xx", values)
+    assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
+    assert figures.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
+    assert figures.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
+    assert figures.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
+
+
+def test_the_deformed_shape(small_results: Path) -> None:
+    """Squares are where displacement times the scale puts them; the title says so."""
+    with Results.open(small_results) as results:
+        figure = figures.draw(results, "damage", 60, scale=3.0)
+        nodes = results.nodes()
+        u = np.column_stack([results.field("ux", 60), results.field("uy", 60)]).astype(float)
+    (cells,) = figure.axes[0].collections
+    middles = np.array([path.vertices[:4] for path in cells.get_paths()]).mean(axis=1)
+    assert middles == pytest.approx((nodes.position + 3.0 * u) * 1e3, abs=1e-9)
+    assert "3 times the displacement" in figure.axes[0].get_title()
+
+
+def test_the_scale_that_shows_displacements(small_results: Path) -> None:
+    """A round number: it moves nodes 2 to 5 % of the plate, and not less than they moved."""
+    with Results.open(small_results) as results:
+        assert sheets.chosen_scale(results, 0) == 1.0
+        scale = sheets.chosen_scale(results, 60)
+        u = np.hypot(results.field("ux", 60), results.field("uy", 60))
+    assert 0.02 <= scale * np.percentile(u, 99) / 20e-3 <= 0.05 + 1e-12 or scale == 1.0
+    assert f"{scale:.0e}"[0] in "125"
+
+
+def test_bonds_are_blue_and_red(small_results: Path) -> None:
+    """A line for each pair of nodes, between them; as many red ones as there are breaks."""
+    with Results.open(small_results) as results:
+        figure = bonds.draw(results, 60, 0.0)
+        found = bonds.bonds(results, 60)
+        early = bonds.bonds(results, 0)
+        nodes, breaks, families = results.nodes(), results.breaks(), results.families()
+    pairs = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
+    assert len(found.broken) == len(families.neighbour) / 2
+    assert {frozenset(pair) for pair in nodes.ids[found.ends[found.broken]].tolist()} == pairs
+    assert not early.broken.any()
+    intact, broken = (lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection))
+    assert tuple(broken.get_color()[0][:3]) == pytest.approx(to_rgb("#d55e00"))
+    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.broken) - len(pairs), len(pairs))
+    ends = nodes.position[found.ends[found.broken]] * 1e3
+    assert np.array(broken.get_segments()) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_an_image_has_the_same_bytes_each_time(
+    small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(sheets, "SQUARES", 10)
+    written = []
+    for name in ("one", "two"):
+        with Results.open(small_results) as results:
+            figures.save(figures.draw(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
+        written.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert written[0] == written[1]
+
+
+def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same colours at the nodes' places as the squares have."""
+    with Results.open(small_results) as results:
+        squares = figures.draw(results, "damage", 60)
+        monkeypatch.setattr(sheets, "SQUARES", 10)
+        image = figures.draw(results, "damage", 60)
+        nodes = results.nodes()
+    (cells,) = squares.axes[0].collections
+    (painted,) = image.axes[0].images
+    pixels = np.asarray(painted.get_array())
+    x0, x1, y0, y1 = painted.get_extent()
+    rows, columns, _ = pixels.shape
+    column = ((nodes.position[:, 0] * 1e3 - x0) / (x1 - x0) * columns).astype(int)
+    row = ((nodes.position[:, 1] * 1e3 - y0) / (y1 - y0) * rows).astype(int)
+    assert np.array_equal(pixels[row, column], cells.to_rgba(np.asarray(cells.get_array()), bytes=True))
+    assert (pixels[:, :, 3] == 255).all()
+
+
+def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bonds, "LINES", 10)
+    with Results.open(small_results) as results:
+        figure = bonds.draw(results, 60, 0.0)
+        share = bonds.bonds(results, 60).broken.mean()
+    assert len(figure.axes[0].images) == 1
+    pixels = np.asarray(figure.axes[0].images[0].get_array())
+    blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
+    full = pixels[:, :, 3] > 0
+    whole = (pixels == blue).all(axis=2)
+    assert full.any()
+    assert 0 < (full & ~whole).mean() < 3 * share + 0.2
+    assert whole.any()
+
+
+def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
+    with Results.open(small_results) as results:
+        figure = levels.draw(results, 60, 0.0)
+        nodes = results.nodes()
+    (dots,) = figure.axes[0].collections
+    assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 mm: 252 nodes", "pre-crack"]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pdpost.animation import gif
 from pdpost.crack_figure import crack
 from pdpost.crack_summary import summary
-from pdpost.moving import gif
 from pdpost.report import report
 from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Results

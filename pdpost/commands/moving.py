@@ -1,0 +1,113 @@
+"""Moving pictures: a whole run as a film, and a run that goes on."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import (
+    add_colours,
+    add_every,
+    add_results,
+    add_scale,
+    chosen_scale,
+    counted,
+    positive,
+)
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+NAMES = ("damage", "energy", "displacement", "velocity", "acceleration", "strain", "stress")
+
+
+def add(commands: Commands) -> None:
+    """Put `animate` and `watch` on the command line."""
+    animate = commands.add_parser("animate", help="make a film of a field: GIF, or MP4 where ffmpeg is found")
+    _add_field(animate, "the film, .gif or .mp4 (default: the results' name with .damage.gif, or whichever field)")
+    add_every(animate)
+    animate.add_argument("--rate", type=positive, default=10.0, metavar="N", help="frames a second (default: 10)")
+    animate.set_defaults(run=_animate)
+    watch = commands.add_parser("watch", help="draw a field anew with each frame of a run that goes on")
+    _add_field(watch, "the picture (default: the results' name with .damage.png, or whichever field)")
+    watch.add_argument(
+        "--patience",
+        type=positive,
+        default=600.0,
+        metavar="S",
+        help="give up after so many seconds without a new frame (default: 600)",
+    )
+    watch.set_defaults(run=_watch)
+
+
+def _add_field(command: argparse.ArgumentParser, output: str) -> None:
+    add_results(command)
+    commandline.add_common_options(
+        command, output=output, assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11"
+    )
+    command.add_argument("--field", choices=NAMES, default="damage", help="what is shown (default: damage)")
+    command.add_argument("--component", metavar="NAME", help="which one, as in the command of the field's name")
+    add_scale(command, default="0")
+    add_colours(command)
+
+
+def _animate(args: argparse.Namespace) -> int:
+    import matplotlib
+
+    from pdmesh.files import write_atomically
+    from pdpost import animation, figures
+    from pdsolve.results import Results, ResultsError
+
+    path = commandline.output_path(args.output, args.results, f".{args.field}.gif", args.force)
+    kind = animation.check_format(path)
+    style = figures.styled({"savefig.dpi": str(animation.DPI), **dict(args.assignments)})
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+        steps, times = results.frames()
+        if not len(steps):
+            raise ResultsError(f"{args.results}: found no frame yet, expected at least one")
+        how = {
+            "part": args.component,
+            "scale": chosen_scale(results, int(steps[-1]), args),
+            "largest": args.largest,
+            "every": args.every,
+            "dpi": float(dpi) if (dpi := matplotlib.rcParams["savefig.dpi"]) != "figure" else animation.DPI,
+            "progress": counted(args, "drawing"),
+        }
+        if kind == "gif":
+            film = animation.gif(results, args.field, rate=args.rate, **how)
+        else:
+            film = animation.mp4(animation.frames(results, args.field, **how), args.rate)
+    write_atomically(path, film)
+    count = len(steps[:: args.every])
+    result = {"output": str(path), "field": args.field, "frames": count, "rate": args.rate, "end": float(times[-1])}
+    commandline.report(result, [f"{path}: {args.field}, {count} frames, {len(film) / 1e6:.3g} MB"], args)
+    return commandline.OK
+
+
+def _watch(args: argparse.Namespace) -> int:
+    import matplotlib
+
+    from pdpost import fields, figures, watching
+    from pdsolve.results import Results
+
+    path = commandline.output_path(args.output, args.results, f".{args.field}.png", args.force)
+    figures.check_format(path)
+    part = fields.component(args.field, args.component)
+    style = figures.styled(dict(args.assignments))
+    drawn = 0
+    for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
+        with matplotlib.rc_context(rc=style):
+            with Results.open(args.results) as results:
+                scale = chosen_scale(results, step, args)
+                time = step * float(results.meta()["time_step"])
+                figure = figures.draw(results, args.field, step, part=part or None, scale=scale, largest=args.largest)
+            figures.save(figure, Path(path))
+        drawn += 1
+        commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)
+    with Results.open(args.results) as results:
+        status = str(results.meta()["status"])
+    result = {"output": str(path), "field": args.field, "drawn": drawn, "status": status}
+    commandline.report(result, [f"{path}: the run is {status}; {drawn} frames drawn"], args)
+    return commandline.OK

@@ -1,0 +1,64 @@
+"""Many nodes as an image: each paints the pixels of its square, several on one pixel are averaged."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+TIE = 1e-6  # pixels: keeps an edge that two nodes share from rounding to either side of a pixel's centre
+BLOCK = 1 << 18  # nodes at a time, so that memory stays small
+FAR = 1e9  # pixels: further off is as far
+
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1
+
+
+def averages(
+    position: NDArray[np.float64], size: NDArray[np.float64], values: NDArray[np.float64], box: Box, columns: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """An image (rows, columns) of `box`, lowest row first, and where nodes are in it.
+
+    A node (n, 2) takes the pixels whose centres are within its square of side `size` (n,), at least the one it is
+    in. A pixel is the mean of the `values` (n,) of its nodes that are numbers, NaN where there are none.
+    """
+    low, high = np.array(box[:2]), np.array(box[2:])
+    rows = max(round(columns * float((high[1] - low[1]) / (high[0] - low[0]))), 1)
+    shape = np.array([columns, rows])
+    pixels = columns * rows
+    total, known, there = np.zeros(pixels), np.zeros(pixels, dtype=np.int64), np.zeros(pixels, dtype=bool)
+    for start in range(0, len(values), BLOCK):
+        some = slice(start, start + BLOCK)
+        place = ((position[some] - low) / (high - low) * shape).clip(-FAR, FAR)
+        half = size[some, None] / 2 / (high - low) * shape
+        pixel, node = _painted(place, half, shape)
+        there[pixel] = True
+        painted = values[some][node]
+        finite = np.isfinite(painted)
+        total += np.bincount(pixel[finite], painted[finite], pixels)
+        known += np.bincount(pixel[finite], minlength=pixels)
+    mean = np.divide(total, known, out=np.full(pixels, np.nan), where=known > 0)
+    return mean.reshape(rows, columns), there.reshape(rows, columns)
+
+
+def _painted(
+    place: NDArray[np.float64], half: NDArray[np.float64], shape: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pixel and node of each pixel that a node paints; nodes of one size together. Lengths are in pixels."""
+    first = np.ceil(place - half - 0.5 - TIE).astype(np.int64)
+    after = np.ceil(place + half - 0.5 - TIE).astype(np.int64)
+    thin = after <= first
+    first[thin] = np.floor(place[thin]).astype(np.int64)
+    after[thin] = first[thin] + 1
+    first, after = first.clip(0), np.minimum(after, shape)
+    inside = np.flatnonzero((after > first).all(axis=1))
+    corner = first[inside, 1] * shape[0] + first[inside, 0]
+    span = (after - first)[inside]
+    pixels, nodes = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    tall = int(span[:, 1].max(initial=0)) + 1
+    kind = span[:, 0] * tall + span[:, 1]
+    for one in np.flatnonzero(np.bincount(kind)).tolist():
+        width, height = divmod(one, tall)
+        alike = np.flatnonzero(kind == one)
+        patch = (shape[0] * np.arange(height)[:, None] + np.arange(width)).ravel()
+        pixels.append((corner[alike, None] + patch).ravel())
+        nodes.append(np.repeat(inside[alike], width * height))
+    return np.concatenate(pixels), np.concatenate(nodes)

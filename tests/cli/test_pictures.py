@@ -1,0 +1,222 @@
+"""The commands of pdpost that draw, film, follow and export."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdpost.__main__ import main
+from pdpost.commands import moving, pictures
+from pdpost.fields import FIELDS
+from pdsolve.results import Families, Nodes, Results, Writer
+
+PICTURES = ("damage", "displacement", "velocity", "strain", "stress", "nodes", "bonds")
+
+
+def test_the_commands_and_the_library_know_the_same_fields() -> None:
+    assert tuple(pictures.FIELDS) == tuple(FIELDS) == moving.NAMES
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_picture_needs_no_option(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """A PNG, its numbers as finite JSON, and a table."""
+    assert main([name, str(small_results), "--json", "--csv", "table.csv"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    told = json.loads(out, parse_constant=pytest.fail)
+    assert (told["step"], told["output"]) == (60, f"small.{name}.png")
+    assert (here / f"small.{name}.png").read_bytes().startswith(b"\x89PNG")
+    rows = list(csv.DictReader(io.StringIO((here / "table.csv").read_text())))
+    if name == "bonds":
+        assert sum(int(row["broken"]) for row in rows) == told["broken"] > 0
+        assert len(rows) == told["broken"] + told["intact"]
+    else:
+        assert len(rows) == 252
+
+
+def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Results.open(small_results) as results:
+        vy = results.field("vy", 40)
+    given = ["velocity", str(small_results), "--component", "y", "--frame", "2"]
+    assert main([*given, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["smallest"], told["largest"], told["unknown"]) == (vy.min(), vy.max(), 0)
+    assert main([*given, "--force", "--csv", "-"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert np.array_equal(np.array([row["velocity_y"] for row in rows], dtype=np.float32), vy)
+    assert float(rows[5]["velocity_magnitude"]) == pytest.approx(
+        np.hypot(float(rows[5]["velocity_x"]), float(rows[5]["velocity_y"])), rel=1e-8
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
+        (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
+        (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
+        (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
+        (["bonds", "--frame", "4"], "found no frame 4, expected 0 to 3 or -4 to -1"),
+        (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
+        (["animate", "--field", "acceleration"], "found no field 'ax'"),
+        (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
+        (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
+        (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
+        (["export", "--frame", "1"], "--frame or --time: found with .pvd, which holds all frames"),
+        (["export", "-o", "x.vtu", "--every", "2"], "--every: found with .vtu, which holds one frame"),
+        (["export", "-o", "x.csv", "--squares"], "--squares: found with .csv, which holds points"),
+    ],
+)
+def test_what_cannot_be_drawn_is_two_and_one_line(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([arguments[0], str(small_results), *arguments[1:]]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+    assert sorted(path.name for path in here.iterdir()) == ["small.sqlite"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["damage", "--scale", "-1"], ["damage", "--largest", "0"], ["animate", "--every", "0"], ["export", "--also", "u"]],
+)
+def test_options_that_make_no_sense(small_results: Path, arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([arguments[0], str(small_results), *arguments[1:]])
+    assert stop.value.code == 2
+
+
+def spoilt(good: Path, what: str) -> tuple[Path, str]:
+    """A database that is no good, and what is said of it."""
+    path = good.with_name("bad.sqlite")
+    data = good.read_bytes()
+    if what == "empty":
+        path.write_bytes(b"")
+        return path, "found an empty database, expected one written by pdsolve"
+    if what == "truncated":
+        path.write_bytes(data[: len(data) // 2])
+        return path, "malformed, expected a whole one (was the file cut short?)"
+    if what == "older":
+        path.write_bytes(data[:63] + b"\x01" + data[64:])
+        return path, "found schema version 1, expected 2"
+    if what == "no frame":
+        one = np.array([1])
+        nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
+        alone = Families(np.array([0, 0]), np.zeros(0, dtype=np.int64))
+        Writer.create(path, nodes, lambda first, last: alone, np.empty((0, 4)), {"time_step": 1.0}).close("running")
+        return path, "found no frame yet, expected at least one"
+    path.write_bytes(data)
+    return path, "database is locked, expected one that no other program keeps to itself"
+
+
+@pytest.mark.parametrize("command", ["damage", "bonds", "animate", "export"])
+@pytest.mark.parametrize("what", ["empty", "truncated", "older", "no frame"])
+def test_databases_that_are_no_good(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], what: str, command: str
+) -> None:
+    path, message = spoilt(small_results, what)
+    before = sorted(here.iterdir())
+    assert main([command, str(path)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+    assert sorted(here.iterdir()) == before
+
+
+def test_a_database_that_someone_keeps_to_himself(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, message = spoilt(small_results, "locked")
+    connection = sqlite3.connect(path)
+    connection.execute("BEGIN EXCLUSIVE")
+    assert main(["damage", str(path)]) == 2
+    connection.close()
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_frame_without_displacements_is_drawn_where_it_was(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    connection = sqlite3.connect(small_results)
+    connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
+    connection.commit()
+    connection.close()
+    assert main(["nodes", str(small_results), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["scale"] == 0.0
+    assert "holds no displacements; the reference is drawn" in err
+    assert main(["damage", str(small_results), "--scale", "2"]) == 2
+    assert "found no field 'ux', expected one of damage" in capsys.readouterr().err
+
+
+def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["animate", str(small_results), "--every", "2", "--scale", "auto", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["output"], told["frames"]) == ("small.damage.gif", 2)
+    assert (here / "small.damage.gif").read_bytes().startswith(b"GIF89a")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "written"),
+    [
+        ([], ["small", "small.pvd"]),
+        (["-o", "a.vtu", "--frame", "1", "--also", "strain,stress"], ["a.vtu"]),
+        (["-o", "a.vtu", "--squares"], ["a.vtu"]),
+        (["-o", "a.xdmf", "--every", "3"], ["a.xdmf"]),
+        (["-o", "a.csv", "--time", "1e-6", "--also", "stress"], ["a.csv"]),
+    ],
+)
+def test_exports(small_results: Path, here: Path, arguments: list[str], written: list[str]) -> None:
+    assert main(["export", str(small_results), *arguments, "-q"]) == 0
+    assert sorted(path.name for path in here.iterdir()) == sorted([*written, "small.sqlite"])
+    if not arguments:
+        assert len(list((here / "small").glob("*.vtu"))) == 4
+        assert main(["export", str(small_results)]) == 2
+        assert main(["export", str(small_results), "--force"]) == 0
+
+
+def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", str(small_results), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {"output": "small.damage.png", "field": "damage", "drawn": 1, "status": "finished"}
+    assert err == "small.damage.png: damage at 3 us (step 60)\n"
+
+
+def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: Path) -> None:
+    """A run that was killed still says it is running: 1 when patience ends, 130 at Ctrl-C."""
+    connection = sqlite3.connect(small_results)
+    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
+    connection.commit()
+    connection.close()
+    assert main(["watch", str(small_results), "--patience", "0.1", "-q"]) == 1
+    command = [sys.executable, "-m", "pdpost", "watch", str(small_results), "--force"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        assert child.stderr is not None
+        assert "damage at 3 us" in child.stderr.readline()
+        time.sleep(0.2)
+        child.send_signal(signal.SIGINT)
+        assert "interrupted" in child.stderr.read()
+    assert child.returncode == 130
+
+
+def test_help_is_there_at_once() -> None:
+    """No picture is needed to say what there is: numpy and matplotlib are not imported."""
+    words = "import sys; from pdpost.__main__ import parser; parser().format_help(); "
+    words += "print([name for name in ('numpy', 'matplotlib', 'meshio') if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", words], check=True, capture_output=True, text=True)
+    assert found.stdout.strip() == "[]"
