@@ -34,8 +34,8 @@ def _exits() -> dict[type[Exception], int]:
     from pdsolve.results import ResultsError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
-    expected = (ExportError, FieldError, FigureError, PathError, ResultsError)
-    return exits | dict.fromkeys(expected, commandline.BAD_INPUT)
+    kinds = (ExportError, FieldError, FigureError, PathError, ResultsError)
+    return exits | dict.fromkeys(kinds, commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
-SHOTS = 40  # of the animation
+FRAMES = 24  # of the animation
 FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
 STYLE = """
@@ -60,13 +60,18 @@ def report(results: Results, name: str) -> str:
         ("Balance", _balance(results)),
         ("Crack", _crack(results, last)),
         (f"Fields at {times[-1] * 1e6:.4g} µs", _fields(results, int(steps[-1]))),
-        ("Animation", [_picture(gif(results, "damage", every=-(-len(steps) // SHOTS)), "gif", "damage")]),
+        ("Animation", [_picture(_film(results), "gif", "damage over time")]),
     ]
     body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
+
+
+def _film(results: Results) -> bytes:
+    """Damage over time, in at most `FRAMES` frames."""
+    return gif(results, "damage", every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
 
 
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:

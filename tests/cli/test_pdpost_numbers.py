@@ -248,9 +248,8 @@ def test_a_locked_file(
     locked_file(small_results)
     monkeypatch.setattr(sqlite3, "connect", lambda *args, **more: connect(*args, timeout=0.1, **more))
     assert main(["balance", str(small_results)]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith(f"pdpost: {small_results}: database is locked")
-    assert err.count("\n") == 1
+    expected = f"pdpost: {small_results}: database is locked, expected one that no other program keeps to itself\n"
+    assert capsys.readouterr().err == expected
     LOCKS.pop().close()
 
 

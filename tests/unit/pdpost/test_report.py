@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import json
 import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from pdpost.animation import gif
 from pdpost.crack_figure import crack
 from pdpost.crack_summary import summary
 from pdpost.report import report
 from pdpost.scene_figure import acted_on, scene
 from pdsolve.results import Results
-
-
-def test_the_gif_has_every_frame_and_the_same_bytes(small_results: Path) -> None:
-    with Results.open(small_results) as results:
-        first, second = gif(results, "damage"), gif(results, "damage")
-    assert first == second
-    with Image.open(io.BytesIO(first)) as picture:
-        assert picture.n_frames == 4
-        pictures = []
-        for frame in range(4):
-            picture.seek(frame)
-            pictures.append(np.asarray(picture.convert("RGB")))
-    assert not np.array_equal(pictures[0], pictures[3])
 
 
 def test_where_conditions_act(small_results: Path) -> None:
