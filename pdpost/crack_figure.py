@@ -41,11 +41,13 @@ def crack(results: Results, found: Summary) -> Figure:
     fast, unit = scaled([np.array([limit])], "m/s")
     for number, one in enumerate(shown):
         known = one.since >= 0
-        width = 1.1 + 1.5 * (1 - number / max(len(shown) - 1, 1))  # what lies below another is seen beside it
+        style = look(number) | {"lw": 1.5}
+        if number:  # of curves that lie on each other all are seen, in turns
+            style["ls"] = (4 * (number - 1), (4, 4))
         plate.plot(*one.points.T * 1e3, lw=1.5, solid_capstyle="round", **look(number))
-        length.plot(times[number] * second, one.along[known] * metre, marker=".", ms=3, lw=width, **look(number))
+        length.plot(times[number] * second, one.along[known] * metre, **style)
         fastness = speeds(one, time_step)[known] * fast
-        speed.plot(times[number] * second, fastness, marker=".", ms=3, lw=width, **look(number))
+        speed.plot(times[number] * second, fastness, **style)
     if found.forks:
         plate.plot(
             *np.array([fork.place for fork in found.forks]).T * 1e3, "o", ms=4.5, mfc="white", mec="black", mew=0.8
