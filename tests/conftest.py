@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,13 @@ def pytest_configure() -> None:
     for compiled in package.rglob("*.nb[ic]"):
         if compiled.stat().st_mtime < newest:
             compiled.unlink()
+
+
+@pytest.fixture(autouse=True)
+def _closed_pipes() -> Iterator[None]:
+    """A pipe that is closed stays an error: Gmsh, once loaded by a test, makes it the end of the process."""
+    yield
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 @pytest.fixture(scope="session")

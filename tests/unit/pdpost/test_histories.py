@@ -36,7 +36,7 @@ def test_a_probe_is_finer_than_frames(small_plate: Model) -> None:
 def test_components(component: str, value: float) -> None:
     """Nodes moved at (3, -4) m/s."""
     everything = Velocity(box=(0.0, 0.0, 1.0, 1.0), x=3.0, y=-4.0)
-    model = plate(square_grid(5, 5), conditions=(everything,), run=Run(time_step=1e-8, steps=4, every=2))
+    model = plate(square_grid(8, 8), conditions=(everything,), run=Run(time_step=1e-8, steps=4, every=2))
     with simulate(model) as results:
         curve = of_node(results, 7, "velocity", component)
         moved = of_node(results, 7, "displacement", component)
