@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_thread_id, njit, prange
+from numba import get_thread_id, njit
 from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share, spent_share
@@ -280,10 +280,13 @@ def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
     return np.uint64(base) + lane if base >= 0 else np.uint64(blocks.ids[-1 - base, lane])
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-untyped-def]
-    """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3."""
-    for b in prange(len(blocks.start) - 1):
+    """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3.
+
+    On one thread: it is asked for once in many steps, and a parallel loop would take a second more to compile.
+    """
+    for b in range(len(blocks.start) - 1):
         _energies_of(blocks, worst, u, strain, softened, np.int64(b))
 
 
