@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, exports, history, moving, pictures, report, sql
+from pdpost.commands import crack, exports, history, moving, pictures, report, sql, tradeoff
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, history, crack, report, exports, sql):
+    for group in (pictures, moving, history, crack, tradeoff, report, exports, sql):
         group.add(commands)
     return program
 

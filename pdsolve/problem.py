@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -76,6 +76,7 @@ class Problem:
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
     fast: Fast | None  # None: by the textbook
+    fill: Callable[[Model], Filling]  # how its bonds were made
 
     @property
     def kernel(self) -> str:
@@ -85,7 +86,7 @@ class Problem:
     @cached_property
     def assembly(self) -> Assembly:
         """The whole list of bonds, in the run's precision; made anew for the fast kernel, which does without."""
-        return _in_precision(SCHEMES[self.options.mode](self.model).whole(), self.options.precision)
+        return _in_precision(self.fill(self.model).whole(), self.options.precision)
 
     @property
     def bonds(self) -> int:
@@ -239,7 +240,7 @@ def prepare(model: Model, options: Options) -> Problem:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
     numba.set_num_threads(options.threads or cores)
     refuse(model, PARTIAL_CELLS[options.mode])
-    return problem_of(model, options, SCHEMES[options.mode](model))
+    return problem_of(model, options, SCHEMES[options.mode])
 
 
 class _Survey:
@@ -262,8 +263,9 @@ class _Survey:
             yield part
 
 
-def problem_of(model: Model, options: Options, filling: Filling) -> Problem:
+def problem_of(model: Model, options: Options, fill: Callable[[Model], Filling]) -> Problem:
     """The problem of a model whose bonds are filled like this, in double precision. Raises ModelError."""
+    filling = fill(model)
     kind, nodes = np.dtype(options.precision).type, len(model.grid)
     survey, blocks, exact = _Survey(filling, model.rho), None, None
     if options.kernel != "textbook":
@@ -303,7 +305,7 @@ def problem_of(model: Model, options: Options, filling: Filling) -> Problem:
         fast = Fast(blocks, tracks, blocks.mask.copy())
         motion, driven = _looking_into(tracks, motion, driven)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
-    problem = Problem(model, options, filling.area, family, count, driven, motion, rho, step, bound, energy, fast)
+    problem = Problem(model, options, filling.area, family, count, driven, motion, rho, step, bound, energy, fast, fill)
     if exact is not None:
         vars(problem)["assembly"] = _in_precision(exact, options.precision)  # to be asked for at once
     problem.march(1, 1)  # no step: compiles before the clock runs

@@ -37,9 +37,7 @@ def joined(problem: Problem, box: Box) -> Problem:
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
     assembly = Assembly(own, problem.assembly.area[rows], problem.assembly.family[rows])
-    ring = problem_of(sub, problem.options, Filling(assembly.area, lambda rows: _part(assembly, rows)))
-    vars(ring)["assembly"] = assembly  # not that of a plate with edges
-    return ring
+    return problem_of(sub, problem.options, lambda _: Filling(assembly.area, lambda rows: _part(assembly, rows)))
 
 
 def _part(assembly: Assembly, rows: np.ndarray) -> Part:

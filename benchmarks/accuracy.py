@@ -1,0 +1,344 @@
+"""What accuracy costs: four problems, each solved in some twenty ways; cost against error, on one chart.
+
+`python -m benchmarks.accuracy` writes accuracy.json and accuracy.png; benchmarks/README.md says how each number is
+made. (a) a plate with a hole in tension, against the classical solution; (b) a pulse through a change of spacing,
+against the pulse; (c) Kalthoff and Winkler's experiment and (d) the branching crack of the Duran plate, each against
+a uniform run of half the finest spacing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.claims import Case
+from benchmarks.runs import built
+from pdmesh import VERSION
+from pdmesh.grid import Grid, Horizon, Material, Run, Settings
+from pdmesh.lattice import build_grid
+from pdmesh.scene import Circle, Scene, box
+from pdpost import tradeoff
+from pdpost.tradeoff_figure import draw
+from pdsolve.bonds import Filling
+from pdsolve.model import Model
+from pdsolve.problem import Options, Problem, problem_of
+from pdsolve.results import Results
+from pdsolve.schemes import average_horizon, one_sided
+from pdsolve.schemes.average_horizon import ALL, Corrections
+from pdsolve.simulation import run
+
+sys.path.append(str(Path(__file__).parent.parent / "tests"))
+sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))
+
+SAMPLE = 0.2  # s of marching that stand for a run of (a) and (b)
+TRANSITS = 10  # of a wave across the plate of (a): what a slow load would take
+HALF, RADIUS, FINE_ZONE = 4.0, 1.0, 2.0  # of (a), m
+WIDTH = 8e-3  # of the pulse of (b), m
+
+
+class Variant(NamedTuple):
+    """One way to solve a problem; the usual one but for what its name says."""
+
+    name: str
+    ratio: int = 2  # of the coarse spacing over the fine one; 1 for a uniform grid
+    fine: float = 1.0  # the finest spacing over that of the problem
+    mode: str = "conservative"
+    profile: str = "conical"
+    m: float = 3.0
+    corrections: Corrections = ALL
+    precision: str = "float64"
+    step: float = 0.8  # over the surely stable one
+
+    def fill(self, model: Model) -> Filling:
+        """The model's bonds."""
+        return one_sided.fill(model) if self.mode == "thesis" else average_horizon.fill(model, self.corrections)
+
+    def problem(self, model: Model) -> Problem:
+        """The model's problem, solved this way."""
+        assert model.settings.material is not None
+        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
+        settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
+        model = dataclasses.replace(model, settings=settings)
+        made = problem_of(model, Options(self.mode, self.precision), self.fill)
+        steps = round(settings.run.steps * (settings.run.time_step or 0) / (self.step * made.bound))
+        every = max(1, steps // 20)
+        wanted = msgspec.structs.replace(settings.run, steps=20 * every, every=every, time_step=self.step * made.bound)
+        model = dataclasses.replace(model, settings=msgspec.structs.replace(settings, run=wanted))
+        return dataclasses.replace(made, model=model, time_step=self.step * made.bound)
+
+
+BASE = Variant("the defaults")
+VARIANTS = (
+    BASE,
+    Variant("uniform, coarse", ratio=1, fine=2.0),
+    Variant("uniform, fine", ratio=1),
+    Variant("ratio 4", ratio=4),
+    Variant("thesis", mode="thesis"),
+    Variant("thesis, m = 4", mode="thesis", m=4.0),
+    Variant("constant", profile="constant"),
+    Variant("m = 4", m=4.0),
+    Variant("m = 6", m=6.0),
+    Variant("constant, m = 4", profile="constant", m=4.0),
+    Variant("uniform, fine, m = 4", ratio=1, m=4.0),
+    Variant("uniform, coarse, m = 4", ratio=1, fine=2.0, m=4.0),
+    Variant("no partial cells", corrections=ALL._replace(partial_cells=False)),
+    Variant("no calibration", corrections=ALL._replace(calibration=False)),
+    Variant("no surface correction", corrections=ALL._replace(surfaces=False)),
+    Variant("no correction", corrections=Corrections(False, False, False)),
+    Variant("float32", precision="float32"),
+    Variant("a quarter of the stable step", step=0.25),
+    Variant("the stable step", step=1.0),
+)
+
+
+class Row(NamedTuple):
+    """What a variant cost, and how wrong it is."""
+
+    problem: str
+    variant: str
+    nodes: int
+    bonds: int
+    updates: float  # bonds times steps
+    wall: float  # s of marching, on all threads
+    error: float  # what the chart shows
+    errors: dict[str, float]  # all of them
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmarks.accuracy", description=__doc__)
+    parser.add_argument("--problems", default=",".join(PROBLEMS), help="some of " + ", ".join(PROBLEMS))
+    parser.add_argument("-o", "--output", type=Path, default=Path("accuracy.json"))
+    args = parser.parse_args(arguments)
+    rows: list[Row] = []
+    for name in args.problems.split(","):
+        for row in PROBLEMS[name]():
+            rows.append(row)
+            told = ", ".join(f"{what} {value:.3g}" for what, value in row.errors.items())
+            print(f"{row.problem}: {row.variant}: {row.updates:.3g} bond updates, {row.wall:.3g} s; {told}", flush=True)
+    machine = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "threads": numba.get_num_threads(),
+        "python": platform.python_version(),
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+        "pdsuite": VERSION,
+    }
+    result = {"machine": machine, "rows": [row._asdict() for row in rows], "pareto": fronts(rows)}
+    args.output.write_text(json.dumps(result, indent=1) + "\n")
+    chart(rows, machine, args.output.with_suffix(".png"))
+    for problem, names in fronts(rows).items():
+        print(f"{problem}: on the front: {', '.join(names)}")
+    return 0
+
+
+def fronts(rows: list[Row]) -> dict[str, list[str]]:
+    """The variants of each problem that none beats in both cost and error, cheapest first."""
+    found = {}
+    for problem in dict.fromkeys(row.problem for row in rows):
+        mine = [row for row in rows if row.problem == problem]
+        best = tradeoff.front(np.array([row.updates for row in mine]), np.array([row.error for row in mine]))
+        found[problem] = [mine[at].variant for at in best]
+    return found
+
+
+def marched(problem: Problem, steps: int) -> float:
+    """Seconds that so many steps take, by some of them."""
+    problem.march(1, 3)
+    began, taken = time.perf_counter(), 0
+    while time.perf_counter() - began < SAMPLE:
+        problem.march(3 + taken, 13 + taken)
+        taken += 10
+    return (time.perf_counter() - began) / taken * steps
+
+
+# (a) A plate with a hole
+
+
+def kirsch() -> Iterator[Row]:
+    """Displacements of the classical solution held at the edge, equilibrium inside."""
+    from linear import equilibrium
+    from test_kirsch import classical
+
+    unit = Material(E=1.0, rho=1.0, G0=1.0)
+    for variant in VARIANTS:
+        spacing = variant.fine / 8
+        scene = Scene(box(-HALF, -HALF, HALF, HALF), variant.ratio * spacing, unit, variant.m)
+        scene = scene.hole(Circle(0.0, 0.0, RADIUS))
+        if variant.ratio > 1:
+            scene = scene.zone(box(-FINE_ZONE, -FINE_ZONE, FINE_ZONE, FINE_ZONE), spacing, grown=False)
+        grid, settings, _ = build_grid(scene)
+        problem = variant.problem(Model(grid, settings))
+        exact = classical(grid.position)
+        layer = (variant.m + 0.5) * grid.delta
+        outer = np.abs(grid.position).max(axis=1) > HALF - layer
+        found = equilibrium(problem, np.column_stack([outer, outer]), exact)
+        inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
+        error = relative(found[inside], exact[inside], problem.area[inside])
+        edge = np.hypot(*grid.position.T) < RADIUS + grid.delta
+        largest = float(np.hypot(*found[edge].T).max() / np.hypot(*exact[edge].T).max() - 1)
+        steps = round(TRANSITS * 2 * HALF / np.sqrt(1.125) / problem.time_step)
+        errors = {"displacement": error, "at the hole": abs(largest)}
+        yield row_of("hole in tension", variant, problem, steps, marched(problem, steps), error, errors)
+
+
+def relative(found: NDArray[np.float64], exact: NDArray[np.float64], area: NDArray[np.float64]) -> float:
+    """L2 norm of the error over that of the solution."""
+    return float(np.sqrt(np.sum(area[:, None] * (found - exact) ** 2) / np.sum(area[:, None] * exact**2)))
+
+
+def row_of(
+    name: str, variant: Variant, problem: Problem, steps: int, wall: float, error: float, errors: dict[str, float]
+) -> Row:
+    """The row of a variant that takes so many steps."""
+    nodes = len(problem.model.grid)
+    return Row(name, variant.name, nodes, problem.bonds, float(problem.bonds) * steps, wall, error, errors)
+
+
+# (b) A pulse through a change of spacing
+
+
+def strip(delta: float, ratio: int, m: float, length: float) -> tuple[Grid, float]:
+    """Nodes `delta` apart left of x = 0 and `ratio` times as far to its right, and the height of their period, m."""
+    rows = 2 * int(np.ceil(m + 1)) + 2
+    wide = ratio * delta
+    columns, coarse_columns = round(length / delta), round(length / wide)
+    y, x = np.mgrid[0 : ratio * rows, 0:columns]
+    fine = delta * np.column_stack([x.ravel() - columns + 1.0, y.ravel()])
+    y, x = np.mgrid[0:rows, 0:coarse_columns]
+    coarse = wide * np.column_stack([x.ravel(), y.ravel()]) + [delta * (1 + ratio) / 2, delta * (ratio - 1) / 2]
+    nodes = len(fine) + len(coarse)
+    grid = Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.concatenate([fine, coarse]),
+        delta=np.concatenate([np.full(len(fine), delta), np.full(len(coarse), wide)]),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 4)),
+    )
+    return grid, wide
+
+
+def pulse() -> Iterator[Row]:
+    """A P pulse from far left of x = 0 to as far right of it, in a strip that repeats itself upwards."""
+    from linear import operator
+    from periodic import joined
+    from plates import GLASS
+
+    speed = float(np.sqrt(1.125 * GLASS.E / GLASS.rho))
+    way = 6 * WIDTH
+    for variant in VARIANTS:
+        grid, period = strip(variant.fine * 1e-3, variant.ratio, variant.m, 2.2 * way)
+        settings = Settings(material=GLASS, run=Run(time_step=1e-9, steps=1))
+        y0 = period * int(np.ceil(variant.m + 1))
+        whole = variant.problem(Model(grid, settings))
+        time_step = whole.time_step
+        problem = dataclasses.replace(joined(whole, (-np.inf, y0, np.inf, y0 + period)), time_step=time_step)
+        x, motion = problem.model.grid.position[:, 0], problem.motion
+        s = (x + way) / WIDTH
+        motion.u[:, 0] = 1e-6 * np.exp(-(s**2))
+        motion.v[:, 0] = 1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2))
+        acceleration = -(operator(problem.assembly.bonds) @ motion.u.astype(float).ravel()).reshape(-1, 2)
+        motion.a[:] = acceleration / GLASS.rho
+        sent = float(np.abs(motion.v).max())
+        steps = round(2 * way / speed / time_step)
+        share = 2e-3 / period  # of the strip, so that all are of one height
+        problem.march(1, steps + 1)
+        s = (x + way - speed * steps * time_step) / WIDTH
+        exact = np.column_stack([1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2)), np.zeros(len(x))])
+        errors = {
+            "velocity": relative(motion.v.astype(float), exact, problem.area),
+            "sent back": float(np.abs(motion.v[x < -way / 3, 0]).max()) / sent,
+        }
+        row = row_of("pulse", variant, problem, steps, marched(whole, steps), errors["sent back"], errors)
+        yield row._replace(updates=share * row.updates, wall=row.wall * share * problem.bonds / whole.bonds)
+
+
+# (c) and (d) Cracks
+
+
+def cracks(name: str, scene: str, finest: float, mean: Callable[[tradeoff.Errors], float]) -> Iterator[Row]:
+    """A shipped scene against a uniform run of half its finest spacing."""
+    with tempfile.TemporaryDirectory() as folder:
+
+        def solved(variant: Variant) -> tuple[Path, Problem]:
+            fine = variant.fine * finest
+            parameters = (("Zones/fine/Spacing", f"{fine:g}"), ("Zones/coarse/Spacing", f"{variant.ratio * fine:g}"))
+            if scene == "duran50.geo":  # the same strip of the edge carries the load
+                rows = str(round(8e-3 / (variant.ratio * fine)))
+                parameters += (("Loads/top/Rows", rows), ("Loads/bottom/Rows", rows))
+            case = Case(f"{name} {variant.ratio} {variant.fine} {variant.m}", "", scene, (), parameters=parameters)
+            problem = variant.problem(built(case, Path(folder)))
+            path = Path(folder) / f"{variant.name}.sqlite"
+            run(problem, path).close()
+            return path, problem
+
+        reference, _ = solved(Variant("reference", ratio=1, fine=0.5, m=4.0))
+        for variant in VARIANTS:
+            path, problem = solved(variant)
+            with Results.open(path) as results, Results.open(reference) as finer:
+                cost, errors = tradeoff.cost(results, path), tradeoff.errors(results, finer)
+            found = {what: value for what, value in errors._asdict().items() if value is not None}
+            yield Row(
+                name,
+                variant.name,
+                len(problem.model.grid),
+                problem.bonds,
+                cost.bond_updates,
+                cost.wall_time,
+                mean(errors),
+                found,
+            )
+
+
+PROBLEMS: dict[str, Callable[[], Iterator[Row]]] = {
+    "kirsch": kirsch,
+    "pulse": pulse,
+    "kalthoff": lambda: cracks("Kalthoff-Winkler", "kalthoff_winkler.geo", 1e-3, lambda errors: errors.path or np.nan),
+    "duran": lambda: cracks("Duran plate", "duran50.geo", 1e-3, lambda errors: errors.branching or np.nan),
+}
+WHAT = {
+    "hole in tension": "displacement",
+    "pulse": "velocity sent back",
+    "Kalthoff-Winkler": "the path",
+    "Duran plate": "the time of branching",
+}
+
+
+def chart(rows: list[Row], machine: dict[str, Any], path: Path) -> None:
+    """Bond updates against the error of each problem, the defaults in red."""
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys(row.problem for row in rows))
+    figure = Figure(figsize=(11, 4.4 * -(-len(names) // 2)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(-(-len(names) // 2), min(len(names), 2), squeeze=False)).ravel()
+    for panel, name in zip(panels, names, strict=False):
+        mine = [row for row in rows if row.problem == name]
+        cost, error = np.array([row.updates for row in mine]), np.array([row.error for row in mine])
+        draw(panel, cost, error, [row.variant for row in mine])
+        usual = next(row for row in mine if row.variant == BASE.name)
+        panel.plot(usual.updates, usual.error, "o", ms=11, mfc="none", mec="#D55E00", mew=1.5)
+        panel.set(xlabel="bond updates", ylabel=f"error of {WHAT[name]}", title=name)
+    figure.suptitle(f"{machine['date']}, {machine['threads']} threads of {machine['processor']}", fontsize=8)
+    figure.savefig(path, dpi=150)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

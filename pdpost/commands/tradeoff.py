@@ -1,0 +1,117 @@
+"""Results of one scene, cost against error."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+from pdpost.commands import numbers
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+    from pdpost.tradeoff import Point
+
+COSTS = ("wall_time", "bond_updates", "bytes")
+ERRORS = ("displacement", "path", "start", "branching", "energy")
+
+
+def add(commands: Commands) -> None:
+    """Put `tradeoff` on the command line."""
+    tradeoff = commands.add_parser(
+        "tradeoff",
+        help="chart what results of one scene cost against how far they are from a reference",
+        description="Chart the cost of results of one scene against their errors, shares of the reference's"
+        " displacements, path of the crack, times and energy; mark those that none beats in both, and name the"
+        " cheapest within an error.",
+    )
+    tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve")
+    tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="what to compare them with")
+    tradeoff.add_argument("--within", type=_share, metavar="2%%", help="name the cheapest within this error")
+    tradeoff.add_argument(
+        "--by", choices=ERRORS, action="append", default=[], help="an error that counts; may be repeated (default: all)"
+    )
+    tradeoff.add_argument("--cost", choices=COSTS, default="wall_time", help="what counts as cost")
+    commandline.add_common_options(
+        tradeoff,
+        output="the chart, in the format of its suffix, with a .json beside it (default: tradeoff.png)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    numbers.add_csv(tradeoff)
+    tradeoff.set_defaults(run=_tradeoff)
+
+
+def _share(text: str) -> float:
+    """A share such as 2% or 0.02."""
+    try:
+        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        share = -1.0
+    if not 0 < share < float("inf"):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a share such as 2% or 0.02")
+    return share
+
+
+def _tradeoff(args: argparse.Namespace) -> int:
+    import json
+
+    import matplotlib
+    import numpy as np
+
+    from pdmesh.files import write_atomically
+    from pdpost import figures, tradeoff
+    from pdpost.tradeoff_figure import tradeoff as chart
+    from pdsolve.results import Results
+
+    picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
+    table = commandline.output_path(picture.with_suffix(".json"), Path("tradeoff.sqlite"), ".json", args.force)
+    style = figures.styled(dict(args.assignments))
+    points = []
+    with Results.open(args.reference) as reference:
+        for path in args.results:
+            with Results.open(path) as results:
+                points.append(tradeoff.point(results, path, reference))
+    there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
+    kinds = [kind for kind in args.by or there if kind in there]
+    cost = np.array([getattr(point.cost, args.cost) for point in points])
+    error = np.array([_worst(point, kinds) for point in points])
+    best = tradeoff.front(cost, error)
+    chosen = None if args.within is None else tradeoff.cheapest(cost, error, args.within)
+    found: dict[str, Any] = {
+        "reference": str(args.reference),
+        "cost": args.cost,
+        "errors": kinds,
+        "points": [
+            {"name": point.name, "nodes": point.nodes, **point.cost._asdict(), **point.errors._asdict(), "worst": worst}
+            for point, worst in zip(points, error.tolist(), strict=True)
+        ],
+        "front": [points[at].name for at in best],
+        "within": args.within,
+        "cheapest": None if chosen is None else points[chosen].name,
+    }
+    with matplotlib.rc_context(rc=style):
+        shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
+        figures.save(chart(points, args.cost, shown, args.within), picture)
+    write_atomically(table, json.dumps(numbers.finite(found), indent=1, allow_nan=False).encode() + b"\n")
+    header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
+    rows = [
+        (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
+        for at, (point, worst) in enumerate(zip(points, error.tolist(), strict=True))
+    ]
+    lines = [_told(points[at], float(error[at]), kinds) for at in best]
+    if args.within is not None:
+        name = "none of them" if chosen is None else points[chosen].name
+        lines.append(f"the cheapest within {args.within:.3g}: {name}")
+    args.results = args.reference  # what --csv must not overwrite
+    return numbers.deliver(args, found, lines, header, rows, picture)
+
+
+def _worst(point: Point, kinds: list[str]) -> float:
+    known = [getattr(point.errors, kind) for kind in kinds]
+    return max((error for error in known if error is not None), default=float("nan"))
+
+
+def _told(point: Point, worst: float, kinds: list[str]) -> str:
+    parts = [f"{kind} {getattr(point.errors, kind):.2%}" for kind in kinds if getattr(point.errors, kind) is not None]
+    return f"on the front: {point.name}, {point.cost.wall_time:.3g} s, within {worst:.2%} ({', '.join(parts)})"
