@@ -1,0 +1,161 @@
+"""What `pdmesh plan --within` promises: errors against spacing of three problems, and how far it held on two others.
+
+`python -m benchmarks.planning` measures the first and writes pdmesh/accuracy.json; `--check` then asks for proposals
+for two scenes that were not used, solves them and a uniform run of half their finest spacing, and says what the error
+was. benchmarks/README.md says how each number is made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+import tempfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, relative
+from benchmarks.runs import GEOMETRIES
+from pdmesh.grid import Horizon, Material
+from pdmesh.lattice import build_grid
+from pdmesh.promise import changed, feature, proposal
+from pdmesh.scene import Circle, Scene, box
+from pdmesh.sources import read_scene
+from pdpost import tradeoff
+from pdsolve.model import Model
+from pdsolve.problem import Options, prepare
+from pdsolve.results import Results
+from pdsolve.simulation import simulate
+
+RATIOS = (3.0, 4.0)
+FRAMES = 20
+WITHIN = (0.05, 0.03, 0.02)
+CHECKED = ("plate_with_hole.geo", "oblique_crack.geo")
+MEASURED = {"kalthoff_winkler.geo": (4e-3, 2e-3, 1e-3, 5e-4), "duran50.geo": (2e-3, 1e-3, 5e-4, 2.5e-4)}
+REFERENCE = 0.5  # of the finest spacing measured
+
+
+def solved(scene: Scene, path: Path) -> Path:
+    """The results of a scene."""
+    grid, settings, _ = build_grid(scene)
+    run = settings.run
+    every = max(1, run.steps // FRAMES)
+    settings = with_values(settings, run=with_values(run, every=every))
+    simulate(Model(grid, settings, scene.source), path, Options()).close()
+    return path
+
+
+def with_values(struct: Any, **values: Any) -> Any:
+    """A struct with some values changed."""
+    return msgspec.structs.replace(struct, **values)
+
+
+def uniform(scene: Scene, finest: float, ratio: float) -> Scene:
+    """The scene with one spacing."""
+    flat = dataclasses.replace(scene, spacing=scene.finest, zones=(), refinements=())
+    rows = [
+        dataclasses.replace(
+            one, place=dataclasses.replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / scene.finest)))
+        )
+        for one in scene.conditions
+    ]
+    return changed(dataclasses.replace(flat, conditions=tuple(rows)), finest, ratio)
+
+
+def error(results: Path, reference: Path) -> float:
+    """The displacement error of one against the other."""
+    with Results.open(results) as one, Results.open(reference) as other:
+        found = tradeoff.errors(one, other).displacement
+    return np.nan if found is None else found
+
+
+def kirsch() -> Iterator[dict[str, Any]]:
+    """The plate with a hole, on two scales, against the classical solution."""
+    from linear import equilibrium
+    from test_kirsch import classical
+
+    unit = Material(E=1.0, rho=1.0, G0=1.0)
+    for ratio in RATIOS:
+        for fineness in (4, 8, 16, 32):
+            spacing = RADIUS / fineness
+            scene = Scene(box(-HALF, -HALF, HALF, HALF), 2 * spacing, unit, ratio).hole(Circle(0.0, 0.0, RADIUS))
+            scene = scene.zone(box(-FINE_ZONE, -FINE_ZONE, FINE_ZONE, FINE_ZONE), spacing, grown=False)
+            grid, settings, _ = build_grid(scene)
+            settings = with_values(settings, horizon=Horizon(ratio))
+            problem = prepare(Model(grid, settings), Options())
+            exact = classical(grid.position)
+            outer = np.abs(grid.position).max(axis=1) > HALF - (ratio + 0.5) * grid.delta
+            found = equilibrium(problem, np.column_stack([outer, outer]), exact)
+            inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
+            off = relative(found[inside], exact[inside], problem.area[inside])
+            yield {"problem": "hole in tension", "ratio": ratio, "spacing_over_feature": 1 / fineness, "error": off}
+
+
+def cracks() -> Iterator[dict[str, Any]]:
+    """The two scenes with cracks, on two scales, against a uniform run."""
+    for name, spacings in MEASURED.items():
+        scene = read_scene(GEOMETRIES / name, [], [], True)
+        size, _ = feature(scene)
+        with tempfile.TemporaryDirectory() as folder:
+            reference = solved(uniform(scene, REFERENCE * min(spacings), 4.0), Path(folder) / "reference")
+            for ratio in RATIOS:
+                for spacing in spacings:
+                    path = solved(changed(scene, spacing, ratio), Path(folder) / f"{ratio}-{spacing}")
+                    off = error(path, reference)
+                    yield {"problem": name, "ratio": ratio, "spacing_over_feature": spacing / size, "error": off}
+
+
+def checks() -> Iterator[dict[str, Any]]:
+    """What was promised for other scenes, and what came of it."""
+    for name in CHECKED:
+        scene = read_scene(GEOMETRIES / name, [], [], True)
+        with tempfile.TemporaryDirectory() as folder:
+            proposals = {within: proposal(scene, within) for within in WITHIN}
+            finest = min(found.scene.finest for found in proposals.values())
+            reference = solved(uniform(scene, REFERENCE * finest, 4.0), Path(folder) / "reference")
+            for within, found in proposals.items():
+                path = solved(found.scene, Path(folder) / f"{within}")
+                with Results.open(path) as results:
+                    cost = tradeoff.cost(results, path)
+                yield {
+                    "scene": name,
+                    "within": within,
+                    "promised": found.error,
+                    "spacing": found.scene.finest,
+                    "ratio": found.scene.horizon,
+                    "wall_time": cost.wall_time,
+                    "error": error(path, reference),
+                }
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmarks.planning", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="only check the promises on two other scenes")
+    parser.add_argument("-o", "--output", type=Path, default=Path("pdmesh/accuracy.json"))
+    parser.add_argument("--report", type=Path, default=Path("benchmarks/planning.json"))
+    args = parser.parse_args(arguments)
+    if not args.check:
+        points = []
+        for problem in (kirsch, cracks):
+            for point in problem():
+                points.append(point)
+                print(point, flush=True)
+        made = {"date": datetime.now(UTC).date().isoformat(), "mode": "conservative", "points": points}
+        args.output.write_text(json.dumps(made, indent=1) + "\n")
+    found = []
+    for row in checks():
+        found.append(row)
+        print(row, flush=True)
+    args.report.write_text(json.dumps(found, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,183 @@
+"""Which spacing, zones and step a scene needs for an error: from the measured errors of three other problems.
+
+`accuracy.json` holds displacement errors of a plate with a hole, Kalthoff and Winkler's experiment and the Duran
+plate, on two scales, against spacing over the size of the smallest feature; `python -m benchmarks.planning` measures
+them, and how far what is promised here held on scenes that were not used. The promise is the worst of the three.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+from itertools import combinations
+from typing import Any
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.families import stable_step
+from pdmesh.grid import Acceleration, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.scene import Refinement, Scene
+from pdmesh.shapes import SceneError, surface
+
+RATIO = 2.0  # of the coarse spacing over the fine one; larger jumps reflect waves
+NEAR = 0.5  # of the feature: how far around it a scene without zones is refined
+ROUNDED = 2  # digits of a proposed spacing
+FOLDERS = {Load: "Loads", Displacement: "Fixes", Velocity: "Moves", Acceleration: "Moves", InitialVelocity: "Moves"}
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A scene changed so that its error should stay within a share of its displacements."""
+
+    within: float
+    feature: float  # m, size of the smallest feature
+    named: str  # what that is
+    error: float  # promised, for the spacing rounded down
+    scene: Scene
+
+
+@lru_cache
+def measured() -> dict[float, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """For each horizon ratio the spacings over the feature (k,), increasing, and the worst error (k,) up to there."""
+    text = resources.files("pdmesh").joinpath("accuracy.json").read_text(encoding="utf-8")
+    found = {}
+    points: list[dict[str, Any]] = json.loads(text)["points"]
+    for ratio in sorted({point["ratio"] for point in points}):
+        mine = sorted((point["spacing_over_feature"], point["error"]) for point in points if point["ratio"] == ratio)
+        spacing, error = np.array(mine).T
+        found[float(ratio)] = spacing, np.maximum.accumulate(error)
+    return found
+
+
+def proposal(scene: Scene, within: float) -> Proposal:
+    """The cheapest changed scene whose promised error is `within` a share of its displacements.
+
+    Raises SceneError if none is promised that, or the scene has no material.
+    """
+    if scene.material is None:
+        raise SceneError("material: found none, expected E, rho and G0 for a proposal")
+    size, named = feature(scene)
+    found = []
+    for ratio, (spacing, error) in measured().items():
+        if error[0] <= within:
+            share = float(np.exp(np.interp(np.log(within), np.log(error), np.log(spacing))))
+            finest = _rounded_down(share * size)
+            promised = float(np.exp(np.interp(np.log(finest / size), np.log(spacing), np.log(error))))
+            found.append((ratio**2 / finest**3, ratio, finest, promised))
+    if not found:
+        least = min(float(error[0]) for _, error in measured().values())
+        raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
+    _, ratio, finest, promised = min(found)
+    return Proposal(within, size, named, promised, changed(scene, finest, ratio))
+
+
+def feature(scene: Scene) -> tuple[float, str]:
+    """The size of the smallest feature, m, and what it is: a hole's or notch's radius (of a disc of its area), a
+    pre-crack's length, what is left between them or to the edge, half of the plate's smaller side."""
+    low_x, low_y, high_x, high_y = scene.shape.bounds
+    sizes = [(min(high_x - low_x, high_y - low_y) / 2, "half of the smaller side")]
+    edge, scale = scene.whole.boundary, 1e-6 * max(high_x - low_x, high_y - low_y)
+    shapes: list[tuple[shapely.Geometry, str]] = [(crack.line, f"crack '{crack.name}'") for crack in scene.cracks]
+    sizes += [(crack.line.length, f"length of crack '{crack.name}'") for crack in scene.cracks]
+    for number, cutout in enumerate(scene.cutouts):
+        cut = surface(cutout, scene.finest, "cutout").intersection(scene.whole)
+        sizes.append((float(np.sqrt(cut.area / np.pi)), f"radius of cutout {number + 1}"))
+        shapes.append((cut, f"cutout {number + 1}"))
+    for ring in scene.whole.interiors if hasattr(scene.whole, "interiors") else ():
+        hole = shapely.Polygon(ring)
+        sizes.append((float(np.sqrt(hole.area / np.pi)), "radius of a hole"))
+    for shape, name in shapes:
+        away = _farther(shape, edge, scale)
+        if away is not None:
+            sizes.append((away, f"from {name} to the edge"))
+    for (one, first), (other, second) in combinations(shapes, 2):
+        away = float(one.distance(other))
+        if away > scale:
+            sizes.append((away, f"from {first} to {second}"))
+    return min(sizes)
+
+
+def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> float | None:
+    """How far a shape inside is from the edge, or, where a line begins there, its other end; None if it has none."""
+    if shape.distance(edge) > scale:
+        return float(shape.distance(edge))
+    if shape.geom_type != "LineString":
+        return None
+    ends = [float(shapely.Point(end).distance(edge)) for end in (shape.coords[0], shape.coords[-1])]
+    return max(ends) if max(ends) > scale else None
+
+
+def changed(scene: Scene, finest: float, ratio: float) -> Scene:
+    """The scene with this finest spacing (m) and horizon ratio: drawn zones scaled, or zones put around features;
+    the same rows' width and the same time."""
+    factor = finest / scene.finest
+    if scene.zones or scene.refinements:
+        zones = tuple(replace(zone, spacing=factor * zone.spacing) for zone in scene.zones)
+        kept = tuple(
+            replace(request, spacing=factor * (request.spacing or scene.finest)) for request in scene.refinements
+        )
+        spacing = factor * scene.spacing
+    else:
+        zones, spacing = (), RATIO * finest
+        kept = _around(scene, finest)
+        if not kept:
+            spacing = finest
+    conditions = tuple(
+        replace(one, place=replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / spacing))))
+        for one in scene.conditions
+    )
+    grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
+    step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
+    steps = int(np.ceil(scene.run.steps * old / step))
+    every = max(1, round(scene.run.every * old / step))
+    return replace(grown, run=msgspec.structs.replace(scene.run, time_step=step, steps=steps, every=every))
+
+
+def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
+    targets = [("crack", bool(scene.cracks)), ("hole", bool(scene.holes))]
+    distance = max(NEAR * feature(scene)[0], RATIO * scene.horizon * finest)
+    return tuple(Refinement(name, distance, finest) for name, there in targets if there)  # type: ignore[arg-type]
+
+
+def _stable(scene: Scene, ratio: float, spacing: float) -> float:
+    materials = [material for material in (scene.material, *(r.region.material for r in scene.regions)) if material]
+    return min(stable_step(material, ratio, spacing) for material in materials)
+
+
+def _rounded_down(value: float) -> float:
+    unit = 10.0 ** (np.floor(np.log10(value)) + 1 - ROUNDED)
+    return float(f"{np.floor(value / unit * (1 + 1e-9)) * unit:.{ROUNDED}g}")
+
+
+def lines(found: Proposal) -> list[str]:
+    """A proposal for a reader, and how to ask for it."""
+    scene = found.scene
+    said = [
+        f"within {found.within:.3g}: {found.error:.2g} is promised, as measured on other scenes,"
+        f" for {1e3 * found.feature:.4g} mm, {found.named}",
+        f"spacing {scene.finest:.4g} m at its finest, {scene.spacing:.4g} m at its coarsest; horizon ratio"
+        f" {scene.horizon:g}; step {scene.run.time_step:.4g} s x {scene.run.steps}",
+    ]
+    said += [
+        f"zone of {request.spacing:.4g} m within {request.distance:.4g} m of every {request.target}"
+        for request in scene.refinements
+    ]
+    return said + [f"  --set '{name}={value}'" for name, value in settings(found).items()]
+
+
+def settings(found: Proposal) -> dict[str, str]:
+    """The parameters of a drawing in Gmsh that make the proposal of it; none for a scene in Python."""
+    scene, there = found.scene, {name.removeprefix("Peridynamics/") for name, _ in found.scene.parameters}
+    wanted = {
+        **{f"Zones/{zone.name}/Spacing": f"{zone.spacing:.6g}" for zone in scene.zones},
+        "Horizon ratio": f"{scene.horizon:g}",
+        "Run/Time step": f"{scene.run.time_step:.6g}",
+        "Run/Frame every": str(scene.run.every),
+        **{f"{FOLDERS[type(one.action)]}/{one.action.name}/Rows": str(one.place.rows) for one in scene.conditions},
+    }
+    return {name: value for name, value in wanted.items() if name in there}
