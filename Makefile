@@ -4,6 +4,7 @@
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
 # make failures  where methods fail, measured anew on one page
+# make bench    chart speed against accuracy: benchmarks/accuracy.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make clean   remove what the others made
@@ -13,7 +14,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test slow thesis failures check bench-speed bench-quick install gmsh-libraries clean
+.PHONY: demo test slow thesis failures check bench bench-speed bench-quick install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -66,6 +67,10 @@ gmsh-libraries: $(VENV)/install.done
 		else \
 			echo "Gmsh needs libraries of the system; on Debian and Ubuntu: sudo $$line"; exit 2; \
 		fi; }
+
+bench: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -W ignore -m benchmarks.accuracy -o benchmarks/accuracy.json
+	$(BIN)/python -W ignore -m benchmarks.planning --check
 
 bench-speed: gmsh-libraries
 	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json

@@ -35,9 +35,9 @@ from pdsolve.simulation import simulate
 
 RATIOS = (3.0, 4.0)
 FRAMES = 20
-WITHIN = (0.05, 0.03, 0.02)
-CHECKED = ("plate_with_hole.geo", "oblique_crack.geo")
-MEASURED = {"kalthoff_winkler.geo": (4e-3, 2e-3, 1e-3, 5e-4), "duran50.geo": (2e-3, 1e-3, 5e-4, 2.5e-4)}
+WITHIN = (0.1, 0.05, 0.03)
+CHECKED = ("oblique_crack.geo", "v_notch.geo")
+MEASURED = {"kalthoff_winkler.geo": (2e-3, 1e-3, 5e-4, 2.5e-4), "duran50.geo": (2e-3, 1e-3, 5e-4, 2.5e-4)}
 REFERENCE = 0.5  # of the finest spacing measured
 
 
@@ -71,7 +71,7 @@ def uniform(scene: Scene, finest: float, ratio: float) -> Scene:
 def error(results: Path, reference: Path) -> float:
     """The displacement error of one against the other."""
     with Results.open(results) as one, Results.open(reference) as other:
-        found = tradeoff.errors(one, other).displacement
+        found = tradeoff.displacement(one, other)
     return np.nan if found is None else found
 
 
@@ -138,8 +138,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.planning", description=__doc__)
     parser.add_argument("--check", action="store_true", help="only check the promises on two other scenes")
-    parser.add_argument("-o", "--output", type=Path, default=Path("pdmesh/accuracy.json"))
-    parser.add_argument("--report", type=Path, default=Path("benchmarks/planning.json"))
+    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "accuracy.json")
+    parser.add_argument("--report", type=Path, default=Path(__file__).parent / "planning.json")
     args = parser.parse_args(arguments)
     if not args.check:
         points = []

@@ -33,6 +33,12 @@ def parser() -> argparse.ArgumentParser:
     preview.set_defaults(run=_preview)
     plan = commands.add_parser("plan", help="say what a scene will cost, and what it would on one scale")
     _add_drawing(plan, "a file for what is said, as JSON (default: none)")
+    plan.add_argument(
+        "--within",
+        type=commandline.share,
+        metavar="2%%",
+        help="propose spacing, horizon, zones and step for displacements within this share, from measured scenes",
+    )
     plan.set_defaults(run=_plan)
     params = commands.add_parser("params", help="list the parameters of a drawing: value, unit, meaning")
     _add_drawing(params, "a file for the list, as JSON (default: none)")
@@ -125,10 +131,16 @@ def _plan(args: argparse.Namespace) -> int:
 
     scene = read_scene(args.drawing, args.assignments, args.refine, args.trust)
     try:
-        result = plan(scene)
+        if args.within is None:
+            result = plan(scene)
+            return _say(result, plan_lines(result), args)
+        from pdmesh import promise
+
+        found = promise.proposal(scene, args.within)
+        result = {"proposal": promise.described(found), **plan(found.scene)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {error}") from None
-    return _say(result, plan_lines(result), args)
+    return _say(result, [*promise.lines(found), "", *plan_lines(result)], args)
 
 
 def _params(args: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from pdmesh import VERSION
 
@@ -18,9 +18,16 @@ class UsageError(ValueError):
     """A command line that asks for something that cannot be done; the message is one line."""
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with a command line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
+
+
 def program(name: str, description: str) -> argparse.ArgumentParser:
     """A parser with ``--version``."""
-    parser = argparse.ArgumentParser(prog=name, description=description)
+    parser = _Parser(prog=name, description=description)
     parser.add_argument("--version", action="version", version=f"{name} {VERSION}")
     return parser
 
@@ -47,6 +54,17 @@ def _assignment(text: str) -> tuple[str, str]:
     if not equals or not name.strip():
         raise argparse.ArgumentTypeError(f"found '{text}', expected NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def share(text: str) -> float:
+    """A share such as 2% or 0.02, as an option's type."""
+    try:
+        found = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        found = -1.0
+    if not 0 < found < 1:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a share such as 2% or 0.02")
+    return found
 
 
 def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:

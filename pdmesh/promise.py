@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from pdmesh.shapes import SceneError, surface
 
 RATIO = 2.0  # of the coarse spacing over the fine one; larger jumps reflect waves
 NEAR = 0.5  # of the feature: how far around it a scene without zones is refined
+EXTRAPOLATED = 2.0  # times below the least error measured: how far first order is trusted
 ROUNDED = 2  # digits of a proposed spacing
 FOLDERS = {Load: "Loads", Displacement: "Fixes", Velocity: "Moves", Acceleration: "Moves", InitialVelocity: "Moves"}
 
@@ -38,19 +39,39 @@ class Proposal:
     feature: float  # m, size of the smallest feature
     named: str  # what that is
     error: float  # promised, for the spacing rounded down
+    guessed: bool  # whether no grid as fine was measured
     scene: Scene
 
 
+class Curve(NamedTuple):
+    """How the error of one problem falls with the spacing; beyond what was measured, as the spacing does."""
+
+    spacing: NDArray[np.float64]  # (k,) over the feature's size, increasing
+    error: NDArray[np.float64]  # (k,) the worst up to there
+
+    def share(self, within: float) -> float | None:
+        """The largest spacing within an error; None if that is too far below what was measured."""
+        if within < self.error[0]:
+            return None if within * EXTRAPOLATED < self.error[0] else float(self.spacing[0] * within / self.error[0])
+        return float(np.exp(np.interp(np.log(within), np.log(self.error), np.log(self.spacing))))
+
+    def at(self, spacing: float) -> float:
+        """The error at a spacing."""
+        if spacing < self.spacing[0]:
+            return float(self.error[0] * spacing / self.spacing[0])
+        return float(np.exp(np.interp(np.log(spacing), np.log(self.spacing), np.log(self.error))))
+
+
 @lru_cache
-def measured() -> dict[float, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """For each horizon ratio the spacings over the feature (k,), increasing, and the worst error (k,) up to there."""
+def measured() -> dict[float, list[Curve]]:
+    """The curves of each horizon ratio."""
     text = resources.files("pdmesh").joinpath("accuracy.json").read_text(encoding="utf-8")
-    found = {}
     points: list[dict[str, Any]] = json.loads(text)["points"]
-    for ratio in sorted({point["ratio"] for point in points}):
-        mine = sorted((point["spacing_over_feature"], point["error"]) for point in points if point["ratio"] == ratio)
-        spacing, error = np.array(mine).T
-        found[float(ratio)] = spacing, np.maximum.accumulate(error)
+    found: dict[float, list[Curve]] = {}
+    for ratio, problem in sorted({(float(point["ratio"]), str(point["problem"])) for point in points}):
+        mine = [point for point in points if (point["ratio"], point["problem"]) == (ratio, problem)]
+        spacing, error = np.array(sorted((point["spacing_over_feature"], point["error"]) for point in mine)).T
+        found.setdefault(ratio, []).append(Curve(spacing, np.maximum.accumulate(error)))
     return found
 
 
@@ -62,18 +83,20 @@ def proposal(scene: Scene, within: float) -> Proposal:
     if scene.material is None:
         raise SceneError("material: found none, expected E, rho and G0 for a proposal")
     size, named = feature(scene)
+    curves = measured()
     found = []
-    for ratio, (spacing, error) in measured().items():
-        if error[0] <= within:
-            share = float(np.exp(np.interp(np.log(within), np.log(error), np.log(spacing))))
-            finest = _rounded_down(share * size)
-            promised = float(np.exp(np.interp(np.log(finest / size), np.log(spacing), np.log(error))))
-            found.append((ratio**2 / finest**3, ratio, finest, promised))
+    for ratio, some in curves.items():
+        shares = [share for share in (curve.share(within) for curve in some) if share is not None]
+        if len(shares) == len(some):
+            finest = _rounded_down(min(shares) * size)
+            promised = max(curve.at(finest / size) for curve in some)
+            guessed = any(within < curve.error[0] for curve in some)
+            found.append((ratio**2 / finest**3, ratio, finest, promised, guessed))
     if not found:
-        least = min(float(error[0]) for _, error in measured().values())
+        least = min(max(float(curve.error[0]) for curve in some) for some in curves.values()) / EXTRAPOLATED
         raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
-    _, ratio, finest, promised = min(found)
-    return Proposal(within, size, named, promised, changed(scene, finest, ratio))
+    _, ratio, finest, promised, guessed = min(found)
+    return Proposal(within, size, named, promised, guessed, changed(scene, finest, ratio))
 
 
 def feature(scene: Scene) -> tuple[float, str]:
@@ -158,7 +181,8 @@ def lines(found: Proposal) -> list[str]:
     """A proposal for a reader, and how to ask for it."""
     scene = found.scene
     said = [
-        f"within {found.within:.3g}: {found.error:.2g} is promised, as measured on other scenes,"
+        f"within {found.within:.3g}: {found.error:.2g} is promised,"
+        f" {'at first order from what was' if found.guessed else 'as'} measured on other scenes,"
         f" for {1e3 * found.feature:.4g} mm, {found.named}",
         f"spacing {scene.finest:.4g} m at its finest, {scene.spacing:.4g} m at its coarsest; horizon ratio"
         f" {scene.horizon:g}; step {scene.run.time_step:.4g} s x {scene.run.steps}",
@@ -168,6 +192,28 @@ def lines(found: Proposal) -> list[str]:
         for request in scene.refinements
     ]
     return said + [f"  --set '{name}={value}'" for name, value in settings(found).items()]
+
+
+def described(found: Proposal) -> dict[str, Any]:
+    """A proposal as JSON has it."""
+    scene = found.scene
+    return {
+        "within": found.within,
+        "promised": found.error,
+        "extrapolated": found.guessed,
+        "feature": found.feature,
+        "feature_is": found.named,
+        "finest_spacing": scene.finest,
+        "coarsest_spacing": scene.spacing,
+        "horizon_ratio": scene.horizon,
+        "time_step": scene.run.time_step,
+        "steps": scene.run.steps,
+        "refinements": [
+            {"around": request.target, "distance": request.distance, "spacing": request.spacing}
+            for request in scene.refinements
+        ],
+        "settings": settings(found),
+    }
 
 
 def settings(found: Proposal) -> dict[str, str]:

@@ -19,7 +19,6 @@ from pdmesh.lattice import grid_of_nodes, place_nodes
 from pdmesh.scene import Scene
 from pdmesh.visibility import plate_of
 
-SAFETY = 0.8  # of the stable step: what the solver takes where a model names none
 MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
@@ -198,7 +197,7 @@ def _estimated_cost(scene: Scene, own: dict[str, Any]) -> dict[str, Any]:
 def _price(scene: Scene, nodes: int, bonds: int) -> dict[str, Any]:
     materials = [material for material in (scene.material, *(r.region.material for r in scene.regions)) if material]
     stable = min((stable_step(material, scene.horizon, scene.finest) for material in materials), default=None)
-    step = scene.run.time_step or (None if stable is None else SAFETY * stable)
+    step = scene.run.time_step or stable
     return {
         "nodes": nodes,
         "bonds": bonds,

@@ -8,13 +8,16 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdpost import raster
 from pdpost.charts import WIDTH, look, plain, scaled
 from pdpost.crack_summary import Summary
 from pdpost.cracks import damage_at
 from pdpost.paths import LONG, Polyline
+from pdpost.sheets import SQUARES
 from pdpost.speed import speeds
 from pdsolve.results import Nodes, Results
 
+PIXELS = 1400  # across the plate, where it has too many nodes to draw them one by one
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 SHOWN = 6  # main branches with a curve of their own
 
@@ -107,11 +110,18 @@ def _panels(nodes: Nodes) -> tuple[Figure, Axes, Axes, Axes]:
 
 def _damage(plate: Axes, nodes: Nodes, damage: NDArray[np.float64]) -> None:
     """The plate in a light grey, darker where it is damaged."""
-    squares = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS) * 1e3
-    cells = PolyCollection(list(squares), array=0.06 + 0.6 * damage, cmap="Greys", clim=(0, 1))
-    cells.set(edgecolors="face", linewidths=0.2, rasterized=True)
-    plate.add_collection(cells)
-    low, high = squares.min(axis=(0, 1)), squares.max(axis=(0, 1))
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0) * 1e3, (nodes.position + half).max(axis=0) * 1e3
+    if len(damage) > SQUARES:
+        box = (low[0] / 1e3, low[1] / 1e3, high[0] / 1e3, high[1] / 1e3)
+        mean, _ = raster.averages(nodes.position, nodes.delta, damage, box, PIXELS)
+        seen = (low[0], high[0], low[1], high[1])
+        plate.imshow(0.06 + 0.6 * mean, cmap="Greys", clim=(0, 1), origin="lower", extent=seen, interpolation="nearest")
+    else:
+        squares = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS) * 1e3
+        cells = PolyCollection(list(squares), array=0.06 + 0.6 * damage, cmap="Greys", clim=(0, 1))
+        cells.set(edgecolors="face", linewidths=0.2, rasterized=True)
+        plate.add_collection(cells)
     plate.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x, mm", ylabel="y, mm")
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.results import Results, ResultsError
+
+
+class _Named(msgspec.Struct):
+    """What is read of the grid file; the rest, mostly nodes, is passed over."""
+
+    conditions: list[dict[str, Any]] = []
 
 
 class Reaction(NamedTuple):
@@ -31,7 +37,7 @@ class Reaction(NamedTuple):
 def reactions(results: Results) -> list[Reaction]:
     """All conditions that act throughout the run. Raises ResultsError if there are none."""
     rows = results.reactions()
-    conditions = json.loads(results.model()).get("conditions", [])
+    conditions = msgspec.json.decode(results.model(), type=_Named).conditions
     found = []
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]

@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from pdpost import raster
 from pdpost.charts import COLOURS, WIDTH
-from pdpost.crack_figure import CORNERS
+from pdpost.crack_figure import CORNERS, PIXELS
+from pdpost.sheets import SQUARES
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
@@ -40,13 +43,17 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
             Patch(color=colour, label=f"{condition.get('name') or f'condition {number}'} ({condition['kind']})")
         )
     few = np.ptp(nodes.position, axis=0).max() / nodes.delta.min() < FEW
-    squares = (nodes.position[:, None, :] + (0.88 if few else 1.0) * nodes.delta[:, None, None] * CORNERS) * 1e3
-    low, high = squares.min(axis=(0, 1)), squares.max(axis=(0, 1))
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0) * 1e3, (nodes.position + half).max(axis=0) * 1e3
     height = float(np.clip(WIDTH * (high[1] - low[1]) / max(high[0] - low[0], 1e-300), 1.5, 8.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot()
-    thin = np.where(acting, 0.0 if few else 0.7, 0.0)  # points, so that a row of small nodes is seen
-    plate.add_collection(PolyCollection(list(squares), facecolors=colours, edgecolors=colours, linewidths=thin))
+    if len(nodes.ids) > SQUARES:
+        _paint(plate, nodes, colours, (low, high))
+    else:
+        squares = (nodes.position[:, None, :] + (0.88 if few else 1.0) * nodes.delta[:, None, None] * CORNERS) * 1e3
+        thin = np.where(acting, 0.0 if few else 0.7, 0.0)  # points, so that a row of small nodes is seen
+        plate.add_collection(PolyCollection(list(squares), facecolors=colours, edgecolors=colours, linewidths=thin))
     segments = results.cracks().reshape(-1, 2, 2) * 1e3
     plate.add_collection(LineCollection(list(segments), colors="black", linewidths=1.5))
     edge = 0.01 * float((high - low).max())
@@ -54,6 +61,20 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
     plate.set(xlabel="x, mm", ylabel="y, mm")
     figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False)
     return figure
+
+
+def _paint(
+    plate: Axes,
+    nodes: Nodes,
+    colours: NDArray[np.float64],
+    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
+    """The nodes in their colours (n, 3) as an image between two corners, mm."""
+    low, high = ends
+    box = (low[0] / 1e3, low[1] / 1e3, high[0] / 1e3, high[1] / 1e3)
+    layers = [raster.averages(nodes.position, nodes.delta, layer, box, PIXELS) for layer in colours.T]
+    image = np.dstack([np.where(there, mean, 1.0) for mean, there in layers])
+    plate.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), interpolation="nearest")
 
 
 def acted_on(nodes: Nodes, condition: dict[str, Any]) -> NDArray[np.bool_]:

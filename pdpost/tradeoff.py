@@ -72,13 +72,12 @@ def cost(results: Results, file: Path) -> Cost:
 
 def errors(results: Results, reference: Results) -> Errors:
     """How far a run is from its reference. Raises ResultsError if they are not of one scene or have no frame."""
-    _check(results, reference)
     time = _common_time(results, reference)
     lines = [path(run, _step(run, time)) for run in (results, reference)]
     direction = DIRECTIONS[heading(lines[1])]
     found, expected = growth(results, direction), growth(reference, direction)
     return Errors(
-        displacement=_displacement(results, reference, time),
+        displacement=displacement(results, reference),
         path=_path(*lines),
         start=_later(found.start, expected.start),
         branching=_later(found.branching, expected.branching),
@@ -115,6 +114,7 @@ def _check(results: Results, reference: Results) -> None:
 
 
 def _common_time(results: Results, reference: Results) -> float:
+    _check(results, reference)
     last = []
     for run in (results, reference):
         _, times = run.frames()
@@ -128,8 +128,12 @@ def _step(results: Results, time: float) -> int:
     return round(time / float(results.meta()["time_step"]))
 
 
-def _displacement(results: Results, reference: Results, time: float) -> float | None:
-    """The nodes of the coarser run are asked in both, the finer one's displacements being linear between its nodes."""
+def displacement(results: Results, reference: Results) -> float | None:
+    """The error of displacement alone, as in `errors`; None without any to compare. Raises ResultsError likewise.
+
+    The nodes of the coarser run are asked in both, the finer one's displacements being linear between its nodes.
+    """
+    time = _common_time(results, reference)
     runs = sorted((results, reference), key=lambda run: len(run.nodes().ids))
     coarse, fine = (run.nodes() for run in runs)
     away = np.ones(len(coarse.ids), dtype=bool)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
+from typing import Any
 
+import msgspec
 import numpy as np
 
 from pdsolve.results import Results
@@ -33,7 +34,13 @@ def rayleigh_speed(E: float, rho: float, plane: str) -> float:
     return float(shear * rayleigh_ratio(nu / (1 + nu) if plane == "stress" else nu))
 
 
+class _Plate(msgspec.Struct):
+    """What is read of the grid file; the rest, mostly nodes, is passed over."""
+
+    material: dict[str, Any]
+
+
 def rayleigh_of(results: Results) -> float:
     """Speed of Rayleigh waves of the plate's own material, m/s, regions of others aside."""
-    material = json.loads(results.model())["material"]
+    material = msgspec.json.decode(results.model(), type=_Plate).material
     return rayleigh_speed(material["E"], material["rho"], material.get("plane", "stress"))

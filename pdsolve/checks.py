@@ -84,6 +84,7 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
     through = _cracks(model)
     _lonely(model, (bonds == 0) & ~through)
     _shapes(model)
+    _probes(model)
     ratio = model.settings.horizon.ratio
     for material in model.materials:
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c66 > ROUND_OFF:
@@ -169,6 +170,21 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     return hit
 
 
+def _probes(model: Model) -> None:
+    """Places to be watched that are not on the plate."""
+    grid, places = model.grid, np.reshape(model.settings.run.probes, (-1, 2))
+    if not len(places):
+        return
+    away, row = cKDTree(grid.position).query(places)
+    for number in np.flatnonzero(away > grid.delta[row]).tolist():
+        x, y = places[number]
+        _warn(
+            model,
+            f"$.run.probes[{number}]: found ({x:g}, {y:g}) m, off the plate; the nearest node is watched,"
+            f" {_named(model, int(row[number]))}",
+        )
+
+
 def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
     if lonely.any():
         _warn(
@@ -204,7 +220,7 @@ class Watch:
 
     def __init__(self, model: Model) -> None:
         self._model, self._said, self._vague = model, False, False
-        self._near: NDArray[np.int64] | None = None  # (n, k) nearest nodes; not asked for while displacements are small
+        self._triangles: _Triangles | None = None  # not asked for while displacements are small
         self._smallest = float(model.grid.delta.min())
         breaking = np.full(len(model.grid), np.inf)
         for number, material in enumerate(model.materials):
@@ -232,23 +248,44 @@ class Watch:
 
     def _crushed(self, u: NDArray[np.floating], intact: Callable[[int], NDArray[np.int64]], step: int) -> None:
         position = self._model.grid.position
-        if self._near is None:
-            self._near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-        for one, other in combinations(self._near.T, 2):
-            before = _cross(position[one] - position, position[other] - position)
-            place = position + u
-            now = _cross(place[one] - place, place[other] - place)
-            flat = np.abs(before) < FLAT * self._smallest**2
-            for i in np.flatnonzero(~flat & (before * now <= 0)).tolist():
-                if np.isin((one[i], other[i]), intact(i)).all():
-                    self._said = True
-                    names = ", ".join(_named(self._model, row) for row in (i, int(one[i]), int(other[i])))
-                    _warn(
-                        self._model,
-                        f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
-                        " compression; bonds do not keep nodes apart",
-                    )
-                    return
+        if self._triangles is None:
+            self._triangles = _triangles(position, FLAT * self._smallest**2)
+        rows, one, other, before = self._triangles
+        place = position + u
+        now = _cross(place[one] - place[rows], place[other] - place[rows])
+        for at in np.flatnonzero(before * now <= 0).tolist():
+            corners = [int(rows[at]), int(one[at]), int(other[at])]
+            if np.isin(corners[1:], intact(corners[0])).all():
+                self._said = True
+                names = ", ".join(_named(self._model, row) for row in corners)
+                _warn(
+                    self._model,
+                    f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
+                    " compression; bonds do not keep nodes apart",
+                )
+                return
+
+
+class _Triangles(NamedTuple):
+    """A node and two of its nearest, of each node that has two which are not in line with it; t of them."""
+
+    row: NDArray[np.int64]  # (t,)
+    one: NDArray[np.int64]  # (t,)
+    other: NDArray[np.int64]  # (t,)
+    twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
+
+
+def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
+    """The largest triangle of each node, if it is larger than `flat` (m^2) doubled."""
+    near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+    one, other = np.zeros((2, len(position)), dtype=np.int64)
+    twice = np.zeros(len(position))
+    for first, second in combinations(near.T, 2):
+        here = _cross(position[first] - position, position[second] - position)
+        larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
+        one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
+    rows = np.flatnonzero(np.abs(twice) >= flat)
+    return _Triangles(rows, one[rows], other[rows], twice[rows])
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

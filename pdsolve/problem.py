@@ -26,10 +26,9 @@ from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Families, Nodes
-from pdsolve.schemes import EXACT_LOAD, PARTIAL_CELLS, SCHEMES
+from pdsolve.schemes import EXACT_LOAD, PARTIAL_CELLS, SCHEMES, SYMMETRIC
 from pdsolve.steppers.verlet import advance, advance_blocks, stability_bound
 
-SAFETY = 1.0  # of the stability bound, for a model that names no time step; the true limit is 1.6 times the bound
 CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
@@ -246,8 +245,8 @@ def prepare(model: Model, options: Options) -> Problem:
 class _Survey:
     """What is kept of the bonds while they pass, part by part."""
 
-    def __init__(self, filling: Filling, rho: NDArray[np.float64]) -> None:
-        self._filling, self._rho = filling, rho
+    def __init__(self, filling: Filling, rho: NDArray[np.float64], symmetric: bool) -> None:
+        self._filling, self._rho, self._symmetric = filling, rho, symmetric
         self.counts: list[NDArray[np.int64]] = []
         self.families: list[NDArray[np.int64]] = []
         self.bound, self.softens = float("inf"), False
@@ -258,7 +257,8 @@ class _Survey:
             bonds = part.bonds
             self.counts.append(np.diff(bonds.start))
             self.families.append(part.family)
-            self.bound = min(self.bound, stability_bound(bonds, self._rho[part.first : part.first + len(part.family)]))
+            rho = self._rho[part.first : part.first + len(part.family)]
+            self.bound = min(self.bound, stability_bound(bonds, rho, self._symmetric))
             self.softens |= bool((bonds.peak < bonds.limit).any())
             yield part
 
@@ -267,19 +267,19 @@ def problem_of(model: Model, options: Options, fill: Callable[[Model], Filling])
     """The problem of a model whose bonds are filled like this, in double precision. Raises ModelError."""
     filling = fill(model)
     kind, nodes = np.dtype(options.precision).type, len(model.grid)
-    survey, blocks, exact = _Survey(filling, model.rho), None, None
+    survey, blocks, exact = _Survey(filling, model.rho, SYMMETRIC[options.mode]), None, None
     if options.kernel != "textbook":
         blocks = blocks_of(survey.parts(), nodes, kind, numba.config.NUMBA_NUM_THREADS)
         if options.kernel == "blocks" and blocks is None:
             raise ModelError("kernel: found nodes without a lattice, expected one for blocks")
     if blocks is None:
-        survey = _Survey(filling, model.rho)
+        survey = _Survey(filling, model.rho, SYMMETRIC[options.mode])
         exact = listed(survey.parts(), filling.area)
     step, bound = model.settings.run.time_step, survey.bound
     if step is None:
         if not np.isfinite(bound):
             raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
-        step = SAFETY * bound
+        step = bound
     if step > bound:
         warnings.warn(
             f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",

@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
     )
     tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve")
     tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="what to compare them with")
-    tradeoff.add_argument("--within", type=_share, metavar="2%%", help="name the cheapest within this error")
+    tradeoff.add_argument("--within", type=commandline.share, metavar="2%%", help="name the cheapest within this error")
     tradeoff.add_argument(
         "--by", choices=ERRORS, action="append", default=[], help="an error that counts; may be repeated (default: all)"
     )
@@ -40,17 +40,6 @@ def add(commands: Commands) -> None:
     )
     numbers.add_csv(tradeoff)
     tradeoff.set_defaults(run=_tradeoff)
-
-
-def _share(text: str) -> float:
-    """A share such as 2% or 0.02."""
-    try:
-        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError:
-        share = -1.0
-    if not 0 < share < float("inf"):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a share such as 2% or 0.02")
-    return share
 
 
 def _tradeoff(args: argparse.Namespace) -> int:

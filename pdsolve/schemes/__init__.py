@@ -14,4 +14,4 @@ SCHEMES: dict[str, Callable[[Model], Filling]] = {
 }
 EXACT_LOAD = {"thesis": False, "conservative": True}  # the body forces of an edge sum to traction * length
 SYMMETRIC = {"thesis": False, "conservative": True}  # energy and momentum are conserved
-PARTIAL_CELLS = {"thesis": False, "conservative": True}  # families reach half a spacing beyond the horizon
+PARTIAL_CELLS = {"thesis": False, "conservative": True}  # families reach half a spacing beyond the horizon, if constant

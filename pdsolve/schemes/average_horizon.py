@@ -5,8 +5,9 @@ X. Zhuang, Y. Cai, T. Rabczuk, Int. J. Numer. Methods Eng. 108 (2016) 1451-1476,
 is reflected less where spacings differ.
 
 - Areas are exact cells, unless the model says otherwise.
-- A neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both ends' to stay symmetric),
-  in a family that reaches half a spacing beyond the horizon; bonds without stiffness are left out.
+- With a constant micromodulus a neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both
+  ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
+  0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
 - The lattice is calibrated: its mean stiffness and fracture energy are those of the material (`pdsolve.lattice`).
 - Surfaces and interfaces are corrected by the energy method: a bond is multiplied so that, in uniform stretching
   along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V. Le,
@@ -38,7 +39,7 @@ SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bon
 class Corrections(NamedTuple):
     """What is done beyond the bare sums; all of it unless one wants to see what it is worth."""
 
-    partial_cells: bool = True  # Hu's beta
+    partial_cells: bool = True  # Hu's beta, with a constant micromodulus
     calibration: bool = True  # of the lattice's stiffness and fracture energy
     surfaces: bool = True  # the energy method
 
@@ -67,10 +68,6 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
         modulus, peak, limit = _mean_of_ends(model, pairs, reach, corrections)
-        if corrections.partial_cells:
-            modulus *= (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
-        else:
-            modulus = np.where(length <= reach * (1 + ROUND_OFF), modulus, 0.0)
         kept = np.flatnonzero(modulus * reach**3 > nothing)
         kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
         return Candidates(Pairs(i[kept], j[kept], length[kept]), modulus[kept], (peak[kept], limit[kept]))
@@ -90,15 +87,21 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
 def _mean_of_ends(
     model: Model, pairs: Pairs, reach: NDArray[np.float64], corrections: Corrections
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Modulus, peak and limit of each pair (b,): half from the material of each end.
+    """Modulus, peak and limit of each pair (b,): half from the material of each end, partial cells counted.
 
     The peak keeps the mean energy up to it, the limit the mean of the whole; equal ends keep their own.
     """
     modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
+    i, j, length = pairs
+    delta = model.grid.delta
     for number, material in enumerate(model.materials):
         calibrated = _calibration(model, material, corrections)
-        c = calibrated.stiffness * micromodulus(material, pairs.length, reach)
+        if _has_partial_cells(material, corrections):
+            counted = (hu_beta(length, reach, delta[i]) + hu_beta(length, reach, delta[j])) / 2
+        else:
+            counted = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
+        c = counted * calibrated.stiffness * micromodulus(material, length, reach)
         own = limits(material, calibrated.stretch * critical_stretch(material, reach))
         if len(model.materials) == 1:
             return c, own.peak, own.limit
@@ -115,10 +118,14 @@ def _mean_of_ends(
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
 
+def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
+    return corrections.partial_cells and material.micromodulus == "constant"
+
+
 def _calibration(model: Model, material: Material, corrections: Corrections) -> Calibration:
     if not corrections.calibration:
         return Calibration(1.0, 1.0)
-    return calibration(model.settings.horizon.ratio, material, corrections.partial_cells)
+    return calibration(model.settings.horizon.ratio, material, _has_partial_cells(material, corrections))
 
 
 def _lack(
@@ -152,7 +159,7 @@ def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections
     ratio = model.settings.horizon.ratio
     full = []
     for material in model.materials:
-        found = lattice_ratios(ratio, material.micromodulus, material.plane, corrections.partial_cells)
+        found = lattice_ratios(ratio, material.micromodulus, material.plane, _has_partial_cells(material, corrections))
         c11 = (1.125 if material.plane == "stress" else 1.2) * material.E
         full.append(c11 * found.c11 * _calibration(model, material, corrections).stiffness)
     return np.array(full)[model.material_of[rows]]

@@ -173,4 +173,6 @@ def test_wrong_usage(words: list[str], capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit) as done:
         main(words)
     assert done.value.code == 2
-    assert capsys.readouterr().err.startswith("usage: pdmesh")
+    err = capsys.readouterr().err
+    assert err.startswith("pdmesh")
+    assert err.count("\n") == 1

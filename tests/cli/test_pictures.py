@@ -205,7 +205,11 @@ def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: 
     connection.close()
     assert main(["watch", str(small_results), "--patience", "0.1", "-q"]) == 1
     command = [sys.executable, "-m", "pdpost", "watch", str(small_results), "--force"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+
+    def listens() -> None:  # whoever runs the tests in the background has them ignore Ctrl-C
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=listens) as child:
         assert child.stderr is not None
         assert "damage at 3 us" in child.stderr.readline()
         time.sleep(0.2)

@@ -74,7 +74,10 @@ def test_usage_is_two(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         MAIN[program](["--no-such-word"])
     assert stop.value.code == 2
-    assert "usage" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert err.startswith(program)
+    assert err.count("\n") == 1
+    assert "--help says more" in err
 
 
 def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:

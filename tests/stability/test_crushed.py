@@ -41,11 +41,11 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     work = prepare(pressed(1000.0, steps=200), Options(threads=1))
     work.march(1, 61)
     gap = np.diff(work.motion.u.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
-    assert gap.min() < 0  # measured -3.6: a column has passed its neighbour
+    assert gap.min() < 0  # measured -7.8: a column has passed its neighbour
     energy = work.books(60)
     assert np.isfinite(energy.strain)
-    gentle = pdsolve(pressed(5.0, steps=400, every=10))
-    shorter = 2 * 5.0 * 400 * work.time_step / (11 * DELTA)
+    gentle = pdsolve(pressed(5.0, steps=226, every=10))
+    shorter = 2 * 5.0 * 226 * work.time_step / (11 * DELTA)
     assert (gentle.code, gentle.err) == (0, [])
     failure(
         fails=f"Edges held at 1000 m/s against each other: neighbouring columns end {gap.min():.1f} spacings apart, "

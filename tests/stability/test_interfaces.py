@@ -62,15 +62,15 @@ def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
     Compression breaks no bond. But the thesis mode's softening coefficient counts nodes: at an interface a coarse node
     sees many fine ones and is made half as stiff. A soft layer sends compression back as tension.
     """
-    shares = (1.0, 2.0, 3.0)
+    shares = (3.0, 6.0, 8.0)
     thesis, conservative = ([torn(mode, -share * FIRST) for share in shares] for mode in ("thesis", "conservative"))
     assert thesis[0] == 0
-    assert thesis[1] > 50  # measured 88
-    assert thesis[2] > 200  # measured 342
+    assert thesis[1] > 10  # measured 20
+    assert thesis[2] > 150  # measured 236
     assert conservative == [0, 0, 0]
     failure(
-        fails="Thesis mode: a pulse of compression, 8 mm wide, 2 and 3 times the stretch at which coarse bonds "
-        f"break: {thesis[1]} and {thesis[2]} bonds break left of the interface, a false crack along it.",
+        fails="Thesis mode: a pulse of compression, 8 mm wide, 6 and 8 times the stretch at which coarse bonds "
+        f"break: {thesis[1]} and {thesis[2]} bonds break at the interface, a false crack along it.",
         noticed="Not at all: it looks like spalling.",
         cure="The conservative mode corrects by energy, not by number, and bonds are the same for both ends: "
         f"{conservative[1]} and {conservative[2]} bonds.",
@@ -99,7 +99,7 @@ def test_slow_tension_across_an_interface(failure: Callable[..., None]) -> None:
     mode are stretched unevenly. This is the price of momentum.
     """
     found = {(mode, m): concentration(mode, m) for mode in ("thesis", "conservative") for m in (3, 4)}
-    expected = {("thesis", 3): 1.059, ("thesis", 4): 1.031, ("conservative", 3): 1.135, ("conservative", 4): 1.164}
+    expected = {("thesis", 3): 1.059, ("thesis", 4): 1.031, ("conservative", 3): 1.133, ("conservative", 4): 1.160}
     assert found == pytest.approx(expected, abs=0.002)
     failure(
         fails=f"Conservative mode: bonds at the interface are at {found['conservative', 3]:.2f} (m = 3) and "
@@ -200,10 +200,10 @@ def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     horizons.
     """
     found = {(w, jump): sent_back((1, jump), (160, 160), w * 1e-3) for w in (8, 16) for jump in (2, 4, 8)}
-    expected = {(8, 2): 0.027, (8, 4): 0.290, (8, 8): 0.637, (16, 2): 0.0143, (16, 4): 0.081, (16, 8): 0.315}
+    expected = {(8, 2): 0.0320, (8, 4): 0.296, (8, 8): 0.655, (16, 2): 0.01676, (16, 4): 0.0709, (16, 8): 0.371}
     assert found == pytest.approx(expected, rel=0.03)
     graded = {w: sent_back((1, 2, 4, 8), (160, 24, 48, 160), w * 1e-3) for w in (8, 16)}
-    assert graded == pytest.approx({8: 0.314, 16: 0.184}, rel=0.03)
+    assert graded == pytest.approx({8: 0.307, 16: 0.186}, rel=0.03)
     says = {}
     for spacings, lengths in (((1, 2), (40, 40)), ((1, 4), (40, 40)), ((1, 2, 4, 8), (40, 24, 48, 80))):
         with saying() as says[spacings]:

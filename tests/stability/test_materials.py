@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -59,8 +60,10 @@ def stretched(mode: str, contrast: float) -> Stretched:
 
 
 def growth(mode: str, contrast: float) -> float:
-    """Energy after 2e4 steps over that of random velocities at the start."""
+    """Energy after 2e4 steps of 0.8 of Silling and Askari's bound over that of random velocities at the start."""
     problem = strip(mode, contrast)
+    share = 0.8 if mode == "thesis" else 0.8 / np.sqrt(2)
+    problem = dataclasses.replace(problem, time_step=share * problem.bound)
     problem.motion.v[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.motion.v.shape)
     start = problem.books(0).kinetic
     problem.march(1, 20_001)
@@ -78,8 +81,8 @@ def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     assert thesis.strains == pytest.approx(1, abs=1e-9)
     assert conservative.strains == pytest.approx(10, rel=1e-3)  # measured 10.003
     energy = {mode: growth(mode, 1e6) for mode in ("thesis", "conservative")}
-    assert energy["thesis"] > 1000  # measured 3900
-    assert energy["conservative"] == pytest.approx(1.035, abs=0.01)
+    assert energy["thesis"] > 1000  # measured 3890
+    assert energy["conservative"] == pytest.approx(1.030, abs=0.01)
     says = {}
     for mode in ("thesis", "conservative"):
         with saying() as says[mode]:
@@ -109,7 +112,7 @@ def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
         plan(layers(1e6), Options(threads=1))
     assert says == []
     found = {contrast: 1e3 * (MIDDLE - stretched("conservative", contrast).boundary) for contrast in (10, 1e3, 1e6)}
-    assert [abs(shift) < 0.15 for shift in found.values()] == [True] * 3  # measured -0.07, 0.09 and 0.13 spacings
+    assert [abs(shift) < 0.15 for shift in found.values()] == [True] * 3  # measured -0.07, 0.11 and 0.14 spacings
     steps = {contrast: strip("conservative", contrast).bound for contrast in (1, 1e6)}
     soft = steps[1] * 1e3
     assert steps[1e6] == pytest.approx(steps[1], rel=1e-12)

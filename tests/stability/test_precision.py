@@ -19,13 +19,14 @@ COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is
 
 
-def duran(tip: float = TIP) -> Model:
-    """The Duran plate on one spacing, its crack on the axis of symmetry as far as `tip`, m; it branches."""
+def duran(tip: float = TIP, pull: float = 3e9) -> Model:
+    """The Duran plate on one spacing, its crack on the axis of symmetry as far as `tip`, m, its edges pulled by
+    `pull`, N/m^3; it branches."""
     grid = square_grid(COLUMNS, ROWS, y0=-20.5e-3)
     grid = dataclasses.replace(grid, cracks=np.array([[0.0, 0.0, tip, 0.0]]))
     loads = (
-        Load(box=(-1.0, 16.9e-3, 1.0, 1.0), body_force=(0.0, 3e9)),
-        Load(box=(-1.0, -1.0, 1.0, -16.9e-3), body_force=(0.0, -3e9)),
+        Load(box=(-1.0, 16.9e-3, 1.0, 1.0), body_force=(0.0, pull)),
+        Load(box=(-1.0, -1.0, 1.0, -16.9e-3), body_force=(0.0, -pull)),
     )
     return plate(grid, 4, conditions=loads, run=Run(time_step=25e-9))
 
@@ -42,12 +43,12 @@ def asymmetry(problem: Problem) -> tuple[float, int]:
 def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     """float32 and a crack that branches.
 
-    A mirror image is summed in another order, so both halves of a symmetric plate differ in the last digit; where a
-    crack branches, differences grow.
+    A mirror image is summed in another order, so both halves of a symmetric plate differ in the last digit; where
+    cracks branch again and again, differences grow.
     """
     found = {}
     for precision in ("float64", "float32"):
-        problem = prepare(duran(), Options(precision=precision, threads=1))
+        problem = prepare(duran(pull=12e9), Options(precision=precision, threads=1))
         problem.march(1, 801)
         early = asymmetry(problem)
         problem.march(801, 1801)
@@ -56,11 +57,11 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     assert found["float64"][1] < (1e-14, 1)  # measured 2e-15
     assert found["float64"][1][1] == 0
     assert found["float32"][0][0] < 3e-6  # measured 1e-6
-    assert found["float32"][1][0] > 0.01  # measured 0.21
-    assert found["float32"][1][1] > 20  # measured 204
+    assert found["float32"][1][0] > 0.01  # measured 0.014
+    assert found["float32"][1][1] > 20  # measured 304
     failure(
-        fails=f"The Duran plate in float32: its halves agree to {found['float32'][0][0]:.0e} of the displacement "
-        f"before the crack branches (step 800), and to {found['float32'][1][0]:.1f} after it (step 1800); "
+        fails=f"The Duran plate in float32, pulled at 12 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
+        f"the displacement at step 800, and to {found['float32'][1][0]:.2f} at step 1800, in fragments; "
         f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes have another damage than their mirror image.",
         noticed="Not at all; both halves are cracks that noise could have made. `meta` in the database says which "
         "precision was used.",
@@ -89,7 +90,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     assert nodes == 4
     exact.march(1, 1801)
     halves, _ = asymmetry(exact)
-    assert halves > 0.1  # measured 0.42
+    assert halves > 0.1  # measured 0.36
     failure(
         fails=f"Bonds that meet the segment to the last digit: {nodes} nodes at the tip of the Duran crack have more "
         f"bonds cut than their mirror image; after 1800 steps the halves differ by {halves:.1f} of the displacement, "
@@ -131,15 +132,15 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     books = flying.books(100_000)
     assert books.broken == 0
     error, balance = shape_error(flying), abs(books.balance(flying.initial_energy))
-    assert error < 0.003  # measured 0.0017: the plate breathes, being stretched by its turning
-    assert balance < 1e-6  # measured 3e-7
+    assert error < 0.003  # measured 0.0016: the plate breathes, being stretched by its turning
+    assert balance < 1e-6  # measured 8e-7
     momentum = books.momentum_x / float(flying.rho.sum() * flying.area[0] * 100) - 1
     assert abs(momentum) < 1e-10
     model = flying.model
     with saying() as says, simulate(model, options=Options(precision="float32", threads=1)) as results:
         broken = results.summary()["broken_bonds"]
         first = int(results.breaks().step.min())
-    assert broken > 1000  # measured 1880
+    assert broken > 1000  # measured 1902, all of them
     says = says[:1]  # pieces that turn over come later
     assert "which float32 knows to" in says[0]
     assert int(says[0].split("step ")[1].split(":")[0]) < first

@@ -75,17 +75,16 @@ def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
     bound = prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE).bound
     ratio = true_limit(prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE)) / bound
     with saying() as silent:
-        usual = excess(knocked(UNBREAKABLE, 0.8 / ratio))
+        usual = excess(knocked(UNBREAKABLE, (1 - 1e-9) / ratio))
     assert silent == []
-    assert usual < 0.02  # measured 0.01
+    assert usual < 0.06  # measured 0.050
     failure(
         fails=f"Verlet at 1.02 of 2 / omega_max: energy without bounds within {step} steps.",
         noticed="A warning before the run, as the step is above the bound; then the run is stopped (exit code 3), "
         "its frames so far kept.",
         says=[warned[0], message],
         cure=f"At 0.98 of the limit {STEPS} steps keep the energy, to {below:.1g} of it. The program's own step is "
-        f"0.8 of Silling and Askari's bound, which is the limit over {ratio:.2f} here: to {usual:.1g}, and without a "
-        "warning.",
+        f"its bound, which is the limit over {ratio:.2f} here: to {usual:.1g}, and without a warning.",
     )
 
 
@@ -97,8 +96,8 @@ def test_an_unstable_plate_that_breaks(failure: Callable[..., None]) -> None:
     """
     with saying() as warned, simulate(knocked(GLASS, 1.02), options=ONE) as results:
         unstable = results.summary()
-    assert unstable["broken_bonds"] > 0  # measured 84
-    assert unstable["balance"] > 0.5  # measured 2.4
+    assert unstable["broken_bonds"] > 0  # measured 44
+    assert unstable["balance"] > 0.5  # measured 2.5
     assert [("bound" in line, "balance" in line, "spent" in line) for line in warned] == [
         (True, False, False),
         (False, False, True),
@@ -108,7 +107,7 @@ def test_an_unstable_plate_that_breaks(failure: Callable[..., None]) -> None:
         stable = results.summary()
     assert len(warned_below) == 1
     assert stable["broken_bonds"] == 0
-    assert abs(stable["balance"]) < 0.1  # measured 0.07
+    assert abs(stable["balance"]) < 0.1  # measured 0.08
     failure(
         fails=f"1.02 of the limit breaks {unstable['broken_bonds']} bonds of a plate whose waves break none, and "
         f"{1 + unstable['balance']:.2g} times the energy put in is there at the end.",

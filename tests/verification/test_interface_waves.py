@@ -42,17 +42,16 @@ def reflected(mode: str, width: float) -> float:
 
 
 # Measured | published for these settings by an independent code, whose own way of measuring is not known.
-CONSERVATIVE = [(4e-3, 0.1239, 0.13), (8e-3, 0.0723, 0.073), (16e-3, 0.0172, 0.014)]
+CONSERVATIVE = [(4e-3, 0.1208, 0.13), (8e-3, 0.0688, 0.073), (16e-3, 0.0159, 0.014)]
 THESIS = [(4e-3, 0.7617, 0.68), (8e-3, 0.524, 0.49), (16e-3, 0.321, 0.30)]
 
 
 @pytest.mark.parametrize(("width", "measured", "published"), CONSERVATIVE)
 def test_the_conservative_mode_sends_little_back(width: float, measured: float, published: float) -> None:
-    """No more than published for averaged horizons, but for the longest pulse: 0.003 more, of which 0.0013 come with
-    the partial cells (Hu's beta)."""
+    """Less than published for averaged horizons, but for the longest pulse: 0.002 more."""
     found = reflected("conservative", width)
     assert found == pytest.approx(measured, rel=0.02)
-    assert found <= published + 0.0035 * (width > 10e-3)
+    assert found <= published + 0.0022 * (width > 10e-3)
 
 
 @pytest.mark.parametrize(("width", "measured", "published"), THESIS)

@@ -67,7 +67,7 @@ def test_coarse() -> None:
     assert error == pytest.approx(0.0140, abs=5e-4)  # measured 0.01395
     assert abs(edge) <= 0.024  # published without correction; measured 0.0166
     assert solved(8, 4)[0] <= 0.0150  # measured 0.01447
-    assert solved(8, 4, CONICAL)[0] <= 0.0090  # measured 0.00869
+    assert solved(8, 4, CONICAL)[0] <= 0.0085  # measured 0.00817
 
 
 def test_the_thesis_mode_coarse() -> None:
@@ -90,15 +90,15 @@ def test_delta_convergence_m_3() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("material", "measured"),
-    [(UNIT, (0.01447, 0.00588, 0.00290)), (CONICAL, (0.00869, 0.00369, 0.00231))],
+    [(UNIT, (0.01447, 0.00588, 0.00290)), (CONICAL, (0.00817, 0.00318, 0.00177))],
     ids=["constant", "conical"],
 )
 def test_delta_convergence_m_4(material: Material, measured: tuple[float, ...]) -> None:
     """First order in the horizon, as long as the lattice's own error is the smaller part."""
     errors = [solved(fineness, 4, material)[0] for fineness in (8, 16, 32)]
     assert errors == pytest.approx(measured, rel=0.02)
-    assert order((8, 16), errors[:2]) >= 1.2  # measured 1.30, 1.24
-    assert order((8, 16, 32), errors) >= 0.95  # measured 1.16, 0.96
+    assert order((8, 16), errors[:2]) >= 1.2  # measured 1.30, 1.36
+    assert order((8, 16, 32), errors) >= 0.95  # measured 1.16, 1.10
 
 
 @pytest.mark.slow

@@ -58,7 +58,7 @@ INTERFACE = {
     ("thesis", 4, "conical"): (0.4018, 0.1920, 0.1920),
     ("conservative", 3, "constant"): (0.2826, 0.0889, 0.0889),
     ("conservative", 4, "constant"): (0.2017, 0.0917, 0.0917),
-    ("conservative", 4, "conical"): (0.2845, 0.0924, 0.0924),
+    ("conservative", 4, "conical"): (0.2725, 0.0916, 0.0916),
 }
 
 

@@ -45,10 +45,10 @@ def pulled(mode: str, m: float, profile: str, fineness: int = 100, rows: int = 1
     return Stretch(float(gauge / STRESS - 1), float((u[-1] - u[0]) / ((columns - 1) * delta) / STRESS - 1))
 
 
-def softness(m: float, profile: str) -> float:
+def softness(m: float, profile: str, partial: bool) -> float:
     """Strain of the endless calibrated lattice in tension along its rows, over the classical one, less 1."""
-    found = lattice_ratios(m, profile, "stress", True)
-    factor = calibration(m, msgspec.structs.replace(GLASS, micromodulus=profile)).stiffness
+    found = lattice_ratios(m, profile, "stress", partial)
+    factor = calibration(m, msgspec.structs.replace(GLASS, micromodulus=profile), partial).stiffness
     c11, c12 = factor * 1.125 * found.c11, factor * 0.375 * found.c12
     return 1 / (c11 - c12**2 / c11) - 1
 
@@ -57,8 +57,8 @@ def softness(m: float, profile: str) -> float:
 MEASURED = {
     ("conservative", 3, "constant"): (-4.86, -5.13),
     ("conservative", 4, "constant"): (-1.75, -1.08),
-    ("conservative", 3, "conical"): (-6.00, -6.69),
-    ("conservative", 4, "conical"): (-2.45, -2.88),
+    ("conservative", 3, "conical"): (-4.14, -4.84),
+    ("conservative", 4, "conical"): (-1.67, -2.11),
 }
 
 
@@ -72,7 +72,7 @@ def test_the_strain_of_a_plate_of_100_nodes(mode: str, m: int, profile: str) -> 
     """
     found = pulled(mode, m, profile)
     assert (100 * found.gauge, 100 * found.total) == pytest.approx(MEASURED[mode, m, profile], abs=0.02)
-    assert -0.007 <= found.gauge - softness(m, profile) <= 0  # measured -0.49, -0.67, -0.41, -0.55 per cent
+    assert -0.007 <= found.gauge - softness(m, profile, profile == "constant") <= 0  # measured -0.43 to -0.67 per cent
 
 
 def test_a_load_over_four_columns_too() -> None:
@@ -98,7 +98,7 @@ def order(x: tuple[int, ...], errors: list[float]) -> float:
 def test_delta_convergence() -> None:
     """m = 4, 20 to 160 nodes a metre: first order in the horizon, towards the lattice's own stiffness."""
     finenesses = (20, 40, 80, 160)
-    errors = [pulled("conservative", 4, "constant", n).gauge - softness(4, "constant") for n in finenesses]
+    errors = [pulled("conservative", 4, "constant", n).gauge - softness(4, "constant", True) for n in finenesses]
     assert errors == pytest.approx([-0.0372, -0.0171, -0.0084, -0.0041], abs=2e-4)  # measured to all digits
     assert order(finenesses, errors) == pytest.approx(1.06, abs=0.05)  # measured 1.055
 
@@ -109,15 +109,20 @@ def test_m_convergence() -> None:
     ratios = (2, 3, 4, 6)
     gauge = [pulled("conservative", m, "constant", 20 * m, rows=m).gauge for m in ratios]
     assert gauge == pytest.approx([-0.0738, -0.0513, -0.0183, -0.0145], abs=2e-4)  # m = 8: -0.0130
-    surfaces = [found - softness(m, "constant") for m, found in zip(ratios, gauge, strict=True)]
+    surfaces = [found - softness(m, "constant", True) for m, found in zip(ratios, gauge, strict=True)]
     assert surfaces[1:] == pytest.approx([-0.007] * 3, abs=1e-3)  # measured -0.75, -0.74, -0.69 per cent
     assert order(ratios, [found + 0.0065 for found in gauge]) >= 1.8  # measured 2.1
 
 
 def test_m_convergence_of_the_lattice() -> None:
-    """The endless lattice in tension, m = 3 to 24: third order with the conical profile."""
+    """The endless lattice in tension, m = 3 to 24: third order with the conical profile and partial cells, less in
+    error and not so smooth with whole ones."""
     ratios = (3, 4, 6, 8, 12, 16, 24)
-    assert order(ratios, [softness(m, "conical") for m in ratios]) == pytest.approx(3.08, abs=0.01)
-    errors = [abs(softness(m, "constant")) for m in ratios]  # no smooth way down: 4.4, 1.1, 0.8, 0.6, 0.03 ... per cent
+    partial, whole = ([softness(m, "conical", cells) for m in ratios] for cells in (True, False))
+    assert order(ratios, partial) == pytest.approx(3.08, abs=0.01)
+    assert all(abs(less) < 0.77 * abs(more) for less, more in zip(whole, partial, strict=True))  # measured 0.23 to 0.76
+    errors = [
+        abs(softness(m, "constant", True)) for m in ratios
+    ]  # no smooth way down: 4.4, 1.1, 0.8, 0.6, 0.03 ... per cent
     assert max(errors[3:]) <= 0.0063
     assert max(errors[4:]) <= 0.0006

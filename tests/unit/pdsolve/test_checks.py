@@ -10,11 +10,12 @@ import pytest
 from failures import saying
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.grid import Region
+from pdmesh.grid import Region, Run
 from pdsolve.checks import Watch, advise, closing, refuse
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model, ModelError
 from pdsolve.problem import Options, Problem, prepare
+from pdsolve.simulation import simulate
 
 
 def bonds(model: Model) -> np.ndarray:
@@ -44,6 +45,14 @@ def test_the_material_of_a_region_is_named() -> None:
     region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e40))
     with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e\+40, expected 1e-30 to 1e\+30"):
         refuse(plate(square_grid(9, 8), regions=(region,)), True)
+
+
+def test_a_probe_off_the_plate_is_told() -> None:
+    model = plate(square_grid(9, 8), run=Run(steps=1, probes=((0.004, 0.003), (0.02, 0.0))))
+    with saying() as lines:
+        simulate(model)
+    assert len(lines) == 1
+    assert "$.run.probes[1]: found (0.02, 0) m, off the plate; the nearest node is watched, node 9" in lines[0]
 
 
 def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> tuple[Problem, Motion]:

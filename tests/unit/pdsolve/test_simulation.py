@@ -93,9 +93,10 @@ def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path
             assert np.isfinite(results.field("uy", int(step))).all()
 
 
-def test_no_time_step_takes_most_of_the_bound(small_plate: Model) -> None:
-    problem = prepare(with_run(small_plate, time_step=None), Options())
-    assert problem.time_step == pytest.approx(0.8 * problem.bound, rel=1e-15)
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_no_time_step_takes_the_bound(small_plate: Model, mode: str) -> None:
+    problem = prepare(with_run(small_plate, time_step=None), Options(mode))
+    assert problem.time_step == problem.bound
 
 
 @pytest.mark.parametrize(
