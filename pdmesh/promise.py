@@ -96,7 +96,10 @@ def proposal(scene: Scene, within: float) -> Proposal:
         least = min(max(float(curve.error[0]) for curve in some) for some in curves.values()) / EXTRAPOLATED
         raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
     _, ratio, finest, promised, guessed = min(found)
-    return Proposal(within, size, named, promised, guessed, changed(scene, finest, ratio))
+    try:
+        return Proposal(within, size, named, promised, guessed, changed(scene, finest, ratio))
+    except SceneError as error:
+        raise SceneError(f"--within {within:g}, for {size:.3g} m, {named}: {error}") from None
 
 
 def feature(scene: Scene) -> tuple[float, str]:
@@ -156,6 +159,8 @@ def changed(scene: Scene, finest: float, ratio: float) -> Scene:
     )
     grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
+    if not np.isfinite(old) or not np.isfinite(step):
+        raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
     steps = int(np.ceil(scene.run.steps * old / step))
     every = max(1, round(scene.run.every * old / step))
     return replace(grown, run=msgspec.structs.replace(scene.run, time_step=step, steps=steps, every=every))

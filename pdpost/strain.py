@@ -62,7 +62,7 @@ def fitted(results: Results, values: NDArray[np.float64], families: Families) ->
         weight = area[near] / np.hypot(x, y)
 
         def total(product: NDArray[np.float64], own: NDArray[np.int64] = own, nodes: int = last - first) -> NDArray:  # type: ignore[type-arg]
-            return np.bincount(own, product, minlength=nodes)
+            return np.bincount(own, product, minlength=nodes).astype(float)  # of none, bincount makes integers
 
         xx, xy, yy = total(weight * x * x), total(weight * x * y), total(weight * y * y)
         det = xx * yy - xy * xy

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import cKDTree
+from scipy.spatial import QhullError, cKDTree
 
 from pdpost.cracks import CRACKED, DIRECTIONS, Event, damage_at, growth
 from pdpost.paths import Polyline, distance, heading, path
@@ -143,7 +143,10 @@ def displacement(results: Results, reference: Results) -> float | None:
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach
-    between = LinearNDInterpolator(fine.position, _at(runs[1], time))(coarse.position)
+    try:
+        between = LinearNDInterpolator(fine.position, _at(runs[1], time))(coarse.position)
+    except QhullError:  # fewer than three nodes, or all in one row
+        return None
     away &= np.isfinite(between).all(axis=1)
     if not away.any():
         return None

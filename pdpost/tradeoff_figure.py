@@ -43,6 +43,9 @@ def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], name
     axes.set_xscale("log")
     axes.set_yscale("log")
     there = np.isfinite(error)
+    if not there.any():
+        axes.text(0.5, 0.5, "nothing to compare", ha="center", transform=axes.transAxes)
+        return
     shown = np.maximum(np.where(there, error, np.nan), LEAST)
     best = [at for at in front(cost, error) if there[at]]
     others = [at for at in range(len(names)) if at not in best]

@@ -87,6 +87,7 @@ class Frame(NamedTuple):
     probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
     checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
     reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
+    wall_time: float = 0.0  # s spent so far
 
 
 TABLES = f"""
@@ -235,6 +236,8 @@ class Writer:
                     for name, array in (frame.checkpoint or {}).items()
                 ],
             )
+            if frame.checkpoint is not None:
+                self._tell({"wall_time": frame.wall_time})
             self.connection.execute("COMMIT")
 
     def _write_field(self, step: int, name: str, values: NDArray[np.floating]) -> None:

@@ -93,15 +93,23 @@ def run(problem: Problem, output: Path | None = None, watch: Watcher | None = No
 def resume(output: Path, threads: int | None = None, watch: Watcher | None = None) -> Results:
     """Go on with the run in the file `output` from its last checkpoint, to the same bits as without a stop.
 
-    Raises ResultsError, ModelError, UnstableError.
+    A run that is finished is left as it is. Raises ResultsError, ModelError, UnstableError.
     """
     with Results.open(output) as results:
-        meta = results.meta()
+        meta, nodes = results.meta(), results.nodes()
+        if meta.get("status") == "finished":
+            return Results.open(output)
         model = model_of(results.model(), str(output))
         problem = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
+        same = float(meta["time_step"]) == problem.time_step and np.array_equal(nodes.family, problem.family)
+        if not same or not np.array_equal(nodes.cut, problem.family - problem.count):
+            raise ResultsError(
+                f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
+                f" bonds and the step of this version, {problem.time_step:.6g} s; solve it anew"
+            )
         step, state = results.checkpoint()
         problem.restore(step, state, results.breaks())
-    notes = _Notes(problem, step)
+    notes = _Notes(problem, step, float(meta.get("wall_time", 0.0)))
     return _finish(problem, Writer.reopen(output), output, notes, watch)
 
 
@@ -120,9 +128,10 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
 class _Notes:
     """What a run has noted since it last wrote: ledger entries, probes and reactions."""
 
-    def __init__(self, problem: Problem, step: int) -> None:
+    def __init__(self, problem: Problem, step: int, earlier: float = 0.0) -> None:
         grid, run = problem.model.grid, problem.model.settings.run
         self._problem = problem
+        self._earlier, self._began = earlier, clock.perf_counter()
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
@@ -132,6 +141,10 @@ class _Notes:
         self.written = step
         self._kept = clock.perf_counter()
         self.last = problem.books(step)
+
+    def wall(self) -> float:
+        """Seconds spent on the run, those before an interruption counted."""
+        return self._earlier + clock.perf_counter() - self._began
 
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
@@ -163,6 +176,7 @@ class _Notes:
             self._probes,
             problem.state() if state else None,
             self._reactions,
+            self.wall(),
         )
         self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
         return frame
@@ -192,9 +206,8 @@ def _give_back_memory() -> None:
 
 def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
-    run, step, begun_at = problem.model.settings.run, notes.written, notes.written
+    run, step = problem.model.settings.run, notes.written
     chunk = max(1, int(PATIENCE / max(problem.bonds, 1)))
-    began = clock.perf_counter()
     interrupted = done = False
     while step < run.steps and not (interrupted or done):
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
@@ -208,9 +221,9 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
             done = _is_enough(problem, step)
         if step % run.every == 0 or step == run.steps or interrupted or done:
             ends_here = step == run.steps or interrupted or done
-            writer.write(notes.frame(step, whole=not interrupted or step % run.every == 0, state=ends_here))
-    wall = clock.perf_counter() - began
-    writer.tell({"summary": json.dumps(_summary(problem, notes.last, wall, step - begun_at, done))})
+            whole = not interrupted or done or step == run.steps or step % run.every == 0
+            writer.write(notes.frame(step, whole, ends_here))
+    writer.tell({"summary": json.dumps(_summary(problem, notes.last, notes.wall(), done))})
     balance, spent = notes.last.balance(problem.initial_energy), notes.last.dissipated
     closing(problem.model, balance, spent, SYMMETRIC[problem.options.mode])
     return "finished" if done or step == run.steps else "interrupted"
@@ -276,7 +289,7 @@ def _meta(problem: Problem, provenance: str) -> dict[str, Any]:
     }
 
 
-def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_early: bool) -> dict[str, Any]:
+def _summary(problem: Problem, books: Ledger, wall: float, stopped_early: bool) -> dict[str, Any]:
     bonds = problem.bonds
     return {
         "nodes": len(problem.model.grid),
@@ -290,7 +303,7 @@ def _summary(problem: Problem, books: Ledger, wall: float, steps: int, stopped_e
         "threads": numba.get_num_threads(),
         "kernel": problem.kernel,
         "wall_time": wall,
-        "bond_updates_per_second": bonds * steps / wall if wall > 0 else 0.0,
+        "bond_updates_per_second": bonds * books.step / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(problem.initial_energy),

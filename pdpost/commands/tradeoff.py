@@ -35,7 +35,8 @@ def add(commands: Commands) -> None:
     tradeoff.add_argument("--cost", choices=COSTS, default="wall_time", help="what counts as cost")
     commandline.add_common_options(
         tradeoff,
-        output="the chart, in the format of its suffix, with a .json beside it (default: tradeoff.png)",
+        output="the chart, in the format of its suffix, with its numbers in a .tradeoff.json beside it (default:"
+        " tradeoff.png and tradeoff.json)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
     numbers.add_csv(tradeoff)
@@ -54,15 +55,25 @@ def _tradeoff(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
-    table = commandline.output_path(picture.with_suffix(".json"), Path("tradeoff.sqlite"), ".json", args.force)
+    beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
+    table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
     style = figures.styled(dict(args.assignments))
     points = []
     with Results.open(args.reference) as reference:
         for path in args.results:
             with Results.open(path) as results:
                 points.append(tradeoff.point(results, path, reference))
+    if len({point.name for point in points}) < len(points):
+        points = [point._replace(name=str(path)) for point, path in zip(points, args.results, strict=True)]
     there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
-    kinds = [kind for kind in args.by or there if kind in there]
+    missing = [kind for kind in args.by if kind not in there]
+    if missing or not there:
+        found_there = ", ".join(there) or "none"
+        raise commandline.UsageError(
+            f"{'--by ' + missing[0] if missing else 'errors'}: found nothing to compare in the reference,"
+            f" expected one of {found_there}"
+        )
+    kinds = args.by or there
     cost = np.array([getattr(point.cost, args.cost) for point in points])
     error = np.array([_worst(point, kinds) for point in points])
     best = tradeoff.front(cost, error)

@@ -18,6 +18,7 @@ from pdsolve.kernels.blocks import END, LANES, Blocks, Tracks, energy_densities
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
+NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
 SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
@@ -25,7 +26,7 @@ MARGIN = 1e-5  # of e: room for round-off below a peak
 
 
 class _Distinct:
-    """Different values, numbered as they turn up; those within a share of the largest of each other are one."""
+    """Different values, numbered as they turn up; one within a share of the largest of a value known is that value."""
 
     def __init__(self, share: float) -> None:
         self._share, self._tolerance = share, 0.0
@@ -39,8 +40,13 @@ class _Distinct:
         number, known = self._look_up(values)
         if not known.all():
             self._add(np.sort(values[~known]))
-            number, _ = self._look_up(values)
+            number, known = self._look_up(values)
+            assert known.all()
         return number
+
+    def loosen(self, share: float) -> None:
+        """From now on values within this share are one, if it is larger."""
+        self._share = max(self._share, share)
 
     def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):  # infinite less infinite
@@ -56,9 +62,11 @@ class _Distinct:
         return self._order[at], self._near(values, ordered[at])
 
     def _add(self, ordered: NDArray[np.float64]) -> None:
-        apart = np.ones(len(ordered), dtype=bool)
-        apart[1:] = ~self._near(ordered[1:], ordered[:-1])
-        self.values = np.append(self.values, ordered[apart])
+        new, at = [], 0
+        while at < len(ordered):  # each is as near to the first of its group as the tolerance, not to the next one only
+            new.append(float(ordered[at]))
+            at = max(int(np.searchsorted(ordered, ordered[at] + 0.99 * self._tolerance, side="right")), at + 1)
+        self.values = np.append(self.values, new)
         self._order = np.argsort(self.values).astype(np.int32)
 
 
@@ -146,9 +154,14 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
 
 def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | None:
     """The slots of the bonds of the rows from `first` on, a multiple of 64; None if the nodes are no lattice."""
-    sides = 2 * tables.components.numbers(np.abs(bonds.xi).ravel()) + (bonds.xi.ravel() < 0)
+    size = np.abs(bonds.xi).ravel()
+    component = tables.components.numbers(size)
     if len(tables.components.values) > MOST_COMPONENTS:
         return None
+    sides = 2 * component + (bonds.xi.ravel() < 0)
+    off = float(np.abs(size - tables.components.values[component]).max(initial=0.0))
+    shortest = float(np.hypot(*bonds.xi.T).min(initial=np.inf))
+    tables.pulls.loosen(NOISE * off / shortest)
     vector = _vectors(sides.reshape(-1, 2).astype(np.int64), tables)
     x, y = tables.xi()
     pulls = tables.pulls.numbers(bonds.stiffness / np.hypot(x, y)[vector])

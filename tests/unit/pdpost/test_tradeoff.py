@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plates import square_grid
+from plates import plate, square_grid
 
+from pdmesh.grid import Load, Run
 from pdpost.__main__ import main
 from pdpost.tradeoff import cheapest, cost, errors, front
+from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
+from pdsolve.simulation import simulate
 
 
 def alone(first: int, last: int) -> Families:
@@ -154,3 +157,28 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert "found 'no', expected a share such as 2% or 0.02" in capsys.readouterr().err
     assert main(["tradeoff", "coarse.sqlite", "--reference", "none.sqlite", "--force"]) == 2
     assert "none.sqlite: found no such file" in capsys.readouterr().err
+
+
+def test_plates_too_small_to_compare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One row of nodes has no displacements between its nodes; an error that is nowhere is said to be."""
+    monkeypatch.chdir(tmp_path)
+    pull = Load(nodes=(1,), body_force=(1e9, 0.0))
+    line = plate(square_grid(10, 1), conditions=(pull,), run=Run(time_step=1e-8, steps=2, every=1))
+    with pytest.warns(ModelWarning), simulate(line, Path("row.sqlite")) as row:
+        assert errors(row, row).displacement is None
+    run(tmp_path / "a.sqlite", 10, 1e-3).close()
+    assert main(["tradeoff", "a.sqlite", "--reference", "a.sqlite", "--by", "path"]) == 2
+    assert (
+        "--by path: found nothing to compare in the reference, expected one of displacement, energy"
+        in capsys.readouterr().err
+    )
+
+
+def test_nodes_without_bonds_have_no_strain(tmp_path: Path) -> None:
+    from pdpost.strain import fitted
+
+    with run(tmp_path / "a.sqlite", 10, 1e-3) as results:
+        moved = np.column_stack([results.field("ux", 100), results.field("uy", 100)])
+        assert np.isnan(fitted(results, moved.astype(float), results.families())).all()

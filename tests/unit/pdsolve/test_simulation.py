@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import sqlite3
+import time as clock
 from pathlib import Path
 
 import msgspec
@@ -188,3 +190,45 @@ def test_a_plan_knows_what_a_run_takes(small_plate: Model) -> None:
     assert (found.nodes, found.bonds, found.steps) == (summary["nodes"], summary["bonds"], 60)
     assert 4 * found.bonds < found.memory < 100 * found.bonds  # measured 39
     assert found.wall_time > 0
+
+
+def test_a_finished_run_is_left_as_it_is(small_plate: Model, tmp_path: Path) -> None:
+    path = tmp_path / "plate.sqlite"
+    simulate(small_plate, path).close()
+    before = path.read_bytes()
+    with resume(path) as again:
+        assert again.meta()["status"] == "finished"
+    assert path.read_bytes() == before
+
+
+def test_wall_time_counts_what_was_before_an_interruption(small_plate: Model, tmp_path: Path) -> None:
+    path, seen = tmp_path / "plate.sqlite", []
+
+    def slow(progress: Progress) -> bool:
+        clock.sleep(0.2)
+        seen.append(progress.step)
+        return True
+
+    simulate(small_plate, path, watch=slow).close()
+    with resume(path) as resumed:
+        assert resumed.summary()["wall_time"] > 0.2
+    assert len(seen) == 1
+
+
+def test_a_stop_at_the_last_step_keeps_the_last_frame(small_plate: Model) -> None:
+    settings = msgspec.structs.replace(small_plate.settings, run=Run(time_step=50e-9, steps=25, every=10))
+    model = dataclasses.replace(small_plate, settings=settings)
+    with simulate(model, watch=lambda progress: progress.step == 25) as results:
+        assert results.frames()[0].tolist() == [0, 10, 20, 25]
+        assert results.meta()["status"] == "finished"
+
+
+def test_a_run_of_other_bonds_does_not_go_on(small_plate: Model, tmp_path: Path) -> None:
+    path = tmp_path / "plate.sqlite"
+    simulate(small_plate, path, watch=lambda progress: True).close()
+    connection = sqlite3.connect(path)
+    connection.execute("UPDATE meta SET value = 1e-9 WHERE key = 'time_step'")
+    connection.commit()
+    connection.close()
+    with pytest.raises(ResultsError, match=r"found a run by pdsolve .* with a step of 1e-09 s, expected .* 5e-08 s"):
+        resume(path)
