@@ -130,6 +130,7 @@ def _plan(args: argparse.Namespace) -> int:
     from pdmesh.sources import read_scene
 
     scene = read_scene(args.drawing, args.assignments, args.refine, args.trust)
+    reason = ""
     try:
         if args.within is None:
             result = plan(scene)
@@ -137,9 +138,10 @@ def _plan(args: argparse.Namespace) -> int:
         from pdmesh import promise
 
         found = promise.proposal(scene, args.within)
+        reason = f"--within {args.within:g}, for {found.feature:.3g} m, {found.named}: "
         result = {"proposal": promise.described(found), **plan(found.scene)}
     except SceneError as error:
-        raise SceneError(f"{args.drawing}: {error}") from None
+        raise SceneError(f"{args.drawing}: {reason}{error}") from None
     return _say(result, [*promise.lines(found), "", *plan_lines(result)], args)
 
 
