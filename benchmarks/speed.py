@@ -36,7 +36,7 @@ from pdsolve.simulation import Progress, simulate
 
 LEAST = 4.0  # times the textbook loop, in the quick form
 SAMPLE = 0.05  # s of one measurement
-ROUNDS, QUICK_ROUNDS = 9, 9
+ROUNDS, QUICK_ROUNDS = 7, 9
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 LAWS = {"brittle": GLASS, "bilinear": Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)}
 MODES = ("thesis", "conservative")
@@ -283,7 +283,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.speed", description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"one plate; fails below {LEAST:g} times the textbook")
-    parser.add_argument("--grids", default="4k,13k,64k,duran50", help="of 4k, 13k, 64k, 1M and the shipped scenes")
+    parser.add_argument("--grids", default="4k,13k,64k,1M,duran50,kalthoff_winkler", help="of 4k, 13k, 64k, 1M and the shipped scenes")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--runs", default="kalthoff_winkler,duran50", help="shipped scenes whose whole run is timed")
     parser.add_argument("-o", "--output", type=Path, default=Path("speed.json"))
