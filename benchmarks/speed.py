@@ -283,7 +283,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.speed", description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"one plate; fails below {LEAST:g} times the textbook")
-    parser.add_argument("--grids", default="4k,13k,64k,1M,duran50,kalthoff_winkler", help="of 4k, 13k, 64k, 1M and the shipped scenes")
+    usual = "4k,13k,64k,1M,duran50,kalthoff_winkler"
+    parser.add_argument("--grids", default=usual, help="of 4k, 13k, 64k, 1M and the shipped scenes")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--runs", default="kalthoff_winkler,duran50", help="shipped scenes whose whole run is timed")
     parser.add_argument("-o", "--output", type=Path, default=Path("speed.json"))
