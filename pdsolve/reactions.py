@@ -12,6 +12,8 @@ from pdsolve.conditions import Drive, factor_at
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model
 
+_factor_at = getattr(factor_at, "py_func", factor_at)  # asked for once a ledger: compiling it would take longer
+
 
 class Grip(NamedTuple):
     """A condition that acts throughout a run, and where."""
@@ -62,7 +64,7 @@ def reactions(
     push = area[loads.node] * loads.value
     found = []
     for profile, grip in enumerate(grips):
-        factor = float(factor_at(drive.profiles, profile, time))
+        factor = float(_factor_at(drive.profiles, profile, time))
         force = [
             float(pull[(holds.profile == profile) & (holds.axis == axis)].sum())
             + factor * float(push[(loads.profile == profile) & (loads.axis == axis)].sum())
