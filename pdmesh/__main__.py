@@ -138,7 +138,7 @@ def _plan(args: argparse.Namespace) -> int:
         from pdmesh import promise
 
         found = promise.proposal(scene, args.within)
-        reason = f"--within {args.within:g}, for {found.feature:.3g} m, {found.named}: "
+        reason = promise.because(found.within, found.feature, found.named)
         result = {"proposal": promise.described(found), **plan(found.scene)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None

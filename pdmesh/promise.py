@@ -99,7 +99,12 @@ def proposal(scene: Scene, within: float) -> Proposal:
     try:
         return Proposal(within, size, named, promised, guessed, changed(scene, finest, ratio))
     except SceneError as error:
-        raise SceneError(f"--within {within:g}, for {size:.3g} m, {named}: {error}") from None
+        raise SceneError(f"{because(within, size, named)}{error}") from None
+
+
+def because(within: float, size: float, named: str) -> str:
+    """What asked for a spacing, to begin a message about it: the error and the feature."""
+    return f"--within {within:g}, for {size:.3g} m, {named}: "
 
 
 def feature(scene: Scene) -> tuple[float, str]:

@@ -54,8 +54,7 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
     """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
     points, cells = _points(results, squares)
-    data = {name: _each(values, squares) for name, values in point_data(results, step, also).items()}
-    mesh = meshio.Mesh(points, cells, point_data=data)
+    mesh = meshio.Mesh(points, cells, point_data=_data(results, step, also, squares))
     _by_name(path, lambda temporary: meshio.write(temporary, mesh, file_format="vtu"))
 
 
@@ -70,7 +69,7 @@ def pvd(
     """Write frames as VTU files in a folder named as `path` without its suffix, and `path`, which lists their times."""
     folder = path.with_suffix("")
     folder.mkdir(exist_ok=True)
-    times = dict(zip(*(column.tolist() for column in results.frames()), strict=True))
+    times = _times(results)
     lines = []
     for step in progress(steps):
         name = f"{folder.name}/{path.stem}_{step:08d}.vtu"
@@ -91,16 +90,25 @@ def xdmf(
 ) -> None:
     """Write frames as one XDMF file, numbers as text."""
     points, cells = _points(results, squares)
-    times = dict(zip(*(column.tolist() for column in results.frames()), strict=True))
+    times = _times(results)
 
     def write(temporary: str) -> None:
         with TimeSeriesWriter(temporary, data_format="XML") as series:
             series.write_points_cells(points, cells)
             for step in progress(steps):
-                data = {name: _each(values, squares) for name, values in point_data(results, step, also).items()}
-                series.write_data(times[step], point_data=data)
+                series.write_data(times[step], point_data=_data(results, step, also, squares))
 
     _by_name(path, write)
+
+
+def _times(results: Results) -> dict[int, float]:
+    """The time (s) of each frame's step."""
+    return dict(zip(*(column.tolist() for column in results.frames()), strict=True))
+
+
+def _data(results: Results, step: int, also: Sequence[str], squares: bool) -> dict[str, NDArray[np.generic]]:
+    """`point_data` of a frame, for each node or for each corner of its square."""
+    return {name: _each(values, squares) for name, values in point_data(results, step, also).items()}
 
 
 def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:

@@ -15,7 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdsolve.lattice import ROUND_OFF, lattice_ratios
+from pdmesh.neighbours import ROUND_OFF
+from pdsolve.lattice import lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.model import Model, ModelError, ModelWarning
 

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import Material
+from pdmesh.neighbours import ROUND_OFF
 from pdsolve.laws.bilinear import critical_stretch
 from pdsolve.laws.micromodulus import micromodulus
-
-ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
 
 
 class LatticeRatios(NamedTuple):

@@ -219,10 +219,9 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
         if noting:
             notes.take(step)
             done = _is_enough(problem, step)
-        if step % run.every == 0 or step == run.steps or interrupted or done:
-            ends_here = step == run.steps or interrupted or done
-            whole = not interrupted or done or step == run.steps or step % run.every == 0
-            writer.write(notes.frame(step, whole, ends_here))
+        whole = step % run.every == 0 or step == run.steps or done
+        if whole or interrupted:
+            writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
     writer.tell({"summary": json.dumps(_summary(problem, notes.last, notes.wall(), done))})
     balance, spent = notes.last.balance(problem.initial_energy), notes.last.dissipated
     closing(problem.model, balance, spent, SYMMETRIC[problem.options.mode])

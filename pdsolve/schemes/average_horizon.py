@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import Material
-from pdmesh.neighbours import Neighbours, Pairs
+from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs
 from pdmesh.visibility import Sight
 from pdsolve.bonds import Filling, Part, areas, part_of, row_chunks
 from pdsolve.conditions import unbreakable
-from pdsolve.lattice import ROUND_OFF, Calibration, calibration, hu_beta, lattice_ratios
+from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.laws.micromodulus import STIFFNESS, micromodulus
 from pdsolve.model import Model
