@@ -31,7 +31,7 @@ def quiet_share(problem: Problem) -> float:
     pairs = np.unique((source // LANES) * count + target // LANES)
     slots, share = np.diff(blocks.start), 0.0
     for step in range(1, steps + 1):
-        moving = ((tracks.u[0] != 0) | (tracks.v != 0) | (tracks.a != 0)).any(axis=0)
+        moving = ((tracks.u[0, :, : tracks.v.shape[1]] != 0) | (tracks.v != 0) | (tracks.a != 0)).any(axis=0)
         moves = moving.reshape(count, LANES).any(axis=1) | tracks.loaded
         awake = moves | (np.bincount(pairs // count, moves[pairs % count], minlength=count) > 0)
         if awake.all():

@@ -301,7 +301,7 @@ def problem_of(model: Model, options: Options, fill: Callable[[Model], Filling])
     )
     fast = None
     if blocks is not None:
-        tracks = _tracks(motion, driven, rho, len(blocks.softened))
+        tracks = _tracks(motion, driven, rho, len(blocks.softened), len(blocks.scratch))
         fast = Fast(blocks, tracks, blocks.mask.copy())
         motion, driven = _looking_into(tracks, motion, driven)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
@@ -317,8 +317,8 @@ def _in_precision(exact: Assembly, precision: str) -> Assembly:
     return exact._replace(bonds=Bonds(exact.bonds.start, exact.bonds.neighbour, *rounded))
 
 
-def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int) -> Tracks:
-    """Motion and loads in `count` whole blocks."""
+def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int, threads: int) -> Tracks:
+    """Motion and loads in `count` whole blocks, with spare nodes for so many threads."""
     room = count * LANES
 
     def spread(values: NDArray[np.generic], idle: float = 0.0) -> NDArray[Any]:
@@ -331,7 +331,7 @@ def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int)
     loaded = np.zeros(count, dtype=np.bool_)
     loaded[drive.loads.node // LANES] = True
     return Tracks(
-        u=aligned(np.stack([spread(motion.u)] * 3)),
+        u=aligned(np.pad(np.stack([spread(motion.u)] * 3), ((0, 0), (0, 0), (0, LANES * threads)))),
         v=spread(motion.v),
         a=spread(motion.a),
         force=spread(drive.force),

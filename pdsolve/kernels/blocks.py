@@ -6,14 +6,16 @@ Layout, after the sliced ELL format of sparse matrices:
              are consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 64 (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
              inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers
-    mask     one bit a lane: there is a bond, and it is intact. A full mask skips the test.
+    mask     one bit a lane: there is a bond, and it is intact. Where there was none from the start the stiffness
+             says so: sums need look at the masks of torn slots only, those in which a bond has broken.
+    spare    64 nodes a thread behind the others, to line up what a slot cannot read where it is
 
-What numba makes of the loops over lanes is vector code as long as they read and write one scratch array at places
-known to the compiler, gather into it first and count in unsigned integers; benchmarks/ watches over that.
+What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to the
+compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
 
 Symbols as in bond_sums, which says the same in a few lines and is what this is tested against. A block is first
-summed as if nothing broke, keeping the largest e. Where that is below the lowest peak of the block's bonds nothing can
-have broken or softened; otherwise, and where a bond has softened before, the block is summed again with the laws asked.
+summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can have broken or
+softened; otherwise, and where a bond has softened before, the block is summed again with the laws asked.
 Which of the two it is depends on the state alone.
 """
 
@@ -31,6 +33,7 @@ LANES = 64
 # Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile
 INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
+NO_BOND = -1.0  # stiffness of a lane without a bond; that of a bond at the edge of a horizon may be 0
 
 # Where the rows of 64 begin in a thread's scratch array
 _EX, _EY, _UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(10))
@@ -46,9 +49,10 @@ class Blocks(NamedTuple):
     pull: NDArray[np.int32]  # (s,) row of `stiffness`
     bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
     mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
+    torn: NDArray[np.bool_]  # (s,) whether a bond has broken
     ids: NDArray[np.uint32]  # (., 64) neighbours
     vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
-    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|
+    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|; NO_BOND, which is below 0, without a bond
     peak: NDArray[np.floating]  # (., 64)
     limit: NDArray[np.floating]  # (., 64)
     threshold: NDArray[np.floating]  # (blocks,) of e, below which nothing breaks or softens
@@ -59,7 +63,7 @@ class Blocks(NamedTuple):
 class Tracks(NamedTuple):
     """The motion of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
 
-    u: NDArray[np.floating]  # (3, 2, m) displacements of three steps in turn, m
+    u: NDArray[np.floating]  # (3, 2, m + spare) displacements of three steps in turn, m
     v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
     a: NDArray[np.floating]  # (2, m) acceleration, m/s^2
     force: NDArray[np.floating]  # (2, m) body force now, N/m^3
@@ -77,16 +81,16 @@ class Tracks(NamedTuple):
 
 @njit(**INNER)
 def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: ignore[no-untyped-def]
-    """Force densities on the nodes of block b, N/m^3, at u (2, m): in the rows FX and FY of the array returned.
+    """Force densities on the nodes of block b, N/m^3, at u (2, m + spare): in the rows FX and FY of the array returned.
 
-    Bonds over their limit break in this `step`; `before` (2, m) are the displacements one step ago.
+    Bonds over their limit break in this `step`; `before` are the displacements one step ago.
     """
     s = blocks.scratch[get_thread_id()]
     first = np.uint64(b) * LANE_COUNT
     if not blocks.softened[b]:
         _begin(u, first, s)
         _add_intact(blocks, u, b, s)
-        if not _exceeds(s, blocks.threshold[b]):
+        if not _exceeds(s):
             return s
     _begin(u, first, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
@@ -101,7 +105,7 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: i
                 blocks.softened[b] = True
         else:
             _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
-        if _exceeds(s, s.dtype.type(0)):
+        if _exceeds(s):
             _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
     return s
 
@@ -149,36 +153,51 @@ def _vector(vectors, row):  # type: ignore[no-untyped-def]
 
 @njit(fastmath={"contract"}, **INNER)
 def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
-    """Forces as if nothing broke, and the largest e. In one piece, with `_gather` repeated: calls cost a quarter."""
-    ids, stiffness, zero, one = blocks.ids, blocks.stiffness, s.dtype.type(0), s.dtype.type(1)
+    """Forces as if nothing broke; in _TOP how many of a lane's bonds have an e above the threshold.
+
+    What a lane without a bond finds in `u` does not matter.
+    """
+    stiffness, threshold, zero, one = blocks.stiffness, blocks.threshold[b], s.dtype.type(0), s.dtype.type(1)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        base, mask = blocks.base[slot], blocks.mask[slot]
-        if base >= 0:
-            first = np.uint64(base)
-            for lane in range(LANE_COUNT):
-                s[_EX + lane] = u[0, first + lane] - s[_UX + lane]
-                s[_EY + lane] = u[1, first + lane] - s[_UY + lane]
-        else:
-            scattered = np.uint64(-1 - base)
-            for lane in range(LANE_COUNT):
-                s[_EX + lane] = u[0, ids[scattered, lane]] - s[_UX + lane]
-                s[_EY + lane] = u[1, ids[scattered, lane]] - s[_UY + lane]
-        if mask != FULL:
-            for lane in range(LANE_COUNT):
-                there = ((mask >> lane) & _ONE) != _NONE
-                s[_EX + lane] = s[_EX + lane] if there else zero
-                s[_EY + lane] = s[_EY + lane] if there else zero
+        base = blocks.base[slot]
+        straight = base >= 0 and not blocks.torn[slot]
+        first = np.uint64(base) if straight else _lined_up(blocks, u, slot, s)
         at, row = np.uint64(blocks.vector[slot]), np.uint64(blocks.pull[slot])
         x, y, inverse = blocks.vectors[at, 0], blocks.vectors[at, 1], blocks.vectors[at, 2]
         x2, y2 = (x + x) * inverse, (y + y) * inverse
         for lane in range(LANE_COUNT):
-            eta_x, eta_y = s[_EX + lane], s[_EY + lane]
-            e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
-            pull = stiffness[row, lane] * e / (one + e + np.sqrt(one + e))  # q (q + 1) = q^2 + q
+            eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
+            w = stiffness[row, lane]
+            e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
+            e = e if w >= zero else zero
+            pull = w * e / (one + e + np.sqrt(one + e))  # q (q + 1) = q^2 + q
             s[FX + lane] += pull * (x + eta_x)
             s[FY + lane] += pull * (y + eta_y)
-            top = s[_TOP + lane]
-            s[_TOP + lane] = e if e > top else top
+            # The largest e would do, but is a store under a mask, which some processors take ten times as long for
+            s[_TOP + lane] += one if e > threshold else zero
+
+
+@njit(**INNER)
+def _lined_up(blocks, u, slot, s):  # type: ignore[no-untyped-def]
+    """Copy a slot's neighbours to the thread's spare nodes; returns the first. Where a bond broke, eta is to be 0."""
+    base, spare = blocks.base[slot], LANE_COUNT * np.uint64(len(blocks.start) - 1 + get_thread_id())
+    if base >= 0:
+        first = np.uint64(base)
+        for lane in range(LANE_COUNT):
+            u[0, spare + lane] = u[0, first + lane]
+            u[1, spare + lane] = u[1, first + lane]
+    else:
+        row = np.uint64(-1 - base)
+        for lane in range(LANE_COUNT):
+            u[0, spare + lane] = u[0, blocks.ids[row, lane]]
+            u[1, spare + lane] = u[1, blocks.ids[row, lane]]
+    if blocks.torn[slot]:
+        mask = blocks.mask[slot]
+        for lane in range(LANE_COUNT):
+            there = ((mask >> lane) & _ONE) != _NONE
+            u[0, spare + lane] = u[0, spare + lane] if there else s[_UX + lane]
+            u[1, spare + lane] = u[1, spare + lane] if there else s[_UY + lane]
+    return spare
 
 
 @njit(fastmath={"contract"}, **INNER)
@@ -225,11 +244,11 @@ def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row,
 
 
 @njit(**INNER)
-def _exceeds(s, threshold):  # type: ignore[no-untyped-def]
-    """Whether a lane's top is above the threshold. Counting is vector code, looking for the largest is not."""
-    above = 0
+def _exceeds(s):  # type: ignore[no-untyped-def]
+    """Whether a lane's top is above 0. Counting is vector code, looking for the largest is not."""
+    above, zero = 0, s.dtype.type(0)
     for lane in range(LANE_COUNT):
-        above += 1 if s[_TOP + lane] > threshold else 0
+        above += 1 if s[_TOP + lane] > zero else 0
     return above > 0
 
 
@@ -271,6 +290,7 @@ def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # 
             dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
             broken[slot, lane] = step
             blocks.mask[slot] &= ~(_ONE << lane)
+            blocks.torn[slot] = True
 
 
 @njit(**INNER)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.kernels.blocks import END, LANES, Blocks, Tracks, energy_densities
+from pdsolve.kernels.blocks import END, LANES, NO_BOND, Blocks, Tracks, energy_densities
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -23,6 +23,7 @@ MOST_COMPONENTS = 500  # different components of reference vectors; more is no l
 SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
 MARGIN = 1e-5  # of e: room for round-off below a peak
+LAST = -1  # the number of a lane without a bond: the last in the table of stiffnesses
 
 
 class _Distinct:
@@ -71,9 +72,9 @@ class _Distinct:
 
 
 class _Rows(NamedTuple):
-    """Numbers of some slots' lanes: the least one of each slot, and all of those that have several."""
+    """Numbers of some slots' lanes: the first of each slot, and all of those that have several."""
 
-    least: NDArray[np.int32]  # (s,)
+    first: NDArray[np.int32]  # (s,)
     mixed: NDArray[np.bool_]  # (s,)
     own: NDArray[np.int32]  # (., 64) of the mixed ones
 
@@ -141,9 +142,10 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
         pull=pull,
         bound=bound,
         mask=mask,
+        torn=np.zeros(len(mask), dtype=np.bool_),
         ids=np.concatenate([part.ids for part in slots]),
         vectors=np.column_stack([x, y, 1 / (x * x + y * y)]).astype(kind),
-        stiffness=aligned(tables.pulls.values.astype(kind)[pulls]),
+        stiffness=aligned(np.append(tables.pulls.values, NO_BOND).astype(kind)[pulls]),
         peak=peak.astype(kind),
         limit=limit.astype(kind),
         threshold=((1 - MARGIN) * block_peak * (block_peak + 2)).astype(kind),
@@ -181,8 +183,8 @@ def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | No
         mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
         base=base,
         ids=ids,
-        pull=_rows(pulls, lane, there),
-        bound=_rows(tables.bounds.numbers(bounds), lane, there),
+        pull=_rows(pulls, lane, there, LAST),
+        bound=_rows(tables.bounds.numbers(bounds), lane, there, None),
     )
 
 
@@ -208,22 +210,28 @@ def _neighbours(
     return low, np.where(there, to, 0)[scattered].astype(np.uint32)
 
 
-def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
-    """The numbers of the bonds (b,), slot by slot."""
+def _rows(
+    numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], without: int | None
+) -> _Rows:
+    """The numbers of the bonds (b,), slot by slot; lanes `without` a bond have that number, or their slot's least."""
     if not len(numbers):
         return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
     number = numbers[lane]
-    least = np.where(there, number, np.iinfo(np.int32).max).min(axis=1)
-    mixed = np.where(there, number, -1).max(axis=1) > least
-    return _Rows(least, mixed, np.where(there, number, least[:, None])[mixed])
+    if without is None:
+        number = np.where(there, number, np.where(there, number, np.iinfo(np.int32).max).min(axis=1)[:, None])
+    else:
+        number = np.where(there, number, np.int32(without))
+    mixed = (number != number[:, :1]).any(axis=1)
+    return _Rows(number[:, 0], mixed, number[mixed])
 
 
 def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The row of each slot (s,), and for each row the numbers of its lanes (., 64)."""
-    least, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
-    row, uniform = np.zeros(len(least), np.int32), np.unique(least[~mixed])
-    row[~mixed] = np.searchsorted(uniform, least[~mixed])
-    row[mixed] = len(uniform) + np.arange(np.count_nonzero(mixed))
+    first, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
+    row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
+    row[~mixed] = np.searchsorted(uniform, first[~mixed])
+    own, which = np.unique(own, axis=0, return_inverse=True)
+    row[mixed] = len(uniform) + which.ravel()
     return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), own])
 
 
@@ -263,6 +271,7 @@ def revive(blocks: Blocks, broken: NDArray[np.int32], worst: NDArray[np.floating
     whole = _bits(intact)
     alive = whole & (broken == 0)
     blocks.mask[:] = np.packbits(alive, axis=1, bitorder="little").view(np.uint64)[:, 0]
+    blocks.torn[:] = blocks.mask != intact
     blocks.softened[:] = False
     if len(worst):
         slot_soft = (whole & (worst > 0)).any(axis=1)
