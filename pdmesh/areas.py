@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from pdmesh.trees import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
 ROWS = 16384  # whose surroundings are looked at together
@@ -23,7 +29,7 @@ def thesis_areas(
     """
     if len(position) < 2:
         return delta**2
-    tree = cKDTree(position)
+    tree = tree_of(position)
     some = (np.arange(first, min(first + ROWS, len(position))) for first in range(0, len(position), ROWS))
     return np.concatenate([_thesis_areas_of(rows, tree, position, delta, horizon) for rows in some])
 
@@ -85,5 +91,5 @@ def _with_neighbours(
     position: NDArray[np.float64], delta: NDArray[np.float64], asked: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The rows asked for and all that may bound their cells: whatever is within four of its own spacings of them."""
-    distance, _ = cKDTree(position[asked]).query(position, distance_upper_bound=4 * float(delta.max()))
+    distance, _ = tree_of(position[asked]).query(position, distance_upper_bound=4 * float(delta.max()))
     return np.flatnonzero(distance <= 4 * delta)

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pdmesh.areas import cell_areas
 from pdmesh.conditions import SLACK
 from pdmesh.grid import Grid, Horizon, Settings
 from pdmesh.scene import Scene
 from pdmesh.shapes import SceneError, near
+from pdmesh.trees import tree_of
 from pdmesh.zones import Level, levels
 
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
@@ -74,7 +74,7 @@ def place_nodes(scene: Scene) -> Nodes:
     for level in levels(scene):
         points, offset = _level_nodes(scene, level, coarser)
         if len(points) and rows:
-            distance, _ = cKDTree(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
+            distance, _ = tree_of(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
             points = points[~np.isfinite(distance)]
         if any(offset):
             shifts.append(Shift(level.spacing, offset))
@@ -97,7 +97,7 @@ def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     """The points (n, 2) of a lattice with three more (k, 2) between any two that are next to each other, m."""
     if not len(points):
         return points
-    first, second = cKDTree(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
+    first, second = tree_of(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
     between = [points[first] + share * (points[second] - points[first]) for share in (0.25, 0.5, 0.75)]
     return np.concatenate([points, *between])
 

@@ -1,17 +1,22 @@
 """Who is within reach of whom, any rows of a grid at a time.
 
-Nodes of a lattice find each other by their offsets in it; all others, and those of different lattices, by a tree.
+Nodes of a lattice find each other by their offsets in it, and are found by others in a window around them; nodes on no
+lattice are found by a tree.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from pdmesh.trees import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
 ON_LATTICE = 1e-9  # of a spacing: how far a node may be from its place in a lattice
@@ -38,11 +43,21 @@ class _Group:
     place: NDArray[np.int64]  # (k,) of each row in `map`
     map: NDArray[np.int32]  # rows by place, -1 where there is no node; (0,) without a lattice
     offsets: NDArray[np.int64]  # (o,) from a place to those within reach
+    width: int  # places in a row of the map
+    corner: NDArray[np.float64]  # (2,) of the first place, m
+    spacing: float  # m
 
     @cached_property
     def tree(self) -> cKDTree:
         """To find them by place."""
-        return cKDTree(self.position)
+        return tree_of(self.position)
+
+    @cached_property
+    def filled(self) -> NDArray[np.int64]:
+        """(rows + 1, columns + 1) How many nodes the map has below and to the left of a place."""
+        table = np.zeros((len(self.map) // self.width + 1, self.width + 1), dtype=np.int64)
+        table[1:, 1:] = (self.map.reshape(-1, self.width) >= 0).cumsum(axis=0).cumsum(axis=1)
+        return table
 
 
 def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
@@ -82,7 +97,7 @@ class Neighbours:
                 found.append(_by_offsets(group, own, self._index[own]))
             for other in self._groups:
                 if other is not group or not len(group.map):
-                    found += list(self._by_tree(own, other))
+                    found += self._others(own, other)
         source, target = (np.concatenate(column) for column in zip(*found, strict=True))
         key = source * len(self._position) + target
         if (np.diff(key) < 0).any():
@@ -91,17 +106,42 @@ class Neighbours:
         xi = self._position[target] - self._position[source]
         return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
 
-    def _by_tree(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    def _others(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         found = []
         for reach in np.unique(self._reach[own]):
             some = own[self._reach[own] == reach]
             radius = (max(reach, other.reach) if self._mutual else reach) * (1 + ROUND_OFF)
-            near = cKDTree(self._position[some]).sparse_distance_matrix(other.tree, radius, output_type="ndarray")
-            source, target = some[near["i"]], other.rows[near["j"]]
+            source, target, length = (_by_window if len(other.map) else _by_tree)(some, self._position, other, radius)
             limit = np.maximum(reach, self._reach[target]) if self._mutual else reach
-            seen = (near["v"] <= limit * (1 + ROUND_OFF)) & (source != target)
+            seen = (length <= limit * (1 + ROUND_OFF)) & (source != target)
             found.append((source[seen], target[seen]))
         return found
+
+
+def _by_tree(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
+    near = tree_of(position[own]).sparse_distance_matrix(other.tree, radius, output_type="ndarray")
+    return Pairs(own[near["i"]], other.rows[near["j"]], near["v"])
+
+
+def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
+    """Pairs at most about a `radius` apart, of any rows and those of a lattice, in the places around the rows'."""
+    size = np.array([other.width, len(other.map) // other.width])
+    side = int(radius / other.spacing) + 1
+    at = np.floor((position[own] - other.corner) / other.spacing).astype(np.int64)
+    low, high = np.clip(at - side, 0, size), np.clip(at + side + 2, 0, size)
+    table = other.filled
+    inside = table[high[:, 1], high[:, 0]] - table[low[:, 1], high[:, 0]] - table[high[:, 1], low[:, 0]]
+    some = np.flatnonzero(inside + table[low[:, 1], low[:, 0]] > 0)
+    steps = np.arange(-side, side + 2)
+    gap = np.maximum(np.maximum(-steps, steps - 1), 0)  # to the nearest point of the place that a row is in
+    y, x = np.nonzero(np.hypot(gap[:, None], gap) * other.spacing <= radius * (1 + ROUND_OFF))
+    column, line = at[some, :1] + steps[x], at[some, 1:] + steps[y]
+    there = (column >= 0) & (column < size[0]) & (line >= 0) & (line < size[1])
+    target = np.where(there, other.map[np.where(there, line * other.width + column, 0)], -1)
+    row, place = np.nonzero(target >= 0)
+    source, target = own[some[row]], target[row, place].astype(np.int64)
+    xi = position[target] - position[source]
+    return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
 
 
 def _by_offsets(
@@ -131,7 +171,7 @@ def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: ND
         left = np.setdiff1d(left, taken, assume_unique=True)
     if len(left):
         nothing = np.zeros(0, dtype=np.int64)
-        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing
+        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing, 0, np.zeros(2), 0.0
         groups.append(_Group(left, position[left], float(reach[left].max()), *unmapped))
     return groups
 
@@ -153,4 +193,5 @@ def _lattice(
     steps = np.arange(-margin, margin + 1)
     y, x = (side.ravel() for side in np.meshgrid(steps, steps, indexing="ij"))
     near = (np.hypot(x, y) * spacing <= reach * (1 + ROUND_OFF)) & ((x != 0) | (y != 0))
-    return _Group(rows, position[rows], reach, flat, lattice, y[near] * width + x[near])
+    corner = position[rows[0]] + (low - place[0]) * spacing
+    return _Group(rows, position[rows], reach, flat, lattice, y[near] * width + x[near], width, corner, spacing)

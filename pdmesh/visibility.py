@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pdmesh.grid import Grid, GridError
 from pdmesh.neighbours import ROUND_OFF, Pairs
+from pdmesh.trees import tree_of
 
 SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate, one at the tip of a crack is cut
 LOOKS = 24  # places along a bond where the nodes are asked whether it is inside the plate
@@ -23,7 +23,7 @@ class Sight:
         self._grid = grid
         self._cracks = _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
         self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid)
-        self._tree = cKDTree(grid.position) if self._void is None else None
+        self._tree = tree_of(grid.position) if self._void is None else None
         for obstacle in (self._cracks, self._void):
             shapely.prepare(obstacle)
 

@@ -56,7 +56,21 @@ def parser() -> argparse.ArgumentParser:
     return program
 
 
+def _leave_out_blas() -> None:
+    """Load numba's arrays where they do not find SciPy's BLAS: no kernel uses it, and it imports as slowly as numba.
+
+    In a process of this command alone, as nothing compiled in it later could multiply matrices.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = None  # type: ignore[assignment]
+        import numba.np.arraymath  # noqa: F401
+
+        del sys.modules[blas]
+
+
 def _solve(args: argparse.Namespace) -> int:
+    _leave_out_blas()
     from pdsolve.model import ModelWarning, read_model
     from pdsolve.simulation import Options, plan, resume, simulate
 

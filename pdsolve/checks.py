@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from pdmesh.neighbours import ROUND_OFF
+from pdmesh.neighbours import ROUND_OFF, Neighbours
+from pdmesh.trees import tree_of
 from pdsolve.lattice import lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -27,6 +27,8 @@ JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that z
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
+AROUND_ONE = 1.5  # spacings: nearly every node has another this near
+MANY = 2**16  # nodes whose surroundings are looked at together
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
@@ -40,11 +42,19 @@ class Nearest(NamedTuple):
 
 def nearest(model: Model) -> Nearest:
     """Who is nearest to whom."""
-    position = model.grid.position
-    if len(position) == 1:
-        return Nearest(np.zeros(1, dtype=np.int64), np.full(1, np.inf))
-    distance, row = cKDTree(position).query(position, 2, workers=-1)
-    return Nearest(row[:, 1], distance[:, 1])
+    position, delta = model.grid.position, model.grid.delta
+    found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
+    around = Neighbours(position, delta, AROUND_ONE * delta)
+    for first in range(0, len(position), MANY):
+        pairs = around.pairs(np.arange(first, min(first + MANY, len(position))))
+        order = np.lexsort((pairs.length, pairs.source))
+        row, at = np.unique(pairs.source[order], return_index=True)
+        found.row[row], found.distance[row] = pairs.target[order[at]], pairs.length[order[at]]
+    lonely = np.flatnonzero(np.isinf(found.distance))
+    if len(lonely) and len(position) > 1:
+        distance, near = tree_of(position).query(position[lonely], 2)
+        found.row[lonely], found.distance[lonely] = near[:, 1], distance[:, 1]
+    return found
 
 
 def refuse(model: Model, partial_cells: bool) -> None:
@@ -176,7 +186,7 @@ def _probes(model: Model) -> None:
     grid, places = model.grid, np.reshape(model.settings.run.probes, (-1, 2))
     if not len(places):
         return
-    away, row = cKDTree(grid.position).query(places)
+    away, row = tree_of(grid.position).query(places)
     for number in np.flatnonzero(away > grid.delta[row]).tolist():
         x, y = places[number]
         _warn(
@@ -278,7 +288,7 @@ class _Triangles(NamedTuple):
 
 def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
     """The largest triangle of each node, if it is larger than `flat` (m^2) doubled."""
-    near = cKDTree(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+    near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     one, other = np.zeros((2, len(position)), dtype=np.int64)
     twice = np.zeros(len(position))
     for first, second in combinations(near.T, 2):

@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from pdsolve import bonds as lists
 from pdsolve.bonds import Assembly, Bonds, Filling, Part, listed
@@ -178,6 +176,9 @@ class Problem:
 
     def pieces(self) -> int:
         """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
+        from scipy.sparse import coo_matrix  # slow to import, and few runs ask
+        from scipy.sparse.csgraph import connected_components
+
         sound = self.damage() <= CRACKED
         intact = layout.there(self.fast.blocks.mask) if self.fast else np.flatnonzero(self.motion.broken == 0)
         ends = self.ends(intact)

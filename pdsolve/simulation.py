@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pdmesh import VERSION
+from pdmesh.trees import tree_of
 from pdsolve.checks import Watch, advise, closing
 from pdsolve.energy import Ledger
 from pdsolve.model import Model, ModelError, model_of
@@ -136,7 +136,7 @@ class _Notes:
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
         self._grips = grips(problem.model)
-        self._rows = cKDTree(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
+        self._rows = tree_of(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
         self._watch = Watch(problem.model)
         self.written = step
         self._kept = clock.perf_counter()

@@ -10,8 +10,8 @@ Layout, after the sliced ELL format of sparse matrices:
              says so: sums need look at the masks of torn slots only, those in which a bond has broken.
     spare    64 nodes a thread behind the others, to line up what a slot cannot read where it is
 
-What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to the
-compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
+What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to
+the compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
 
 Symbols as in bond_sums, which says the same in a few lines and is what this is tested against. A block is first
 summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can have broken or

@@ -210,9 +210,7 @@ def _neighbours(
     return low, np.where(there, to, 0)[scattered].astype(np.uint32)
 
 
-def _rows(
-    numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], without: int | None
-) -> _Rows:
+def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], without: int | None) -> _Rows:
     """The numbers of the bonds (b,), slot by slot; lanes `without` a bond have that number, or their slot's least."""
     if not len(numbers):
         return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))

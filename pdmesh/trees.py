@@ -1,0 +1,19 @@
+"""k-d trees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+
+def tree_of(position: NDArray[np.float64]) -> cKDTree:
+    """The tree of nodes at `position` (n, 2)."""
+    # Here, as importing SciPy takes a fifth of the whole solution of a small plate, which on lattices needs no tree
+    from scipy.spatial import cKDTree
+
+    return cKDTree(position)
