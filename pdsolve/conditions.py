@@ -115,7 +115,8 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     varies = any(len(points) > 1 for points in profiles)
     nodes_held = len(held.node)
     result = Drive(table, all_loads, held, varies, forces, forces.copy(), np.zeros(nodes_held), np.zeros(nodes_held))
-    apply_loads(result, 0.0)
+    at_first = np.array([factor_at.py_func(table, profile, 0.0) for profile in range(len(profiles))])
+    np.add.at(forces, (all_loads.node, all_loads.axis), all_loads.value * at_first[all_loads.profile])
     result.before[:] = result.force
     result.held_force[:] = result.force[held.node, held.axis]
     return result
@@ -126,7 +127,7 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
     acceleration = drive.force / rho[:, None]
     holds = drive.holds
     for e in range(len(holds.node)):
-        held = holds.value[e] * factor_at(drive.profiles, holds.profile[e], 0.0)
+        held = holds.value[e] * factor_at.py_func(drive.profiles, holds.profile[e], 0.0)
         acceleration[holds.node[e], holds.axis[e]] = held if holds.kind[e] == ACCELERATION else 0.0
     return acceleration
 
@@ -158,7 +159,7 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
     return profiles.factor[last]
 
 
-@njit(cache=True)
+@njit
 def apply_loads(drive, time):  # type: ignore[no-untyped-def]
     """Put the body forces of `time`, s, in place and keep the last ones."""
     loads, force = drive.loads, drive.force

@@ -93,7 +93,8 @@ class Problem:
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1."""
         if self.fast:
-            advance_blocks(self.fast.blocks, self.fast.tracks, self.drive, self.time_step, first, last)
+            blocks, tracks, drive = self.fast.blocks, self.fast.tracks, self.drive
+            advance_blocks(blocks, tracks, drive, drive.holds, drive.profiles, self.time_step, first, last)
             return
         advance(self.assembly.bonds, self.motion, self.drive, self.rho, self.time_step, first, last)
 

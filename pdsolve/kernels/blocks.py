@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from pdsolve.laws.bilinear import intact_share, spent_share
 
 LANES = 64
-# Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile
-INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile.
+# Nor does it make arrays: counting references to those it is given took a tenth of a step
+INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 NO_BOND = -1.0  # stiffness of a lane without a bond; that of a bond at the edge of a horizon may be 0
 
@@ -80,18 +81,18 @@ class Tracks(NamedTuple):
 
 
 @njit(**INNER)
-def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: ignore[no-untyped-def]
-    """Force densities on the nodes of block b, N/m^3, at u (2, m + spare): in the rows FX and FY of the array returned.
+def sum_block(blocks, broken, worst, u, before, dissipated, step, b, thread, s):  # type: ignore[no-untyped-def]
+    """Force densities on the nodes of block b, N/m^3, at u (2, m + spare): in the rows FX and FY of `s`.
 
-    Bonds over their limit break in this `step`; `before` are the displacements one step ago.
+    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's row
+    of scratch.
     """
-    s = blocks.scratch[get_thread_id()]
-    first = np.uint64(b) * LANE_COUNT
+    first, spare = np.uint64(b) * LANE_COUNT, LANE_COUNT * np.uint64(len(blocks.start) - 1 + thread)
     if not blocks.softened[b]:
         _begin(u, first, s)
-        _add_intact(blocks, u, b, s)
+        _add_intact(blocks, u, b, spare, s)
         if not _exceeds(s):
-            return s
+            return
     _begin(u, first, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
         _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
@@ -107,7 +108,6 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b):  # type: i
             _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
         if _exceeds(s):
             _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
-    return s
 
 
 @njit(**INNER)
@@ -152,7 +152,7 @@ def _vector(vectors, row):  # type: ignore[no-untyped-def]
 
 
 @njit(fastmath={"contract"}, **INNER)
-def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
+def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
     """Forces as if nothing broke; in _TOP how many of a lane's bonds have an e above the threshold.
 
     What a lane without a bond finds in `u` does not matter.
@@ -160,8 +160,10 @@ def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
     stiffness, threshold, zero, one = blocks.stiffness, blocks.threshold[b], s.dtype.type(0), s.dtype.type(1)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
         base = blocks.base[slot]
-        straight = base >= 0 and not blocks.torn[slot]
-        first = np.uint64(base) if straight else _lined_up(blocks, u, slot, s)
+        first = np.uint64(base)
+        if base < 0 or blocks.torn[slot]:
+            first = spare
+            _line_up(blocks, u, slot, spare, s)
         at, row = np.uint64(blocks.vector[slot]), np.uint64(blocks.pull[slot])
         x, y, inverse = blocks.vectors[at, 0], blocks.vectors[at, 1], blocks.vectors[at, 2]
         x2, y2 = (x + x) * inverse, (y + y) * inverse
@@ -178,9 +180,9 @@ def _add_intact(blocks, u, b, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _lined_up(blocks, u, slot, s):  # type: ignore[no-untyped-def]
-    """Copy a slot's neighbours to the thread's spare nodes; returns the first. Where a bond broke, eta is to be 0."""
-    base, spare = blocks.base[slot], LANE_COUNT * np.uint64(len(blocks.start) - 1 + get_thread_id())
+def _line_up(blocks, u, slot, spare, s):  # type: ignore[no-untyped-def]
+    """Copy the displacements of a slot's neighbours to the nodes from `spare` on; eta is to be 0 where a bond broke."""
+    base = blocks.base[slot]
     if base >= 0:
         first = np.uint64(base)
         for lane in range(LANE_COUNT):
@@ -197,7 +199,6 @@ def _lined_up(blocks, u, slot, s):  # type: ignore[no-untyped-def]
             there = ((mask >> lane) & _ONE) != _NONE
             u[0, spare + lane] = u[0, spare + lane] if there else s[_UX + lane]
             u[1, spare + lane] = u[1, spare + lane] if there else s[_UY + lane]
-    return spare
 
 
 @njit(fastmath={"contract"}, **INNER)

@@ -126,38 +126,36 @@ def _release_component(v, a, rho, work, holds, profiles, held_speed, held_force,
 # two roundings, and never contracted, so that it does not show where a sequence of steps was taken apart.
 
 
-@njit(cache=True)
-def advance_blocks(blocks, tracks, drive, dt, first, last):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after."""
-    u, holds, profiles = tracks.u, drive.holds, drive.profiles
-    speed, force, steps = drive.held_speed, drive.held_force, last - first
+@njit(parallel=True, error_model="numpy", cache=True)
+def advance_blocks(blocks, tracks, drive, holds, profiles, dt, first, last):  # type: ignore[no-untyped-def]
+    """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
+
+    `holds` and `profiles` are those of `drive`: a parallel loop knows the tuples among the arguments only.
+    """
+    u, speed, force, steps = tracks.u, drive.held_speed, drive.held_force, last - first
     for taken in range(steps + 1 if steps > 0 else 0):
         if taken > 0 and drive.varies:
             apply_loads(drive, (first + taken - 1) * dt)
         before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
         starts, ends, step = taken == 0, taken == steps, first + taken - 1
-        _sweep(blocks, tracks, now, before, after, holds, profiles, speed, force, dt, step, starts, ends)
+        for b in prange(len(tracks.loaded)):
+            turn = tracks.turns[b]
+            _sweep_block(
+                blocks, tracks, now, before, after, holds, profiles, speed, force, dt, step, starts, ends, turn
+            )
     if steps > 0 and steps % 3 != 0:
         _copy(u, steps % 3)
-
-
-@njit(parallel=True, **INNER)
-def _sweep(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends):  # type: ignore[no-untyped-def]
-    for b in prange(len(tracks.loaded)):
-        _sweep_block(
-            blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, tracks.turns[b]
-        )
 
 
 @njit(**INNER)
 def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, b):  # type: ignore[no-untyped-def]
     """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
-    holds_some = tracks.held_start[b] < tracks.held_start[b + 1]
+    holds_some, thread = tracks.held_start[b] < tracks.held_start[b + 1], get_thread_id()
+    s = blocks.scratch[thread]
     if starts:
-        s = blocks.scratch[get_thread_id()]
         _take_acceleration(tracks.a, s, b)
     else:
-        s = sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b)
+        sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b, thread, s)
         if tracks.loaded[b]:
             _load_lanes(tracks.force, tracks.before, tracks.v, tracks.work, s, dt, b)
         _accelerate_lanes(tracks.rho, s, b)
@@ -166,6 +164,9 @@ def _sweep_block(blocks, tracks, u, before, after, holds, profiles, speed, force
         if holds_some:
             _release_block(tracks, holds, profiles, speed, force, dt, step * dt, b)
             _take_acceleration(tracks.a, s, b)
+        if not (ends or holds_some):
+            _kick_and_drift_lanes(tracks.v, u, after, s, dt, b)
+            return
         _kick_lanes(tracks.v, s, dt, b)
     if not ends:
         _kick_lanes(tracks.v, s, dt, b)
@@ -246,6 +247,18 @@ def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
     for lane in range(LANE_COUNT):
         after[0, first + lane] = u[0, first + lane] + whole * v[0, first + lane]
         after[1, first + lane] = u[1, first + lane] + whole * v[1, first + lane]
+
+
+@njit(**INNER)
+def _kick_and_drift_lanes(v, u, after, s, dt, b):  # type: ignore[no-untyped-def]
+    """The last half of a step and the first of the next: to the same bits as one by one, in one sweep."""
+    first, half, whole = np.uint64(b) * LANE_COUNT, s.dtype.type(dt / 2), s.dtype.type(dt)
+    for axis, row in ((0, FX), (1, FY)):
+        for lane in range(LANE_COUNT):
+            kick = half * s[row + lane]
+            speed = v[axis, first + lane] + kick + kick
+            v[axis, first + lane] = speed
+            after[axis, first + lane] = u[axis, first + lane] + whole * speed
 
 
 def stability_bound(bonds: Bonds, rho: NDArray[np.floating], symmetric: bool) -> float:
