@@ -115,11 +115,18 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     varies = any(len(points) > 1 for points in profiles)
     nodes_held = len(held.node)
     result = Drive(table, all_loads, held, varies, forces, forces.copy(), np.zeros(nodes_held), np.zeros(nodes_held))
-    at_first = np.array([factor_at.py_func(table, profile, 0.0) for profile in range(len(profiles))])
-    np.add.at(forces, (all_loads.node, all_loads.axis), all_loads.value * at_first[all_loads.profile])
+    put_loads(result, 0.0)
     result.before[:] = result.force
     result.held_force[:] = result.force[held.node, held.axis]
     return result
+
+
+def put_loads(drive: Drive, time: float) -> None:
+    """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
+    loads, profiles = drive.loads, drive.profiles
+    factors = np.array([factor_at.py_func(profiles, number, time) for number in range(len(profiles.start) - 1)])
+    drive.force[:] = 0
+    np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors[loads.profile])
 
 
 def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdsolve import bonds as lists
 from pdsolve.bonds import Assembly, Bonds, Filling, Part, listed
 from pdsolve.checks import refuse
-from pdsolve.conditions import Drive, apply_loads, drive, initial_acceleration, initial_velocity
+from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity, put_loads
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels import layout
 from pdsolve.kernels.blocks import LANES, Blocks, Tracks
@@ -216,7 +216,7 @@ class Problem:
             layout.revive(blocks, tracks.broken, tracks.worst, whole)
         else:
             motion.broken[lists.find(self.assembly.bonds, node, neighbour)] = breaks.step
-        apply_loads(self.drive, step * self.time_step)
+        put_loads(self.drive, step * self.time_step)
 
     def bytes(self) -> int:
         """Memory of the arrays that marching uses."""

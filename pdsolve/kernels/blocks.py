@@ -6,9 +6,10 @@ Layout, after the sliced ELL format of sparse matrices:
              are consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 64 (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
              inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers
-    mask     one bit a lane: there is a bond, and it is intact. Where there was none from the start the stiffness
-             says so: sums need look at the masks of torn slots only, those in which a bond has broken.
-    spare    64 nodes a thread behind the others, to line up what a slot cannot read where it is
+             A slot gets a row of stiffnesses of its own when its first bond breaks.
+    mask     one bit a lane: there is a bond, and it is intact. As the stiffness says where there is none, only what
+             looks at single bonds needs it.
+    spare    64 nodes a thread behind the others, to line up neighbours that are not consecutive
 
 What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to
 the compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
@@ -34,7 +35,7 @@ LANES = 64
 # Nor does it make arrays: counting references to those it is given took a tenth of a step
 INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
-NO_BOND = -1.0  # stiffness of a lane without a bond; that of a bond at the edge of a horizon may be 0
+NO_BOND = -1.0  # stiffness of a lane without an intact bond; at the edge of a horizon that of a bond may be 0
 
 # Where the rows of 64 begin in a thread's scratch array
 _EX, _EY, _UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(10))
@@ -47,13 +48,13 @@ class Blocks(NamedTuple):
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     vector: NDArray[np.int32]  # (s,) row of `vectors`
     base: NDArray[np.int64]  # (s,) node next to lane 0, or -1 - row of `ids`
-    pull: NDArray[np.int32]  # (s,) row of `stiffness`
+    pull: NDArray[np.int32]  # (s,) row of `stiffness`, whole[slot] or its own, which is (rows - s) + slot
+    whole: NDArray[np.int32]  # (s,) row of `stiffness` while no bond is broken
     bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
     mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
-    torn: NDArray[np.bool_]  # (s,) whether a bond has broken
     ids: NDArray[np.uint32]  # (., 64) neighbours
     vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
-    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|; NO_BOND, which is below 0, without a bond
+    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|, below 0 without a bond; at the end one for each slot
     peak: NDArray[np.floating]  # (., 64)
     limit: NDArray[np.floating]  # (., 64)
     threshold: NDArray[np.floating]  # (blocks,) of e, below which nothing breaks or softens
@@ -161,9 +162,9 @@ def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
         base = blocks.base[slot]
         first = np.uint64(base)
-        if base < 0 or blocks.torn[slot]:
+        if base < 0:
             first = spare
-            _line_up(blocks, u, slot, spare, s)
+            _line_up(u, blocks.ids, np.uint64(-1 - base), spare)
         at, row = np.uint64(blocks.vector[slot]), np.uint64(blocks.pull[slot])
         x, y, inverse = blocks.vectors[at, 0], blocks.vectors[at, 1], blocks.vectors[at, 2]
         x2, y2 = (x + x) * inverse, (y + y) * inverse
@@ -180,25 +181,11 @@ def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _line_up(blocks, u, slot, spare, s):  # type: ignore[no-untyped-def]
-    """Copy the displacements of a slot's neighbours to the nodes from `spare` on; eta is to be 0 where a bond broke."""
-    base = blocks.base[slot]
-    if base >= 0:
-        first = np.uint64(base)
-        for lane in range(LANE_COUNT):
-            u[0, spare + lane] = u[0, first + lane]
-            u[1, spare + lane] = u[1, first + lane]
-    else:
-        row = np.uint64(-1 - base)
-        for lane in range(LANE_COUNT):
-            u[0, spare + lane] = u[0, blocks.ids[row, lane]]
-            u[1, spare + lane] = u[1, blocks.ids[row, lane]]
-    if blocks.torn[slot]:
-        mask = blocks.mask[slot]
-        for lane in range(LANE_COUNT):
-            there = ((mask >> lane) & _ONE) != _NONE
-            u[0, spare + lane] = u[0, spare + lane] if there else s[_UX + lane]
-            u[1, spare + lane] = u[1, spare + lane] if there else s[_UY + lane]
+def _line_up(u, ids, row, spare):  # type: ignore[no-untyped-def]
+    """Copy the displacements of a slot's neighbours to the nodes from `spare` on."""
+    for lane in range(LANE_COUNT):
+        u[0, spare + lane] = u[0, ids[row, lane]]
+        u[1, spare + lane] = u[1, ids[row, lane]]
 
 
 @njit(fastmath={"contract"}, **INNER)
@@ -291,7 +278,18 @@ def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # 
             dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
             broken[slot, lane] = step
             blocks.mask[slot] &= ~(_ONE << lane)
-            blocks.torn[slot] = True
+            _tear(blocks, slot, lane)
+
+
+@njit(**INNER)
+def _tear(blocks, slot, lane):  # type: ignore[no-untyped-def]
+    """Mark a lane of a slot as being without a bond from now on, in a row of stiffnesses of the slot's own."""
+    own, row = len(blocks.stiffness) - len(blocks.pull) + np.int64(slot), blocks.pull[slot]
+    if row != own:
+        for other in range(LANE_COUNT):
+            blocks.stiffness[own, other] = blocks.stiffness[row, other]
+        blocks.pull[slot] = own
+    blocks.stiffness[own, lane] = NO_BOND
 
 
 @njit(**INNER)

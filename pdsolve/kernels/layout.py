@@ -140,12 +140,12 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
         vector=vector,
         base=np.concatenate(base),
         pull=pull,
+        whole=pull.copy(),
         bound=bound,
         mask=mask,
-        torn=np.zeros(len(mask), dtype=np.bool_),
         ids=np.concatenate([part.ids for part in slots]),
         vectors=np.column_stack([x, y, 1 / (x * x + y * y)]).astype(kind),
-        stiffness=aligned(np.append(tables.pulls.values, NO_BOND).astype(kind)[pulls]),
+        stiffness=aligned(np.append(tables.pulls.values, NO_BOND).astype(kind)[pulls], len(mask)),
         peak=peak.astype(kind),
         limit=limit.astype(kind),
         threshold=((1 - MARGIN) * block_peak * (block_peak + 2)).astype(kind),
@@ -269,7 +269,10 @@ def revive(blocks: Blocks, broken: NDArray[np.int32], worst: NDArray[np.floating
     whole = _bits(intact)
     alive = whole & (broken == 0)
     blocks.mask[:] = np.packbits(alive, axis=1, bitorder="little").view(np.uint64)[:, 0]
-    blocks.torn[:] = blocks.mask != intact
+    torn = np.flatnonzero(blocks.mask != intact)
+    blocks.pull[:] = blocks.whole
+    blocks.pull[torn] = len(blocks.stiffness) - len(intact) + torn
+    blocks.stiffness[blocks.pull[torn]] = np.where(alive[torn], blocks.stiffness[blocks.whole[torn]], NO_BOND)
     blocks.softened[:] = False
     if len(worst):
         slot_soft = (whole & (worst > 0)).any(axis=1)
@@ -284,12 +287,17 @@ def energies(blocks: Blocks, tracks: Tracks, nodes: int) -> tuple[NDArray[np.flo
     return strain[:nodes], softened[:nodes]
 
 
-def aligned(values: NDArray[Any]) -> NDArray[Any]:
-    """A copy that begins at a multiple of 64 bytes: vectors that cross a cache line cost twice."""
-    room = np.empty(values.nbytes + 64, dtype=np.uint8)
+def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
+    """A copy that begins at a multiple of 64 bytes: vectors that cross a cache line cost twice.
+
+    With room for `more` rows, which take no memory until they are written to.
+    """
+    shape = (len(values) + more, *values.shape[1:])
+    wanted = values.itemsize * int(np.prod(shape))
+    room = np.empty(wanted + 64, dtype=np.uint8)
     at = -room.ctypes.data % 64
-    copy = room[at : at + values.nbytes].view(values.dtype).reshape(values.shape)
-    copy[...] = values
+    copy = room[at : at + wanted].view(values.dtype).reshape(shape)
+    copy[: len(values)] = values
     return copy
 
 
