@@ -62,14 +62,13 @@ def reactions(
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * motion.a[holds.node, holds.axis].astype(float) - drive.held_force)
     push = area[loads.node] * loads.value
+    pulls, pushes = (
+        np.bincount(2 * entries.profile + entries.axis, values, minlength=2 * len(grips)).reshape(-1, 2)
+        for entries, values in ((holds, pull), (loads, push))
+    )
     found = []
     for profile, grip in enumerate(grips):
-        factor = float(_factor_at(drive.profiles, profile, time))
-        force = [
-            float(pull[(holds.profile == profile) & (holds.axis == axis)].sum())
-            + factor * float(push[(loads.profile == profile) & (loads.axis == axis)].sum())
-            for axis in (0, 1)
-        ]
+        force = (pulls[profile] + float(_factor_at(drive.profiles, profile, time)) * pushes[profile]).tolist()
         mean = motion.u[grip.rows].astype(float).mean(axis=0).tolist()
         found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
     return found

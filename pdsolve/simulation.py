@@ -213,8 +213,9 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         problem.march(step + 1, min(ends) + 1)
         step = min(ends)
-        broken, balance = len(problem.broken()), notes.last.balance(problem.initial_energy)
-        interrupted = watch is not None and watch(Progress(step, run.steps, broken, balance))
+        if watch is not None:
+            balance = notes.last.balance(problem.initial_energy)
+            interrupted = watch(Progress(step, run.steps, len(problem.broken()), balance))
         noting = step in ends[1:] or interrupted
         if noting:
             notes.take(step)

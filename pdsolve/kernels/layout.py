@@ -235,7 +235,9 @@ def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
     """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
-    return LANES * first + np.flatnonzero(_bits(mask))
+    some = np.flatnonzero(mask)
+    row, lane = np.nonzero(_bits(mask[some]))
+    return np.asarray(LANES * (first + some[row]) + lane)
 
 
 def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
