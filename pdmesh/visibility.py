@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -9,6 +12,9 @@ from numpy.typing import NDArray
 from pdmesh.grid import Grid, GridError
 from pdmesh.neighbours import ROUND_OFF, Pairs
 from pdmesh.trees import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate, one at the tip of a crack is cut
 LOOKS = 24  # places along a bond where the nodes are asked whether it is inside the plate
@@ -23,9 +29,12 @@ class Sight:
         self._grid = grid
         self._cracks = _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
         self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid)
-        self._tree = tree_of(grid.position) if self._void is None else None
         for obstacle in (self._cracks, self._void):
             shapely.prepare(obstacle)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return tree_of(self._grid.position)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) see each other without leaving the outline or meeting a hole.
@@ -53,16 +62,16 @@ class Sight:
         return met
 
     def _uncovered(self, pairs: Pairs) -> NDArray[np.bool_]:
-        grid, tree = self._grid, self._tree
+        grid = self._grid
         marked = grid.border | (grid.hole_id >= 0)
         asked = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
         void = np.zeros(len(pairs.source), dtype=bool)
-        if not len(asked) or tree is None:
+        if not len(asked):
             return void
         i, j = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1).T
         widest = np.maximum(grid.delta[i], grid.delta[j])
         for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
-            distance, _ = tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
+            distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
             void[asked] |= distance > COVERED * widest
         return void
 

@@ -73,11 +73,14 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         return Candidates(Pairs(i[kept], j[kept], length[kept]), modulus[kept], (peak[kept], limit[kept]))
 
     lack = np.ones((len(grid), 2))
+    all_of_them: Candidates | None = None  # where they are so few as to be found in one go
     for rows in row_chunks(len(grid)) if corrections.surfaces else ():
-        lack[rows] = _lack(model, rows, candidates(rows), area, corrections)
+        found = candidates(rows)
+        lack[rows] = _lack(model, rows, found, area, corrections)
+        all_of_them = found if len(rows) == len(grid) else None
 
     def part(rows: NDArray[np.int64]) -> Part:
-        pairs, modulus, bounds = candidates(rows)
+        pairs, modulus, bounds = candidates(rows) if all_of_them is None else all_of_them
         stiffness = modulus * _energy_factor(grid.position, pairs, lack) * area[pairs.target]
         return part_of(grid.position, held, rows, pairs, ~sight.cut(pairs), stiffness, bounds)
 

@@ -52,6 +52,21 @@ def test_the_pipeline_with_defaults(here: Path, capsys: pytest.CaptureFixture[st
     assert sorted(path.name for path in here.iterdir()) == ["duran50.damage.png", "duran50.json", "duran50.sqlite"]
 
 
+def test_a_run_on_lattices_does_not_wait_for_scipy(model: Path) -> None:
+    """Importing it takes as long as the rest of a small run; numba would import its BLAS."""
+    asked = "('scipy.spatial', 'scipy.linalg', 'scipy.sparse')"
+    code = f"""if True:
+        import sys
+        from pdsolve.__main__ import main
+        assert main([{str(model)!r}, "-q", "--set", "run.steps=20"]) == 0
+        print([name for name in sys.modules if name in {asked}])
+        import numba.np.linalg
+        numba.np.linalg.ensure_blas()  # there is still one, for whoever asks later
+    """
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "[]"
+
+
 @pytest.mark.parametrize("program", MAIN)
 def test_every_program_has_the_common_words(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:

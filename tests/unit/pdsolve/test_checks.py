@@ -10,8 +10,8 @@ import pytest
 from failures import saying
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.grid import Region, Run
-from pdsolve.checks import Watch, advise, closing, refuse
+from pdmesh.grid import Grid, Region, Run
+from pdsolve.checks import Watch, advise, closing, nearest, refuse
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model, ModelError
 from pdsolve.problem import Options, Problem, prepare
@@ -30,6 +30,29 @@ def test_plates_that_are_plates_are_not_spoken_of(grid: object) -> None:
         refuse(model, True)
         advise(model, bonds(model), True, True)
     assert lines == []
+
+
+def lonely() -> Grid:
+    """A lattice, two nodes all but at one place, and two far from all others."""
+    grid = square_grid(12, 9)
+    far = np.concatenate([grid.position, [[30e-3, 0.0], [30e-3, 1e-12], [50e-3, 5e-3], [57e-3, 5e-3]]])
+    return Grid(
+        np.arange(len(far)),
+        far,
+        np.full(len(far), 1e-3),
+        np.zeros(len(far), bool),
+        np.full(len(far), -1),
+        np.empty((0, 4)),
+    )
+
+
+@pytest.mark.parametrize("grid", [square_grid(9, 8), two_scale_grid(), lonely(), square_grid(1, 1)])
+def test_the_nearest_are_those_of_all_distances(grid: Grid) -> None:
+    found = nearest(plate(grid))
+    apart = np.hypot(*(grid.position[:, None] - grid.position[None]).T)
+    np.fill_diagonal(apart, np.inf)
+    assert found.distance == pytest.approx(apart.min(axis=1), rel=1e-12)
+    assert apart[np.arange(len(grid)), found.row] == pytest.approx(found.distance, rel=1e-12)
 
 
 def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> None:

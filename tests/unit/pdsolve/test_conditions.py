@@ -7,7 +7,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh.grid import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
-from pdsolve.conditions import unbreakable
+from pdsolve.conditions import apply_loads, put_loads, unbreakable
 from pdsolve.problem import Options, Problem, prepare
 
 DT = 2e-8
@@ -130,3 +130,20 @@ def test_a_published_poisson_ratio_that_bonds_do_not_have_warns() -> None:
 
     with pytest.warns(ModelWarning, match=r"nu: found 0\.2, bonds have 0\.3333 in plane stress"):
         plate(square_grid(3, 3), material=msgspec.structs.replace(GLASS, nu=0.2))
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_loads_put_once_are_those_of_every_step(precision: str) -> None:
+    """To the last bit, where several loads with profiles meet: a run goes on from a checkpoint with them."""
+    loads = (
+        Load(box=LEFT, body_force=(1e9 / 3, -2e8 / 7), profile=RAMP),
+        Load(box=(0.0, 0.0, 9e-3, 0.0), body_force=(-1e8 / 3, 4e7), profile=((0.0, 1.0), (90 * DT, -2.0))),
+        Load(box=LEFT, traction=(3e5 / 11, 0.0)),
+    )
+    model = plate(square_grid(10, 6), conditions=loads, run=Run(time_step=DT))
+    once, each = (prepare(model, Options(precision=precision)).drive for _ in range(2))
+    for time in (0.0, 13.3 * DT, 50 * DT, 71 * DT, 200 * DT):
+        put_loads(once, time)
+        apply_loads(each, time)
+        assert np.array_equal(once.force, each.force)
+    assert np.count_nonzero(once.force) > 20

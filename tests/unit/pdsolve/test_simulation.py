@@ -135,6 +135,23 @@ def test_a_softening_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: 
         assert resumed.breaks().step.size > 0
 
 
+@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
+    """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
+    problem = prepare(bilinear(small_plate), Options(kernel=kernel))
+    problem.march(1, 41)
+    state, breaks = {name: values.copy() for name, values in problem.state().items()}, problem.breaks_after(0)
+    problem.march(41, 61)
+    after = problem.state()["u"].copy(), problem.breaks_after(0)
+    assert 0 < len(breaks.step) < len(after[1].step)
+    problem.motion.broken[:], problem.motion.worst[:] = 0, 0
+    problem.restore(40, state, breaks)
+    assert problem.breaks_after(0).step.tolist() == breaks.step.tolist()
+    problem.march(41, 61)
+    assert np.array_equal(problem.state()["u"], after[0])
+    assert all(np.array_equal(*columns) for columns in zip(problem.breaks_after(0), after[1], strict=True))
+
+
 def test_probes_follow_the_node_nearest_to_them(small_plate: Model) -> None:
     model = with_run(small_plate, probes=((7.1e-3, 0.4e-3), (12e-3, -5.5e-3)), ledger=5)
     with simulate(model) as results:
