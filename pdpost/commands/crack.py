@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import numbers
-from pdpost.commands.shared import add_results
+from pdpost.commands.shared import add_csv, add_results
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -36,7 +36,7 @@ def add(commands: Commands) -> None:
         " or --csv alone)",
         assignment="override a definition, cracked=0.35 (damage of a cracked node), or a matplotlib setting",
     )
-    numbers.add_csv(crack)
+    add_csv(crack)
     crack.set_defaults(run=_crack)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+from pdpost.commands.shared import add_csv, add_results, csv_path, write_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
 def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
     """A command that reads results, draws a picture and gives its numbers."""
-    from pdpost.commands.shared import add_results
-
     command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
     add_results(command)
     commandline.add_common_options(
@@ -29,15 +28,9 @@ def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentP
     return command
 
 
-def add_csv(command: argparse.ArgumentParser) -> None:
-    """--csv: the numbers as a table."""
-    command.add_argument("--csv", metavar="FILE", help="write the numbers as a table; - is stdout")
-
-
 def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
     """Where the picture goes; None if numbers alone were asked for. Raises UsageError."""
-    if args.csv == "-" and args.json:
-        raise commandline.UsageError("--csv -: found --json too, expected one of them on stdout")
+    csv_path(args)  # to be told before anything is written
     if args.output is None and (args.json or args.csv is not None):
         return None
     return commandline.output_path(args.output, args.results, suffix, args.force)
@@ -52,8 +45,9 @@ def deliver(
     picture: Path | None,
 ) -> int:
     """Print the result and write the table; returns the exit code. What is not a number becomes null or empty."""
-    if args.csv is not None:
-        _write_table(args, header, rows)
+    path = csv_path(args)
+    if path is not None:
+        write_csv(_table(header, rows), path)
         if args.csv == "-":
             return commandline.OK
         lines = [f"{args.csv}: the numbers", *lines]
@@ -78,18 +72,12 @@ def finite(value: Any) -> Any:
     return value
 
 
-def _write_table(args: argparse.Namespace, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
     import csv
     import io
-
-    from pdmesh.files import write_atomically
 
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
     writer.writerows([["" if item is None else item for item in finite(row)] for row in rows])
-    if args.csv == "-":
-        print(text.getvalue(), end="")
-    else:
-        path = commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
-        write_atomically(path, text.getvalue().encode())
+    return text.getvalue().encode()

@@ -132,7 +132,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown
     """Draw the frame asked for, and report what is shown there."""
     import matplotlib
 
-    from pdpost import figures
+    from pdpost import figures, tables
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
@@ -145,7 +145,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown
         shown = show(results, step, scale)
         figures.save(shown.figure, path)
         if csv is not None:
-            write_csv(shown.table(), csv)
+            write_csv(tables.csv(shown.table()), csv)
     if str(csv) != "-":
         result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
         commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)

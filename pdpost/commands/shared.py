@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pdpost.tables import Columns
     from pdsolve.results import Results
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -115,7 +114,7 @@ def positive(text: str) -> float:
 def add_csv(command: argparse.ArgumentParser) -> None:
     """The numbers behind the picture."""
     command.add_argument(
-        "--csv", metavar="FILE", help="write the numbers behind the picture as well, as CSV in SI units; -: on stdout"
+        "--csv", metavar="FILE", help="write the numbers behind the picture as a table, in SI units; -: on stdout"
     )
 
 
@@ -130,15 +129,14 @@ def csv_path(args: argparse.Namespace) -> Path | None:
     return commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
 
 
-def write_csv(columns: Columns, path: Path) -> None:
-    """Write the numbers to a file, or to stdout."""
+def write_csv(table: bytes, path: Path) -> None:
+    """Write a table to a file, or to stdout."""
     from pdmesh.files import write_atomically
-    from pdpost.tables import csv
 
     if str(path) == "-":
-        sys.stdout.write(csv(columns).decode())
+        sys.stdout.write(table.decode())
     else:
-        write_atomically(path, csv(columns))
+        write_atomically(path, table)
 
 
 def numbers(values: NDArray[np.float64]) -> dict[str, float | int | None]:

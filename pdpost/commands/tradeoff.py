@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import numbers
+from pdpost.commands.shared import add_csv, csv_path
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -39,7 +40,7 @@ def add(commands: Commands) -> None:
         " tradeoff.png and tradeoff.json)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
-    numbers.add_csv(tradeoff)
+    add_csv(tradeoff)
     tradeoff.set_defaults(run=_tradeoff)
 
 
@@ -54,17 +55,19 @@ def _tradeoff(args: argparse.Namespace) -> int:
     from pdpost.tradeoff_figure import tradeoff as chart
     from pdsolve.results import Results
 
+    compared, args.results = args.results, args.reference  # what --csv must not overwrite
+    csv_path(args)
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
     beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
     table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
     style = figures.styled(dict(args.assignments))
     points = []
     with Results.open(args.reference) as reference:
-        for path in args.results:
+        for path in compared:
             with Results.open(path) as results:
                 points.append(tradeoff.point(results, path, reference))
     if len({point.name for point in points}) < len(points):
-        points = [point._replace(name=str(path)) for point, path in zip(points, args.results, strict=True)]
+        points = [point._replace(name=str(path)) for point, path in zip(points, compared, strict=True)]
     there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
     missing = [kind for kind in args.by if kind not in there]
     if missing or not there:
@@ -103,7 +106,6 @@ def _tradeoff(args: argparse.Namespace) -> int:
     if args.within is not None:
         name = "none of them" if chosen is None else points[chosen].name
         lines.append(f"the cheapest within {args.within:.3g}: {name}")
-    args.results = args.reference  # what --csv must not overwrite
     return numbers.deliver(args, found, lines, header, rows, picture)
 
 

@@ -63,7 +63,8 @@ def test_tables_have_a_header_and_numbers(
     assert {len(row) for row in rows} == {len(header)}
     assert main([command, str(small_results), "--csv", "x.csv", "-q"]) == 0
     assert (here / "x.csv").read_text().splitlines()[0].count(",") >= len(header) - 1
-    assert main([command, str(small_results), "--csv", "x.csv"]) == 2
+    assert main([command, str(small_results), "--csv", "x.csv", "-o", "late.png"]) == 2
+    assert not (here / "late.png").exists()
     assert main([command, str(small_results), "--csv", "-", "--json"]) == 2
 
 

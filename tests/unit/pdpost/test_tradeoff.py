@@ -151,6 +151,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert "tradeoff.png: found a file there already" in capsys.readouterr().err
     assert main([*arguments, "--force", "--csv", "-"]) == 0
     assert capsys.readouterr().out.splitlines()[0].startswith("name,nodes,wall_time")
+    assert main([*arguments, "--force", "--csv", "-", "--json"]) == 2
+    assert "--csv -: found --json as well" in capsys.readouterr().err
     with pytest.raises(SystemExit) as stop:
         main([*arguments, "--within", "no"])
     assert stop.value.code == 2
