@@ -12,7 +12,6 @@ import io
 import itertools
 import json
 import os
-import platform
 import sys
 import tempfile
 import time
@@ -24,10 +23,12 @@ import matplotlib as mpl
 import msgspec
 import numba
 import numpy as np
+from llvmlite.binding import get_host_cpu_name
 from tqdm import tqdm
 
 from benchmarks import lammps_peri
 from benchmarks.claims import Case
+from benchmarks.processes import processes
 from benchmarks.runs import built
 from pdmesh.grid import Grid, Horizon, Material, Run, Settings
 from pdsolve.model import Model
@@ -309,13 +310,16 @@ def main(arguments: list[str] | None = None) -> int:
             runs.append({"scene": name, "law": law, **growing(scene_of(name, law, Path(folder)), mode, 3)})
             told = ", ".join(f"{key} {value:.3g}" for key, value in runs[-1]["ratios"].items())
             print(f"{name}, {law}, {mode}: {told}", flush=True)
+    waiting = processes()
+    print("; ".join(f"{what} {seconds:.2f} s" for what, seconds in waiting.items()))
     machine = {
-        "processor": platform.processor(),
+        "processor": get_host_cpu_name(),
         "cores": os.cpu_count(),
         "threads": threads,
         "numba": numba.__version__,
     }
-    args.output.write_text(json.dumps({"machine": machine, "intact": rows, "others": others, "runs": runs}, indent=1))
+    found = {"machine": machine, "intact": rows, "others": others, "runs": runs, "processes": waiting}
+    args.output.write_text(json.dumps(found, indent=1))
     chart(rows, args.output.with_suffix(".png"))
     return 0
 

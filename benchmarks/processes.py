@@ -1,0 +1,52 @@
+"""How long a user waits for `pdsolve` from shell to shell: the Duran plate with five frames, and a word of help.
+
+`python -m benchmarks.processes` prints it; `benchmarks.speed` writes it down with the rest.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.claims import Case
+from benchmarks.runs import built
+from pdmesh.grid import document_of, write_file
+
+FRAMES = 5
+TIMES = 7
+
+
+def processes() -> dict[str, float]:
+    """Seconds from shell to shell: the least of some, but for the first run, which compiles."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        model = built(Case("duran50", "", "duran50.geo", ()), folder)
+        plate = folder / "plate.json"
+        write_file(document_of(model.grid, model.settings), plate)
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "compiled")}
+        every = str(model.settings.run.steps // FRAMES)
+
+        def seconds(*arguments: str) -> float:
+            began = time.perf_counter()
+            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
+            return time.perf_counter() - began
+
+        def least(*arguments: str) -> float:
+            return min(seconds(*arguments) for _ in range(TIMES))
+
+        run = "-m", "pdsolve", str(plate), "-o", str(folder / "plate.sqlite"), "--force", "-q", "--every", every
+        return {
+            "pdsolve, compiling": seconds(*run),
+            f"pdsolve, compiled before, {FRAMES} frames": least(*run),
+            "pdsolve --help": least("-m", "pdsolve", "--help"),
+            "import numba": least("-c", "import numba"),
+        }
+
+
+if __name__ == "__main__":
+    for what, found in processes().items():
+        print(f"{what}: {found:.2f} s")
