@@ -34,12 +34,11 @@ LANES = 64
 # Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile.
 # Nor does it make arrays: counting references to those it is given took a tenth of a step
 INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 NO_BOND = -1.0  # stiffness of a lane without an intact bond; at the edge of a horizon that of a bond may be 0
 
 # Where the rows of 64 begin in a thread's scratch array
-_EX, _EY, _UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(10))
-LANE_COUNT, _ONE, _NONE = np.uint64(LANES), np.uint64(1), np.uint64(0)
+_UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(8))
+LANE_COUNT, _ONE = np.uint64(LANES), np.uint64(1)
 
 
 class Blocks(NamedTuple):
@@ -96,17 +95,13 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b, thread, s):
             return
     _begin(u, first, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
-        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
+        neighbours = _neighbours(blocks, u, slot, spare)
         if len(worst) > 0:
-            _recall(blocks.mask[slot], worst, slot, s)
-            _add_softening(
-                x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.peak, blocks.limit, blocks.bound[slot], s
-            )
+            _add_softening(blocks, worst, u, slot, neighbours, s)
             if _remember(worst, slot, s):
                 blocks.softened[b] = True
         else:
-            _add_brittle(x, y, inverse, blocks.stiffness, blocks.pull[slot], blocks.limit, blocks.bound[slot], s)
+            _add_brittle(blocks, u, slot, neighbours, s)
         if _exceeds(s):
             _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
 
@@ -125,24 +120,16 @@ def _begin(u, first, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _gather(u, base, ids, mask, s):  # type: ignore[no-untyped-def]
-    """eta of a slot's bonds, 0 where there is no bond."""
+def _neighbours(blocks, u, slot, spare):  # type: ignore[no-untyped-def]
+    """The first of a slot's 64 neighbours; where they are not consecutive, copies of them from `spare` on."""
+    base = blocks.base[slot]
     if base >= 0:
-        first = np.uint64(base)
-        for lane in range(LANE_COUNT):
-            s[_EX + lane] = u[0, first + lane] - s[_UX + lane]
-            s[_EY + lane] = u[1, first + lane] - s[_UY + lane]
-    else:
-        row = np.uint64(-1 - base)
-        for lane in range(LANE_COUNT):
-            s[_EX + lane] = u[0, ids[row, lane]] - s[_UX + lane]
-            s[_EY + lane] = u[1, ids[row, lane]] - s[_UY + lane]
-    if mask != FULL:
-        zero = s.dtype.type(0)
-        for lane in range(LANE_COUNT):
-            there = ((mask >> lane) & _ONE) != _NONE
-            s[_EX + lane] = s[_EX + lane] if there else zero
-            s[_EY + lane] = s[_EY + lane] if there else zero
+        return np.uint64(base)
+    ids, row = blocks.ids, np.uint64(-1 - base)
+    for lane in range(LANE_COUNT):
+        u[0, spare + lane] = u[0, ids[row, lane]]
+        u[1, spare + lane] = u[1, ids[row, lane]]
+    return spare
 
 
 @njit(**INNER)
@@ -160,13 +147,8 @@ def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
     """
     stiffness, threshold, zero, one = blocks.stiffness, blocks.threshold[b], s.dtype.type(0), s.dtype.type(1)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        base = blocks.base[slot]
-        first = np.uint64(base)
-        if base < 0:
-            first = spare
-            _line_up(u, blocks.ids, np.uint64(-1 - base), spare)
-        at, row = np.uint64(blocks.vector[slot]), np.uint64(blocks.pull[slot])
-        x, y, inverse = blocks.vectors[at, 0], blocks.vectors[at, 1], blocks.vectors[at, 2]
+        first, row = _neighbours(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
+        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
         x2, y2 = (x + x) * inverse, (y + y) * inverse
         for lane in range(LANE_COUNT):
             eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
@@ -180,25 +162,21 @@ def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
             s[_TOP + lane] += one if e > threshold else zero
 
 
-@njit(**INNER)
-def _line_up(u, ids, row, spare):  # type: ignore[no-untyped-def]
-    """Copy the displacements of a slot's neighbours to the nodes from `spare` on."""
-    for lane in range(LANE_COUNT):
-        u[0, spare + lane] = u[0, ids[row, lane]]
-        u[1, spare + lane] = u[1, ids[row, lane]]
-
-
 @njit(fastmath={"contract"}, **INNER)
-def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # type: ignore[no-untyped-def]
+def _add_brittle(blocks, u, slot, first, s):  # type: ignore[no-untyped-def]
     """Forces of the bonds below their limit; how far stretches are above it."""
-    row, bound, zero, one = np.uint64(pull_row), np.uint64(limit_row), s.dtype.type(0), s.dtype.type(1)
+    stiffness, limit, zero, one = blocks.stiffness, blocks.limit, s.dtype.type(0), s.dtype.type(1)
+    row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
+    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
     x2, y2 = (x + x) * inverse, (y + y) * inverse
     for lane in range(LANE_COUNT):
-        eta_x, eta_y = s[_EX + lane], s[_EY + lane]
-        e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
+        eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
+        w = stiffness[row, lane]
+        e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
+        e = e if w >= zero else zero
         q = np.sqrt(one + e)
         loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
-        pull, stretch = stiffness[row, lane] * loss, q * loss
+        pull, stretch = w * loss, q * loss
         pull = zero if stretch > limit[bound, lane] else pull
         s[FX + lane] += pull * (x + eta_x)
         s[FY + lane] += pull * (y + eta_y)
@@ -207,26 +185,31 @@ def _add_brittle(x, y, inverse, stiffness, pull_row, limit, limit_row, s):  # ty
 
 
 @njit(fastmath={"contract"}, **INNER)
-def _add_softening(x, y, inverse, stiffness, pull_row, peaks, limits, bound_row, s):  # type: ignore[no-untyped-def]
+def _add_softening(blocks, worst, u, slot, first, s):  # type: ignore[no-untyped-def]
     """The same where bonds soften, and the largest stretches above their peaks so far."""
-    row, bound, zero, one = np.uint64(pull_row), np.uint64(bound_row), s.dtype.type(0), s.dtype.type(1)
+    stiffness, peaks, limits, zero, one = blocks.stiffness, blocks.peak, blocks.limit, s.dtype.type(0), s.dtype.type(1)
+    row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
+    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
     x2, y2 = (x + x) * inverse, (y + y) * inverse
     for lane in range(LANE_COUNT):
-        eta_x, eta_y = s[_EX + lane], s[_EY + lane]
-        e = x2 * eta_x + y2 * eta_y + inverse * (eta_x * eta_x + eta_y * eta_y)
+        eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
+        w = stiffness[row, lane]
+        e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
+        e = e if w >= zero else zero
         q = np.sqrt(one + e)
         loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
-        pull, stretch = stiffness[row, lane] * loss, q * loss
-        peak, limit, worst = peaks[bound, lane], limits[bound, lane], s[_WORST + lane]
-        risen = stretch if stretch > peak else worst
-        risen = risen if risen > worst else worst
-        worst = worst if stretch > limit else risen
-        share = intact_share(worst, peak, limit)
-        share = share if worst > zero else one
+        pull, stretch = w * loss, q * loss
+        peak, limit, known = peaks[bound, lane], limits[bound, lane], worst[slot, lane]
+        so_far = known if w >= zero else zero
+        risen = stretch if stretch > peak else so_far
+        risen = risen if risen > so_far else so_far
+        largest = so_far if stretch > limit else risen
+        share = intact_share(largest, peak, limit)
+        share = share if largest > zero else one
         share = zero if stretch > limit else share
         s[FX + lane] += share * pull * (x + eta_x)
         s[FY + lane] += share * pull * (y + eta_y)
-        s[_WORST + lane] = worst
+        s[_WORST + lane] = largest if w >= zero else known
         s[_STRETCH + lane] = stretch
         s[_TOP + lane] = stretch - limit
 
@@ -241,15 +224,6 @@ def _exceeds(s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _recall(mask, worst, slot, s):  # type: ignore[no-untyped-def]
-    """The largest stretches above the peak so far, 0 where there is no bond."""
-    zero = s.dtype.type(0)
-    for lane in range(LANE_COUNT):
-        there = ((mask >> lane) & _ONE) != _NONE
-        s[_WORST + lane] = worst[slot, lane] if there else zero
-
-
-@njit(**INNER)
 def _remember(worst, slot, s):  # type: ignore[no-untyped-def]
     """Write the largest stretches down; returns whether there are any."""
     some, zero = 0, s.dtype.type(0)
@@ -257,7 +231,7 @@ def _remember(worst, slot, s):  # type: ignore[no-untyped-def]
         some += 1 if s[_WORST + lane] > zero else 0
     if some > 0:
         for lane in range(LANE_COUNT):
-            worst[slot, lane] = s[_WORST + lane] if s[_WORST + lane] > zero else worst[slot, lane]
+            worst[slot, lane] = s[_WORST + lane]
     return some > 0
 
 
@@ -311,26 +285,30 @@ def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-unt
 
 @njit(**INNER)
 def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-untyped-def]
-    s = blocks.scratch[get_thread_id()]
-    first = np.uint64(b) * LANE_COUNT
-    _begin(u, first, s)
+    thread = get_thread_id()
+    s, spare = blocks.scratch[thread], LANE_COUNT * np.uint64(len(blocks.start) - 1 + thread)
+    own, zero = np.uint64(b) * LANE_COUNT, blocks.scratch.dtype.type(0)
+    _begin(u, own, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        _gather(u, blocks.base[slot], blocks.ids, blocks.mask[slot], s)
+        first, row, bound = (
+            _neighbours(blocks, u, slot, spare),
+            np.uint64(blocks.pull[slot]),
+            np.uint64(blocks.bound[slot]),
+        )
         x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-        row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
         for lane in range(LANE_COUNT):
-            eta_x, eta_y = s[_EX + lane], s[_EY + lane]
+            eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
+            w = blocks.stiffness[row, lane]
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
-            s[_STRETCH + lane] = blocks.stiffness[row, lane] / inverse / 4 * stretch * stretch
+            energy = w / inverse / 4 * stretch * stretch
+            s[_STRETCH + lane] = energy if w >= zero else zero
         if blocks.softened[b]:
-            _recall(blocks.mask[slot], worst, slot, s)
             for lane in range(LANE_COUNT):
-                largest = s[_WORST + lane]
-                if largest > 0:
+                largest, w = worst[slot, lane], blocks.stiffness[row, lane]
+                if largest > zero and w >= zero:
                     peak, limit = blocks.peak[bound, lane], blocks.limit[bound, lane]
-                    whole = blocks.stiffness[row, lane] / inverse / 4 * peak * limit
-                    softened[first + lane] += whole * spent_share(largest, peak, limit)
+                    softened[own + lane] += w / inverse / 4 * peak * limit * spent_share(largest, peak, limit)
                     s[_STRETCH + lane] *= intact_share(largest, peak, limit)
         for lane in range(LANE_COUNT):
-            strain[first + lane] += s[_STRETCH + lane]
+            strain[own + lane] += s[_STRETCH + lane]
