@@ -219,7 +219,7 @@ class Problem:
         put_loads(self.drive, step * self.time_step)
 
     def bytes(self) -> int:
-        """Memory of the arrays that marching uses."""
+        """Memory of the arrays that marching uses; that of slots' own stiffnesses comes as their bonds break."""
         arrays: list[NDArray[np.generic]] = [
             *(self.fast.blocks if self.fast else self.assembly.bonds),
             *self.motion,
@@ -227,7 +227,8 @@ class Problem:
             self.drive.force,
             self.drive.before,
         ]
-        return int(sum(array.nbytes for array in arrays))
+        later = self.fast.blocks.stiffness[-len(self.fast.blocks.pull) :].nbytes if self.fast else 0
+        return int(sum(array.nbytes for array in arrays)) - later
 
 
 def prepare(model: Model, options: Options) -> Problem:
@@ -320,7 +321,7 @@ def _in_precision(exact: Assembly, precision: str) -> Assembly:
 
 
 def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int, threads: int) -> Tracks:
-    """Motion and loads in `count` whole blocks, with spare nodes for so many threads."""
+    """Motion, at rest, and loads in `count` whole blocks, with spare nodes for so many threads."""
     room = count * LANES
 
     def spread(values: NDArray[np.generic], idle: float = 0.0) -> NDArray[Any]:
@@ -333,7 +334,7 @@ def _tracks(motion: Motion, drive: Drive, rho: NDArray[np.floating], count: int,
     loaded = np.zeros(count, dtype=np.bool_)
     loaded[drive.loads.node // LANES] = True
     return Tracks(
-        u=aligned(np.pad(np.stack([spread(motion.u)] * 3), ((0, 0), (0, 0), (0, LANES * threads)))),
+        u=aligned(np.zeros((3, 2, room + LANES * threads), dtype=motion.u.dtype)),
         v=spread(motion.v),
         a=spread(motion.a),
         force=spread(drive.force),
