@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,10 +20,13 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
-ON_LATTICE = 1e-9  # of a spacing: how far a node may be from its place in a lattice
+ON_LATTICE = 1e-9  # of a spacing, and of its way from the first: how far a node may be from its place in a lattice
+OFF_PLACE = 1e-3  # of a spacing: more than any node is
 MOST_LATTICES = 16
 LEAST_NODES = 64  # of a lattice; fewer are found by the tree
 LEAST_FILLED = 0.1  # places of a lattice's rectangle that have a node
+WIDEST = 64  # spacings from a node to the end of a window; beyond, a tree looks at less
+PLACES = 2**21  # of windows that are looked at together
 
 
 class Pairs(NamedTuple):
@@ -108,11 +112,14 @@ class Neighbours:
 
     def _others(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         found = []
-        for reach in np.unique(self._reach[own]):
-            some = own[self._reach[own] == reach]
+        size = np.ceil(2 * np.log2(self._reach[own]))  # each node of an imported mesh may have a reach of its own
+        for alike in np.unique(size):
+            some = own[size == alike]
+            reach = float(self._reach[some].max())
             radius = (max(reach, other.reach) if self._mutual else reach) * (1 + ROUND_OFF)
-            source, target, length = (_by_window if len(other.map) else _by_tree)(some, self._position, other, radius)
-            limit = np.maximum(reach, self._reach[target]) if self._mutual else reach
+            search = _by_window if len(other.map) and radius < WIDEST * other.spacing else _by_tree
+            source, target, length = search(some, self._position, other, radius)
+            limit = np.maximum(self._reach[source], self._reach[target]) if self._mutual else self._reach[source]
             seen = (length <= limit * (1 + ROUND_OFF)) & (source != target)
             found.append((source[seen], target[seen]))
         return found
@@ -134,12 +141,16 @@ def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Gr
     some = np.flatnonzero(inside + table[low[:, 1], low[:, 0]] > 0)
     steps = np.arange(-side, side + 2)
     gap = np.maximum(np.maximum(-steps, steps - 1), 0)  # to the nearest point of the place that a row is in
-    y, x = np.nonzero(np.hypot(gap[:, None], gap) * other.spacing <= radius * (1 + ROUND_OFF))
-    column, line = at[some, :1] + steps[x], at[some, 1:] + steps[y]
-    there = (column >= 0) & (column < size[0]) & (line >= 0) & (line < size[1])
-    target = np.where(there, other.map[np.where(there, line * other.width + column, 0)], -1)
-    row, place = np.nonzero(target >= 0)
-    source, target = own[some[row]], target[row, place].astype(np.int64)
+    y, x = np.nonzero(np.hypot(gap[:, None], gap) * other.spacing <= radius + OFF_PLACE * other.spacing)
+    sources, targets = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for few in np.array_split(some, len(some) * len(x) // PLACES + 1):
+        column, line = at[few, :1] + steps[x], at[few, 1:] + steps[y]
+        there = (column >= 0) & (column < size[0]) & (line >= 0) & (line < size[1])
+        found = np.where(there, other.map[np.where(there, line * other.width + column, 0)], -1)
+        row, place = np.nonzero(found >= 0)
+        sources.append(own[few[row]])
+        targets.append(found[row, place].astype(np.int64))
+    source, target = np.concatenate(sources), np.concatenate(targets)
     xi = position[target] - position[source]
     return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
 
@@ -155,8 +166,8 @@ def _by_offsets(
 def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: NDArray[np.float64]) -> list[_Group]:
     left = np.arange(len(position))
     groups: list[_Group] = []
-    alike = [(d, r) for d in np.unique(delta) for r in np.unique(reach[delta == d])][:MOST_LATTICES]
-    for spacing, own_reach in alike:
+    alike = ((d, r) for d in np.unique(delta) for r in np.unique(reach[delta == d]))
+    for spacing, own_reach in islice(alike, MOST_LATTICES):
         rest = left[(delta[left] == spacing) & (reach[left] == own_reach)]
         while len(rest) >= LEAST_NODES and len(groups) < MOST_LATTICES:
             place = (position[rest] - position[rest[0]]) / spacing

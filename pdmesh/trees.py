@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def tree_of(position: NDArray[np.float64]) -> cKDTree:
     """The tree of nodes at `position` (n, 2)."""
-    # Here, as importing SciPy takes a fifth of the whole solution of a small plate, which on lattices needs no tree
+    # Here, as importing SciPy takes a fifth of the whole solution of a small plate, which may do without a tree
     from scipy.spatial import cKDTree
 
     return cKDTree(position)

@@ -57,16 +57,14 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _leave_out_blas() -> None:
-    """Load numba's arrays where they do not find SciPy's BLAS: no kernel uses it, and it imports as slowly as numba.
-
-    In a process of this command alone, as nothing compiled in it later could multiply matrices.
-    """
+    """Load numba's arrays where they do not find SciPy's BLAS: no kernel uses it, and it imports as slowly as numba."""
     blas = "scipy.linalg.cython_blas"
     if blas not in sys.modules:
         sys.modules[blas] = None  # type: ignore[assignment]
-        import numba.np.arraymath  # noqa: F401
-
-        del sys.modules[blas]
+        try:
+            import numba.np.arraymath  # noqa: F401
+        finally:
+            del sys.modules[blas]
 
 
 def _solve(args: argparse.Namespace) -> int:

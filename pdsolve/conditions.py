@@ -124,7 +124,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
 def put_loads(drive: Drive, time: float) -> None:
     """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
     loads, profiles = drive.loads, drive.profiles
-    factors = np.array([factor_at.py_func(profiles, number, time) for number in range(len(profiles.start) - 1)])
+    factors = np.array([factor_now(profiles, number, time) for number in range(len(profiles.start) - 1)])
     drive.force[:] = 0
     np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors[loads.profile])
 
@@ -134,7 +134,7 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
     acceleration = drive.force / rho[:, None]
     holds = drive.holds
     for e in range(len(holds.node)):
-        held = holds.value[e] * factor_at.py_func(drive.profiles, holds.profile[e], 0.0)
+        held = holds.value[e] * factor_now(drive.profiles, holds.profile[e], 0.0)
         acceleration[holds.node[e], holds.axis[e]] = held if holds.kind[e] == ACCELERATION else 0.0
     return acceleration
 
@@ -164,6 +164,9 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
         if time < t1:
             return profiles.factor[k] + (profiles.factor[k + 1] - profiles.factor[k]) * (time - t0) / (t1 - t0)
     return profiles.factor[last]
+
+
+factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks seldom: compiling it would take longer
 
 
 @njit

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
@@ -20,8 +21,10 @@ from pdsolve.conditions import Drive, drive, initial_acceleration, initial_veloc
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels import layout
 from pdsolve.kernels.blocks import LANES, Blocks, Tracks
+from pdsolve.kernels.blocks import energy_densities as energy
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of
+from pdsolve.kernels.stale import drop_stale
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Families, Nodes
 from pdsolve.schemes import EXACT_LOAD, PARTIAL_CELLS, SCHEMES, SYMMETRIC
@@ -34,6 +37,8 @@ PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 # by spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs 3 %.
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 os.environ.setdefault("GOMP_SPINCOUNT", "1000")
+if not numba.config.DISABLE_JIT:
+    drop_stale(Path(__file__).parent, {Path(kernel.stats.cache_path) for kernel in (advance, advance_blocks, energy)})
 
 
 @dataclass(frozen=True)

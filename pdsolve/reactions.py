@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import InitialVelocity
-from pdsolve.conditions import Drive, factor_at
+from pdsolve.conditions import Drive, factor_now
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model
-
-_factor_at = getattr(factor_at, "py_func", factor_at)  # asked for once a ledger: compiling it would take longer
 
 
 class Grip(NamedTuple):
@@ -68,7 +66,7 @@ def reactions(
     )
     found = []
     for profile, grip in enumerate(grips):
-        force = (pulls[profile] + float(_factor_at(drive.profiles, profile, time)) * pushes[profile]).tolist()
+        force = (pulls[profile] + float(factor_now(drive.profiles, profile, time)) * pushes[profile]).tolist()
         mean = motion.u[grip.rows].astype(float).mean(axis=0).tolist()
         found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
     return found

@@ -11,19 +11,9 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, plate, square_grid
 
-import pdsolve
 from pdmesh.grid import Load, Run, document_of, write_file
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
-
-
-def pytest_configure() -> None:
-    """Drop compiled kernels older than any source: numba looks at a kernel's own file alone, not at its laws."""
-    package = Path(pdsolve.__file__).parent
-    newest = max(source.stat().st_mtime for source in package.rglob("*.py"))
-    for compiled in package.rglob("*.nb[ic]"):
-        if compiled.stat().st_mtime < newest:
-            compiled.unlink()
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_csv, add_results, csv_path, write_csv
+from pdpost.commands.shared import add_csv, add_results, check_csv, write_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -30,10 +30,10 @@ def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentP
 
 def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
     """Where the picture goes; None if numbers alone were asked for. Raises UsageError."""
-    csv_path(args)  # to be told before anything is written
-    if args.output is None and (args.json or args.csv is not None):
-        return None
-    return commandline.output_path(args.output, args.results, suffix, args.force)
+    none = args.output is None and (args.json or args.csv is not None)
+    picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
+    check_csv(args, picture)
+    return picture
 
 
 def deliver(
@@ -45,9 +45,8 @@ def deliver(
     picture: Path | None,
 ) -> int:
     """Print the result and write the table; returns the exit code. What is not a number becomes null or empty."""
-    path = csv_path(args)
-    if path is not None:
-        write_csv(_table(header, rows), path)
+    if args.csv is not None:
+        write_csv(args, _table(header, rows))
         if args.csv == "-":
             return commandline.OK
         lines = [f"{args.csv}: the numbers", *lines]

@@ -13,9 +13,9 @@ from pdpost.commands.shared import (
     add_frame,
     add_results,
     add_scale,
+    check_csv,
     chosen_frame,
     chosen_scale,
-    csv_path,
     numbers,
     write_csv,
 )
@@ -137,16 +137,16 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
     figures.check_format(path)
-    csv = csv_path(args)
+    check_csv(args, path)
     style = figures.styled(dict(args.assignments))
     with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
         step, time = chosen_frame(results, args)
         scale = chosen_scale(results, step, args)
         shown = show(results, step, scale)
         figures.save(shown.figure, path)
-        if csv is not None:
-            write_csv(tables.csv(shown.table()), csv)
-    if str(csv) != "-":
+        if args.csv is not None:
+            write_csv(args, tables.csv(shown.table()))
+    if args.csv != "-":
         result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
         commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)
     return commandline.OK

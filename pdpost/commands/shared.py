@@ -118,25 +118,25 @@ def add_csv(command: argparse.ArgumentParser) -> None:
     )
 
 
-def csv_path(args: argparse.Namespace) -> Path | None:
-    """Where the numbers go, `-` for stdout, or None. Raises UsageError where they cannot."""
-    if args.csv is None:
-        return None
-    if args.csv == "-":
-        if args.json:
-            raise commandline.UsageError("--csv -: found --json as well, expected one of them on stdout")
-        return Path("-")
-    return commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
+def check_csv(args: argparse.Namespace, *others: Path | None) -> None:
+    """Raises UsageError where the numbers cannot go: `others` are written as well."""
+    if args.csv == "-" and args.json:
+        raise commandline.UsageError("--csv -: found --json as well, expected one of them on stdout")
+    if args.csv is None or args.csv == "-":
+        return
+    path = commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
+    if path.resolve() in {other.resolve() for other in others if other is not None}:
+        raise commandline.UsageError(f"--csv: found {path}, which is written to as well, expected another file")
 
 
-def write_csv(table: bytes, path: Path) -> None:
-    """Write a table to a file, or to stdout."""
+def write_csv(args: argparse.Namespace, table: bytes) -> None:
+    """Write a table to the file asked for, or to stdout."""
     from pdmesh.files import write_atomically
 
-    if str(path) == "-":
+    if args.csv == "-":
         sys.stdout.write(table.decode())
     else:
-        write_atomically(path, table)
+        write_atomically(Path(args.csv), table)
 
 
 def numbers(values: NDArray[np.float64]) -> dict[str, float | int | None]:

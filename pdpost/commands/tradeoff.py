@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import numbers
-from pdpost.commands.shared import add_csv, csv_path
+from pdpost.commands.shared import add_csv, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -56,10 +56,10 @@ def _tradeoff(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
-    csv_path(args)
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
     beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
     table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
+    check_csv(args, picture, table)
     style = figures.styled(dict(args.assignments))
     points = []
     with Results.open(args.reference) as reference:

@@ -5,7 +5,7 @@ Layout, after the sliced ELL format of sparse matrices:
     slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of the lanes
              are consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 64 (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
-             inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers
+             inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
              A slot gets a row of stiffnesses of its own when its first bond breaks.
     mask     one bit a lane: there is a bond, and it is intact. As the stiffness says where there is none, only what
              looks at single bonds needs it.
@@ -95,13 +95,13 @@ def sum_block(blocks, broken, worst, u, before, dissipated, step, b, thread, s):
             return
     _begin(u, first, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        neighbours = _neighbours(blocks, u, slot, spare)
+        lined_up = _lined_up(blocks, u, slot, spare)
         if len(worst) > 0:
-            _add_softening(blocks, worst, u, slot, neighbours, s)
+            _add_softening(blocks, worst, u, slot, lined_up, s)
             if _remember(worst, slot, s):
                 blocks.softened[b] = True
         else:
-            _add_brittle(blocks, u, slot, neighbours, s)
+            _add_brittle(blocks, u, slot, lined_up, s)
         if _exceeds(s):
             _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
 
@@ -120,7 +120,7 @@ def _begin(u, first, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _neighbours(blocks, u, slot, spare):  # type: ignore[no-untyped-def]
+def _lined_up(blocks, u, slot, spare):  # type: ignore[no-untyped-def]
     """The first of a slot's 64 neighbours; where they are not consecutive, copies of them from `spare` on."""
     base = blocks.base[slot]
     if base >= 0:
@@ -147,7 +147,7 @@ def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
     """
     stiffness, threshold, zero, one = blocks.stiffness, blocks.threshold[b], s.dtype.type(0), s.dtype.type(1)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        first, row = _neighbours(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
+        first, row = _lined_up(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
         x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
         x2, y2 = (x + x) * inverse, (y + y) * inverse
         for lane in range(LANE_COUNT):
@@ -291,7 +291,7 @@ def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-unty
     _begin(u, own, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
         first, row, bound = (
-            _neighbours(blocks, u, slot, spare),
+            _lined_up(blocks, u, slot, spare),
             np.uint64(blocks.pull[slot]),
             np.uint64(blocks.bound[slot]),
         )

@@ -80,7 +80,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         all_of_them = found if len(rows) == len(grid) else None
 
     def part(rows: NDArray[np.int64]) -> Part:
-        pairs, modulus, bounds = candidates(rows) if all_of_them is None else all_of_them
+        pairs, modulus, bounds = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
         stiffness = modulus * _energy_factor(grid.position, pairs, lack) * area[pairs.target]
         return part_of(grid.position, held, rows, pairs, ~sight.cut(pairs), stiffness, bounds)
 

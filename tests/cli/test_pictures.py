@@ -68,6 +68,8 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
         (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
         (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
+        (["damage", "-o", "x.png", "--csv", "./x.png"], "--csv: found x.png, which is written to as well"),
+        (["history", "-o", "x.png", "--csv", "x.png"], "--csv: found x.png, which is written to as well"),
         (["bonds", "--frame", "4"], "found no frame 4, expected 0 to 3 or -4 to -1"),
         (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
         (["animate", "--field", "acceleration"], "found no field 'ax'"),

@@ -30,12 +30,28 @@ def shuffled() -> tuple[np.ndarray, np.ndarray]:
     return grid.position[order], grid.delta[order]
 
 
+def drifting() -> tuple[np.ndarray, np.ndarray]:
+    """Two lattices whose spacings are not quite what is said of them: far out, nodes are off their places."""
+    fine, coarse = square_grid(401, 3, 0.5e-3 * (1 + 9e-10)), square_grid(200, 3, 1e-3, y0=1.25e-3)
+    position = np.concatenate([fine.position, coarse.position])
+    return position, np.repeat([0.5e-3, 1e-3 * (1 - 1e-8)], [len(fine), len(coarse)])
+
+
+def all_different() -> tuple[np.ndarray, np.ndarray]:
+    """A lattice, and nodes each with a spacing of its own, one of them of a thousand of the lattice's."""
+    grid, random = square_grid(15, 12), np.random.default_rng(7)
+    position = np.concatenate([grid.position, 20e-3 * random.random((80, 2))])
+    return position, np.concatenate([grid.delta, 10 ** random.uniform(-3.5, -2.5, 79), [1.0]])
+
+
 NODES = {
     "one scale": (square_grid(21, 12).position, square_grid(21, 12).delta),
     "two scales": (two_scale_grid().position, two_scale_grid().delta),
     "shuffled": shuffled(),
     "scattered": scattered(),
     "mixed": mixed(),
+    "drifting": drifting(),
+    "all different": all_different(),
     "a handful": (1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 1.0]]), np.full(3, 1e-3)),
 }
 
