@@ -32,9 +32,9 @@ def shuffled() -> tuple[np.ndarray, np.ndarray]:
 
 def drifting() -> tuple[np.ndarray, np.ndarray]:
     """Two lattices whose spacings are not quite what is said of them: far out, nodes are off their places."""
-    fine, coarse = square_grid(401, 3, 0.5e-3 * (1 + 9e-10)), square_grid(200, 3, 1e-3, y0=1.25e-3)
-    position = np.concatenate([fine.position, coarse.position])
-    return position, np.repeat([0.5e-3, 1e-3 * (1 - 1e-8)], [len(fine), len(coarse)])
+    coarse = square_grid(8, 12, 1e-3 * (1 - 1e-8), y0=0.5e-3 * (400 + 1e-7))
+    fine = square_grid(8, 400, 0.5e-3 * (1 + 9e-10))
+    return np.concatenate([coarse.position, fine.position]), np.repeat([1e-3 * (1 - 1e-8), 0.5e-3], [96, 3200])
 
 
 def all_different() -> tuple[np.ndarray, np.ndarray]:
