@@ -258,7 +258,7 @@ def chart(rows: list[dict[str, Any]], path: Path) -> None:
         axis.set(title=f"{law}, {mode}", xlabel="nodes")
         axis.grid(alpha=0.3)
     axes[0, 0].set_ylabel("ns per directed bond and step")
-    axes[0, -1].legend(fontsize="x-small")
+    axes[0, -1].legend(fontsize="x-small", loc="center left", bbox_to_anchor=(1, 0.5))
     figure.savefig(path, dpi=150, bbox_inches="tight")
 
 
