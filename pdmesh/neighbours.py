@@ -6,6 +6,7 @@ lattice are found by a tree.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -27,6 +28,7 @@ LEAST_NODES = 64  # of a lattice; fewer are found by the tree
 LEAST_FILLED = 0.1  # places of a lattice's rectangle that have a node
 WIDEST = 64  # spacings from a node to the end of a window; beyond, a tree looks at less
 PLACES = 2**21  # of windows that are looked at together
+ROWS = 4096  # looked at together: few enough to stay near the processor; whole blocks of the solver's fast kernel
 
 
 class Pairs(NamedTuple):
@@ -67,6 +69,11 @@ class _Group:
 def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
     """Those of the pairs (b,) that are marked."""
     return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
+
+
+def row_chunks(nodes: int) -> Iterator[NDArray[np.int64]]:
+    """All rows of a grid of so many nodes, `ROWS` at a time."""
+    return (np.arange(first, min(first + ROWS, nodes)) for first in range(0, nodes, ROWS))
 
 
 class Neighbours:

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.areas import thesis_areas
-from pdmesh.neighbours import Pairs
+from pdmesh.neighbours import Pairs, row_chunks
 from pdsolve.model import Model
-
-ROWS = 4096  # whose bonds are made together: few enough to stay near the processor; whole blocks of the fast kernel
 
 
 class Bonds(NamedTuple):
@@ -49,7 +47,7 @@ class Filling(NamedTuple):
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
 
     def parts(self) -> Iterator[Part]:
-        """All bonds, `ROWS` rows at a time."""
+        """All bonds, some rows at a time."""
         return (self.part(rows) for rows in row_chunks(len(self.area)))
 
     def whole(self) -> Assembly:
@@ -64,11 +62,6 @@ def listed(parts: Iterable[Part], area: NDArray[np.float64]) -> Assembly:
     columns = (np.concatenate(column) for column in zip(*(part.bonds[1:] for part in every), strict=True))
     bonds = Bonds(np.concatenate([[0], np.cumsum(counts)]), *columns)
     return Assembly(bonds, area, np.concatenate([part.family for part in every]))
-
-
-def row_chunks(nodes: int) -> Iterator[NDArray[np.int64]]:
-    """All rows of a grid of so many nodes, `ROWS` at a time."""
-    return (np.arange(first, min(first + ROWS, nodes)) for first in range(0, nodes, ROWS))
 
 
 def part_of(

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.neighbours import ROUND_OFF, Neighbours
+from pdmesh.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.trees import tree_of
 from pdsolve.lattice import lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
@@ -28,7 +28,6 @@ ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
-MANY = 2**16  # nodes whose surroundings are looked at together
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
@@ -45,8 +44,8 @@ def nearest(model: Model) -> Nearest:
     position, delta = model.grid.position, model.grid.delta
     found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
-    for first in range(0, len(position), MANY):
-        pairs = around.pairs(np.arange(first, min(first + MANY, len(position))))
+    for rows in row_chunks(len(position)):
+        pairs = around.pairs(rows)
         order = np.lexsort((pairs.length, pairs.source))
         row, at = np.unique(pairs.source[order], return_index=True)
         found.row[row], found.distance[row] = pairs.target[order[at]], pairs.length[order[at]]

@@ -20,8 +20,7 @@ from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity, put_loads
 from pdsolve.energy import Ledger, ledger, strain_energies
 from pdsolve.kernels import layout
-from pdsolve.kernels.blocks import LANES, Blocks, Tracks
-from pdsolve.kernels.blocks import energy_densities as energy
+from pdsolve.kernels.blocks import LANES, Blocks, Tracks, energy_densities
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.kernels.layout import aligned, blocks_of
 from pdsolve.kernels.stale import drop_stale
@@ -38,7 +37,7 @@ PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 if not numba.config.DISABLE_JIT:
-    drop_stale(Path(__file__).parent, {Path(kernel.stats.cache_path) for kernel in (advance, advance_blocks, energy)})
+    drop_stale(Path(__file__).parent, [Path(kernel.stats.cache_path) for kernel in (advance_blocks, energy_densities)])
 
 
 @dataclass(frozen=True)

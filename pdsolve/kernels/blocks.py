@@ -290,11 +290,7 @@ def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-unty
     own, zero = np.uint64(b) * LANE_COUNT, blocks.scratch.dtype.type(0)
     _begin(u, own, s)
     for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        first, row, bound = (
-            _lined_up(blocks, u, slot, spare),
-            np.uint64(blocks.pull[slot]),
-            np.uint64(blocks.bound[slot]),
-        )
+        first, row = _lined_up(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
         x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
         for lane in range(LANE_COUNT):
             eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
@@ -304,6 +300,7 @@ def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-unty
             energy = w / inverse / 4 * stretch * stretch
             s[_STRETCH + lane] = energy if w >= zero else zero
         if blocks.softened[b]:
+            bound = np.uint64(blocks.bound[slot])
             for lane in range(LANE_COUNT):
                 largest, w = worst[slot, lane], blocks.stiffness[row, lane]
                 if largest > zero and w >= zero:

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import Material
-from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs
+from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
 from pdmesh.visibility import Sight
-from pdsolve.bonds import Filling, Part, areas, part_of, row_chunks
+from pdsolve.bonds import Filling, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
