@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pdmesh.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.trees import tree_of
 from pdsolve.lattice import lattice_ratios
-from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LEAST, MOST = 1e-30, 1e30  # of a material's numbers; beyond, products of them leave what a number can hold

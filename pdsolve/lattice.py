@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid import Material
 from pdmesh.neighbours import ROUND_OFF
-from pdsolve.laws.bilinear import critical_stretch
+from pdsolve.laws.critical import critical_stretch
 from pdsolve.laws.micromodulus import micromodulus
 
 

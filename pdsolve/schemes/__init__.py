@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from pdsolve.bonds import Filling
-from pdsolve.model import Model
 from pdsolve.schemes import average_horizon, one_sided
+from pdsolve.schemes.scheme import Scheme
 
-SCHEMES: dict[str, Callable[[Model], Filling]] = {
-    "thesis": one_sided.fill,
-    "conservative": average_horizon.fill,
+SCHEMES: dict[str, Scheme] = {
+    scheme.name: scheme
+    for scheme in (
+        Scheme("thesis", one_sided.fill, symmetric=False, partial_cells=False, exact_load=False),
+        Scheme("conservative", average_horizon.fill, symmetric=True, partial_cells=True, exact_load=True),
+    )
 }
-EXACT_LOAD = {"thesis": False, "conservative": True}  # the body forces of an edge sum to traction * length
-SYMMETRIC = {"thesis": False, "conservative": True}  # energy and momentum are conserved
-PARTIAL_CELLS = {"thesis": False, "conservative": True}  # families reach half a spacing beyond the horizon, if constant

@@ -29,7 +29,7 @@ from pdmesh.visibility import Sight
 from pdsolve.bonds import Filling, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios
-from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.laws.micromodulus import STIFFNESS, micromodulus
 from pdsolve.model import Model
 

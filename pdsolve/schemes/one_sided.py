@@ -16,7 +16,7 @@ from pdmesh.visibility import Sight
 from pdsolve.bonds import Filling, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import full_family, hu_beta
-from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.laws.micromodulus import micromodulus
 from pdsolve.model import Model
 

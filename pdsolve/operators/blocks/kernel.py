@@ -14,7 +14,7 @@ Layout, after the sliced ELL format of sparse matrices:
 What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to
 the compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
 
-Symbols as in bond_sums, which says the same in a few lines and is what this is tested against. A block is first
+Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against. A block is first
 summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can have broken or
 softened; otherwise, and where a bond has softened before, the block is summed again with the laws asked.
 Which of the two it is depends on the state alone.
@@ -62,22 +62,15 @@ class Blocks(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """The motion of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
+    """The state of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
 
-    u: NDArray[np.floating]  # (3, 2, m + spare) displacements of three steps in turn, m
+    u: NDArray[np.floating]  # (3, 2, m + spare) displacements of three steps in turn, m; at rest in the first
     v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
     a: NDArray[np.floating]  # (2, m) acceleration, m/s^2
-    force: NDArray[np.floating]  # (2, m) body force now, N/m^3
-    before: NDArray[np.floating]  # (2, m) body force one step ago
-    rho: NDArray[np.floating]  # (m,) kg/m^3
     dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
     work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
-    broken: NDArray[np.int32]  # (s, 64) as in bond_sums.Motion, lane by lane
-    worst: NDArray[np.floating]  # (s, 64) or (0, 64), likewise
-    loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
-    held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
-    held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
-    turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
+    broken: NDArray[np.int32]  # (s, 64) step in which the bond broke, 0 while intact
+    worst: NDArray[np.floating]  # (s, 64) or (0, 64): largest stretch above the peak, 0 if never there
 
 
 @njit(**INNER)
@@ -271,6 +264,22 @@ def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
     """The node that the bond of a lane goes to."""
     base = blocks.base[slot]
     return np.uint64(base) + lane if base >= 0 else np.uint64(blocks.ids[-1 - base, lane])
+
+
+@njit(cache=True, error_model="numpy")
+def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-def]
+    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; else as `sum_block`."""
+    for b in range(len(blocks.start) - 1):
+        _sum_into(blocks, tracks, before, out, step, np.int64(b))
+
+
+@njit(**INNER)
+def _sum_into(blocks, tracks, before, out, step, b):  # type: ignore[no-untyped-def]
+    s, first = blocks.scratch[0], b * LANES
+    sum_block(blocks, tracks.broken, tracks.worst, tracks.u[0], before, tracks.dissipated, step, b, 0, s)
+    for lane in range(min(LANES, len(out) - first)):
+        out[first + lane, 0] += s[FX + np.uint64(lane)]
+        out[first + lane, 1] += s[FY + np.uint64(lane)]
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.kernels.blocks import END, LANES, NO_BOND, Blocks, Tracks, energy_densities
+from pdsolve.operators.blocks.kernel import END, LANES, NO_BOND, Blocks
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -250,6 +250,20 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
     return source, target
 
 
+def springs(
+    blocks: Blocks, worst: NDArray[np.floating], numbers: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reference vectors (k, 2), m, and force densities for a unit stretch (k,), N/m^3, that bonds have left."""
+    slot, lane = np.divmod(numbers, LANES)
+    x, y, inverse = blocks.vectors[blocks.vector[slot]].astype(np.float64).T
+    pull = blocks.stiffness[blocks.pull[slot], lane] / np.sqrt(inverse)
+    if len(worst):
+        known, bound = worst[slot, lane], blocks.bound[slot]
+        share = intact_share(known, blocks.peak[bound, lane], blocks.limit[bound, lane])
+        pull *= np.where(known > 0, share, 1.0)
+    return np.column_stack([x, y]), pull
+
+
 def find(
     blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> NDArray[np.int64]:
@@ -280,13 +294,6 @@ def revive(blocks: Blocks, broken: NDArray[np.int32], worst: NDArray[np.floating
         slot_soft = (whole & (worst > 0)).any(axis=1)
         block = np.repeat(np.arange(len(blocks.softened)), np.diff(blocks.start))
         blocks.softened[block[slot_soft]] = True
-
-
-def energies(blocks: Blocks, tracks: Tracks, nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Densities (n,), J/m^3, of the energy that the bonds hold, and have spent on softening so far."""
-    strain, softened = np.zeros_like(tracks.work), np.zeros_like(tracks.work)
-    energy_densities(blocks, tracks.worst, tracks.u[0], strain, softened)
-    return strain[:nodes], softened[:nodes]
 
 
 def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:

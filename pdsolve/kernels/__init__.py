@@ -1,1 +1,0 @@
-"""The only loops over bonds, and the only compiled code besides the steppers."""

@@ -1,0 +1,47 @@
+"""When the bonds of a material soften and break, so that a crack costs its fracture energy.
+
+The brittle law's critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput. Struct.
+83 (2005) 1526-1535.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.grid import Material
+
+SQUARED = {
+    ("stress", "constant"): 4 * np.pi / 9,
+    ("stress", "conical"): 5 * np.pi / 9,
+    ("strain", "constant"): 5 * np.pi / 12,
+    ("strain", "conical"): 25 * np.pi / 48,
+}
+
+
+class Limits(NamedTuple):
+    """Stretches at which a bond changes."""
+
+    peak: NDArray[np.float64]  # begins to soften
+    limit: NDArray[np.float64]  # is gone
+
+
+def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s_c at which a brittle bond of a family of this horizon (m) breaks, so that a crack costs G0."""
+    factor = SQUARED[material.plane, material.micromodulus]
+    return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
+
+
+def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+    """Peak and limit of a material's bonds, given the critical stretch they would have if brittle.
+
+    A bond spends c xi s_p s_0 / 2, so s_p = s_c / sqrt(kr) and s_0 = s_c sqrt(kr) keep G0. Without `keep_G0` it
+    is the thesis's s_0 = s_c, s_p = s_c / kr, which spends G0 / kr.
+    """
+    if material.law == "brittle":
+        return Limits(critical, critical)
+    if material.keep_G0:
+        return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
+    return Limits(critical / material.kr, critical)

@@ -1,0 +1,174 @@
+"""What a law may say of one bond or one node, and how the loops find what it says.
+
+A law is a file: a NamedTuple `Law` of columns, one value a bond or a node, and some of the functions below, which see one
+bond or one node and never a loop. `bind` binds them to the tuple's type, so that one compiled loop serves every law and a
+second process finds it compiled. The loops (`pdsolve.operators.listed`) call them in this order:
+
+    gather   adds what bond k says of node i's family to the node's row of `m`     (first pass; pair laws have none)
+    close    turns that row into what the second pass wants                        (likewise)
+    age      lets bond k remember: soften, break; returns what node i spends on it in this step, J/m^3
+    pull     adds the force density of bond k on node i to `f`, N/m^3
+    energy   what bond k adds to the energy density of node i, J/m^3: held now, and spent on softening so far
+
+Symbols, for the bond k from node i to node j:
+    xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
+    q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
+`now` is the state as loops know it, `m` (n, ROWS of the law) what nodes have between the two passes.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.extending import overload
+from numpy.typing import NDArray
+
+# Of functions that only compiled code calls: no references are counted, and divisions are numpy's
+INNER: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+
+
+class List(NamedTuple):
+    """Bonds as loops read them, those of node i at start[i]:start[i + 1]; b of them, in d dimensions."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    xi: tuple[NDArray[np.floating], ...]  # d times (b,), m; a tuple, as compilers know its length
+
+
+class Now(NamedTuple):
+    """The state at a step as loops read it; n nodes, w components of all unknowns."""
+
+    value: NDArray[Any]  # (n, w)
+    rate: NDArray[Any]  # (n, w) per s; within a step the mean since the last one
+    step: int
+    dt: float  # s since the last step, 0 at rest
+
+
+class Bond(NamedTuple):
+    """One deformed bond."""
+
+    xi: tuple[Any, ...]
+    eta: tuple[Any, ...]
+    length: Any  # |xi|, m
+    q: Any
+    stretch: Any
+
+
+def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+    """Add to m[i] what bond k says of node i's family."""
+    raise NotImplementedError
+
+
+def close(law, i, m):  # type: ignore[no-untyped-def]
+    """Turn m[i] into what the second pass wants."""
+    raise NotImplementedError
+
+
+def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    """Let bond k remember what it has been through; returns what node i spends on it, J/m^3."""
+    raise NotImplementedError
+
+
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    """Add the force density of bond k on node i to f (w,), N/m^3."""
+    raise NotImplementedError
+
+
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    """What bond k adds to the energy density of node i, J/m^3: held, and spent on softening so far."""
+    raise NotImplementedError
+
+
+def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _close_nothing(law, i, m):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _remember_nothing(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return 0.0
+
+
+@cache
+def bind(law: ModuleType) -> None:
+    """Let the loops know what a law says; numba keeps it for the life of the process."""
+
+    def is_it(kind: Any) -> bool:
+        return getattr(kind, "instance_class", None) is law.Law
+
+    gathers, closes = getattr(law, "gather", _gather_nothing), getattr(law, "close", _close_nothing)
+    ages, pulls, energies = getattr(law, "age", _remember_nothing), law.pull, law.energy
+
+    @overload(gather, jit_options=INNER)
+    def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+        return gathers if is_it(law) else None
+
+    @overload(close, jit_options=INNER)
+    def _close(law, i, m):  # type: ignore[no-untyped-def]
+        return closes if is_it(law) else None
+
+    @overload(age, jit_options=INNER)
+    def _age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+        return ages if is_it(law) else None
+
+    @overload(pull, jit_options=INNER)
+    def _pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+        return pulls if is_it(law) else None
+
+    @overload(energy, jit_options=INNER)
+    def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+        return energies if is_it(law) else None
+
+
+@njit(**INNER)
+def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
+    """Bond k, from node i to node j, at these values."""
+    xi, eta = _reference(bonds.xi, k), _difference(bonds.xi, value, i, j)
+    squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
+    for a in range(1, len(xi)):
+        squared += xi[a] * xi[a]
+        along += xi[a] * eta[a]
+    e = 2 * along + more
+    for a in range(1, len(xi)):
+        e += eta[a] * eta[a]
+    e /= squared
+    q = np.sqrt(1 + e)
+    return Bond(xi, eta, np.sqrt(squared), q, e / (q + 1))
+
+
+@njit(**INNER)
+def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
+    """The stretch of the bond from i to j one step ago."""
+    squared = now.dt * 0
+    for a in range(len(bond.xi)):
+        x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (now.rate[j, a] - now.rate[i, a])
+        squared += x * x
+    return np.sqrt(squared) / bond.length - 1
+
+
+def _reference(xi, k):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
+
+
+def _difference(xi, value, i, j):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
+
+
+@overload(_reference, jit_options=INNER)
+def _reference_of(xi, k):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda xi, k: (xi[0][k], xi[1][k])
+    return lambda xi, k: (xi[0][k], xi[1][k], xi[2][k])
+
+
+@overload(_difference, jit_options=INNER)
+def _difference_of(xi, value, i, j):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1])
+    return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1], value[j, 2] - value[i, 2])

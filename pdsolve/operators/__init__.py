@@ -1,0 +1,1 @@
+"""What neighbours do to a node: the only loops over bonds."""

@@ -1,0 +1,112 @@
+"""The fast kernel as an operator: pair laws on lattices, its numbers and arrays its own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.blocks import layout
+from pdsolve.operators.blocks.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
+from pdsolve.operators.blocks.layout import aligned
+from pdsolve.operators.operator import Kept
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class InBlocks:
+    """The bonds of n nodes on lattices under the brittle or the bilinear law; see `Operator`."""
+
+    name = "blocks"
+    unknowns = (Unknown("u", 2, 2),)
+
+    def __init__(self, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
+        """`stiffest` (n,) as in `Operator`; `softens`: whether any bond does before it breaks."""
+        self.blocks, self.symmetric = blocks, symmetric
+        self._stiffest, self._whole = stiffest, blocks.mask.copy()
+        room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
+        kind = blocks.scratch.dtype
+        self.tracks = Tracks(
+            u=aligned(np.zeros((3, 2, room + LANES * len(blocks.scratch)), dtype=kind)),
+            v=aligned(np.zeros((2, room), dtype=kind)),
+            a=aligned(np.zeros((2, room), dtype=kind)),
+            dissipated=aligned(np.zeros(room)),
+            work=aligned(np.zeros(room)),
+            broken=np.zeros(lanes, dtype=np.int32),
+            worst=np.zeros(lanes if softens else (0, LANES), dtype=kind),
+        )
+
+    def place(self, state: State) -> State:
+        """As in `Operator`."""
+        nodes, tracks = len(self._stiffest), self.tracks
+        own = State(*(array[..., :nodes].T for array in (tracks.u[0], *tracks[1:5])))
+        for values, here in zip(state, own, strict=True):
+            if values.ctypes.data != here.ctypes.data:
+                here[:] = values
+        return own
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """As in `Operator`."""
+        own = self.place(state)
+        before = self.tracks.u[0, :, : self.tracks.v.shape[1]] - self.tracks.v.dtype.type(dt) * self.tracks.v
+        sum_blocks(self.blocks, self.tracks, before, out, step)
+        state.dissipated[:] = own.dissipated
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As in `Operator`."""
+        self.place(state)
+        held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
+        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], held, spent)
+        return held[: len(self._stiffest)], spent[: len(self._stiffest)]
+
+    def stiffest(self) -> NDArray[np.float64]:
+        """As in `Operator`."""
+        return self._stiffest
+
+    def tangent(self, state: State) -> csr_array:
+        """As in `Operator`."""
+        from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
+
+        numbers = layout.there(self.blocks.mask)
+        xi, pull = layout.springs(self.blocks, self.tracks.worst, numbers)
+        return of_springs(*self._ends(numbers), xi, pull, state.value)
+
+    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """As in `Operator`."""
+        last = len(self._stiffest) if last is None else last
+        slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
+        source, target = self._ends(layout.there(self.blocks.mask[slots[0] : slots[1]], int(slots[0])))
+        own = np.flatnonzero((source >= first) & (source < last))
+        own = own[np.lexsort((target[own], source[own]))]
+        return source[own], target[own]
+
+    def broken(self, after: int = 0) -> Broken:
+        """As in `Operator`."""
+        numbers = layout.there(self._whole & ~self.blocks.mask)
+        step = self.tracks.broken.ravel()[numbers]
+        new = step > after
+        return Broken(step[new].astype(np.int64), *self._ends(numbers[new]))
+
+    def keep(self) -> Kept:
+        """As in `Operator`."""
+        worst = self.tracks.worst.ravel()
+        softened = np.flatnonzero(worst)
+        source, target = self._ends(softened)
+        return {"worst": worst[softened], "worst_source": source, "worst_target": target}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """As in `Operator`."""
+        steps, worst = self.tracks.broken.ravel(), self.tracks.worst.ravel()
+        steps[:] = worst[:] = 0
+        steps[self._find(broken.source, broken.target)] = broken.step
+        worst[self._find(kept["worst_source"], kept["worst_target"])] = kept["worst"]
+        layout.revive(self.blocks, self.tracks.broken, self.tracks.worst, self._whole)
+
+    def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return layout.ends(self.blocks, numbers)
+
+    def _find(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+        return layout.find(self.blocks, self._whole, source, target)

@@ -1,0 +1,135 @@
+"""Derivatives of what a law pulls with, by complex steps: exact to round-off, and no law needs to say more.
+
+J. R. R. A. Martins, P. Sturdza, J. J. Alonso, ACM Trans. Math. Softw. 29 (2003) 245-262: f'(x) = Im f(x + i h) / h has no
+difference in it, so that h may be as small as one likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, eye_array
+
+from pdsolve.laws.law import List, Now, deformed, pull
+
+STEP = 1e-30  # m; its square is lost beside any length
+
+
+
+def of_springs(
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+    xi: NDArray[np.float64],
+    pull: NDArray[np.float64],
+    value: NDArray[np.floating],
+) -> csr_array:
+    """The derivative (n d, n d) of minus what linear bonds pull with: pull (1 / |xi| - 1 / |y|) y, y = xi + eta.
+
+    `source` and `target` (b,) are their nodes, `xi` (b, d) m, `pull` (b,) N/m^3 for a unit stretch, `value` (n, d) m.
+    """
+    y = xi + value[target].astype(np.float64) - value[source]
+    length, now = np.sqrt((xi**2).sum(axis=1)), np.sqrt((y**2).sum(axis=1))
+    slope = (1 / length - 1 / now)[:, None, None] * np.eye(xi.shape[1]) + y[:, :, None] * y[:, None, :] / now[:, None, None] ** 3
+    return _matrix(len(value), source, target, -pull[:, None, None] * slope, pull[:, None, None] * slope)
+
+
+def of_pairs(bonds: List, columns: Any, now: Now) -> csr_array:
+    """The derivative (n w, n w) of minus what a pair law pulls with; `now` holds complex values."""
+    nodes, width = now.value.shape
+    own, other = (np.zeros((len(bonds.neighbour), width, width)) for _ in range(2))
+    _slopes(bonds, columns, now, np.empty((nodes, 0), dtype=now.value.dtype), STEP, own, other)
+    source = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    return _matrix(nodes, source, bonds.neighbour.astype(np.int64), own, other)
+
+
+def _matrix(
+    nodes: int,
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+    own: NDArray[np.float64],
+    other: NDArray[np.float64],
+) -> csr_array:
+    """Minus the sum of bonds' derivatives (b, w, w) by the values of their own node and of the other."""
+    width = own.shape[1]
+    a, b = (index.ravel() for index in np.indices((width, width)))
+    row = (width * source[:, None] + a).ravel()
+    column = np.concatenate([(width * node[:, None] + b).ravel() for node in (source, target)])
+    values = -np.concatenate([own.ravel(), other.ravel()])
+    return coo_array((values, (np.tile(row, 2), column)), (width * nodes, width * nodes)).tocsr()
+
+
+def of_two_passes(
+    bonds: List, pulls: Callable[[NDArray[np.complex128]], NDArray[np.complex128]], value: NDArray[np.complex128]
+) -> csr_array:
+    """The same of any law, from what it pulls with at values (n, w): a node feels those two bonds away.
+
+    Nodes that no common node feels are moved at once (A. R. Curtis, M. J. D. Powell, J. K. Reid, IMA J. Appl. Math. 13
+    (1974) 117-119).
+    """
+    nodes, width = value.shape
+    near = _reach(bonds)
+    colour = _colours(near.indptr, near.indices)
+    i, rows, columns_of, values = np.repeat(np.arange(nodes), np.diff(near.indptr)), [], [], []
+    for number in range(int(colour.max()) + 1):
+        moved = colour[near.indices] == number
+        for b in range(width):
+            value[colour == number, b] += 1j * STEP
+            slope = -pulls(value)[i[moved]].imag / STEP
+            value[colour == number, b] -= 1j * STEP
+            rows.append((width * i[moved][:, None] + np.arange(width)).ravel())
+            columns_of.append(np.repeat(width * near.indices[moved] + b, width))
+            values.append(slope.ravel())
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns_of))
+    return coo_array(entries, (width * nodes, width * nodes)).tocsr()
+
+
+@njit(cache=True, error_model="numpy")
+def _slopes(bonds, law, now, m, step, own, other):  # type: ignore[no-untyped-def]
+    """Fill (b, w, w) with the derivatives of what each bond pulls with by the values of its node and its neighbour."""
+    f = np.empty(own.shape[1], dtype=now.value.dtype)
+    for i in range(len(bonds.start) - 1):
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            for a in range(len(f)):
+                _slope(bonds, law, now, m, step, i, j, k, i, a, f, own)
+                _slope(bonds, law, now, m, step, i, j, k, j, a, f, other)
+
+
+@njit(error_model="numpy")
+def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignore[no-untyped-def]
+    """Column a of a bond's derivative by the values of a node."""
+    before = now.value[node, a]
+    now.value[node, a] = before + 1j * step
+    f[:] = 0
+    pull(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
+    now.value[node, a] = before
+    for c in range(len(f)):
+        slope[k, c, a] = f[c].imag / step
+
+
+def _reach(bonds: List) -> csr_array:
+    """Who (n, n) is two bonds away or nearer."""
+    nodes = len(bonds.start) - 1
+    entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
+    near = (csr_array(entries, (nodes, nodes)) + eye_array(nodes)).tocsr()
+    return (near @ near).tocsr()
+
+
+@njit(cache=True)
+def _colours(start, near):  # type: ignore[no-untyped-def]
+    """Colours (n,) such that no node is near to two of one colour; `start` and `near` are a csr matrix's."""
+    nodes = len(start) - 1
+    colour, taken = np.full(nodes, -1), np.full(nodes + 1, -1)
+    for i in range(nodes):
+        for p in range(start[i], start[i + 1]):
+            for q in range(start[near[p]], start[near[p] + 1]):
+                if colour[near[q]] >= 0:
+                    taken[colour[near[q]]] = i
+        while taken[colour[i] + 1] == i:
+            colour[i] += 1
+        colour[i] += 1
+    return colour

@@ -1,0 +1,19 @@
+"""What a scheme is: how bonds are filled from a model, and what that means for those who use them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from pdsolve.bonds import Filling
+from pdsolve.model import Model
+
+
+class Scheme(NamedTuple):
+    """How the bonds of a model are filled."""
+
+    name: str  # as users give it
+    fill: Callable[[Model], Filling]
+    symmetric: bool  # energy and momentum are conserved
+    partial_cells: bool  # families reach half a spacing beyond the horizon, if the micromodulus is constant
+    exact_load: bool  # the body forces of an edge sum to traction * length

@@ -1,0 +1,179 @@
+"""A model prepared for marching: what does not change while it does."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds import Filling, Part, in_precision, listed, stiffest
+from pdsolve.checks import refuse
+from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
+from pdsolve.laws import PAIRS, law_of
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.blocks.layout import blocks_of
+from pdsolve.operators.blocks.operator import InBlocks
+from pdsolve.operators.listed import Listed
+from pdsolve.operators.operator import Operator
+from pdsolve.schemes import SCHEMES
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import State
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.steppers.verlet_blocks import VerletBlocks
+
+
+class Stepper(Protocol):
+    """Takes steps."""
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+
+
+class Options(NamedTuple):
+    """How to solve, as opposed to what."""
+
+    mode: str = "conservative"
+    precision: str = "float64"
+    threads: int | None = None  # None: all there are
+    kernel: str | None = None  # "blocks" or "listed"; None: blocks where the nodes are a lattice and the law a pair's
+
+
+@dataclass(frozen=True)
+class System:
+    """A model prepared for marching; n nodes."""
+
+    model: Model
+    options: Options
+    scheme: Scheme
+    operator: Operator
+    stepper: Stepper
+    drive: Drive  # loads and holds; what they are now changes with time
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    count: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+    time_step: float  # s
+    bound: float  # surely stable time step, s
+    initial_energy: float  # J/m
+
+
+    @property
+    def bonds(self) -> int:
+        """How many directed bonds there were at the start."""
+        return int(self.count.sum())
+
+
+def prepare(model: Model, options: Options) -> tuple[System, State]:
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    if options.mode not in SCHEMES:
+        raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
+    if options.precision not in ("float64", "float32"):
+        raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
+    cores = numba.config.NUMBA_NUM_THREADS
+    if options.threads is not None and not 1 <= options.threads <= cores:
+        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
+    numba.set_num_threads(options.threads or cores)
+    scheme = SCHEMES[options.mode]
+    refuse(model, scheme.partial_cells)
+    return system_of(model, options, scheme)
+
+
+def system_of(model: Model, options: Options, scheme: Scheme) -> tuple[System, State]:
+    """The same, its bonds filled by this scheme. Raises ModelError."""
+    filling, kind = scheme.fill(model), np.dtype(options.precision).type
+    operator, survey = _operator(model, options, scheme, filling)
+    rho = model.rho.astype(kind)
+    step, bound = model.settings.run.time_step, _bound(operator, model.rho)
+    if step is None:
+        if not np.isfinite(bound):
+            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+        step = bound
+    if step > bound:
+        warnings.warn(
+            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            ModelWarning,
+            stacklevel=2,
+        )
+    driven = drive(model, filling.area, scheme.exact_load, kind)
+    velocity, nodes = initial_velocity(model), len(model.grid)
+    state = State(
+        value=np.zeros((nodes, 2), dtype=kind),
+        rate=velocity.astype(kind),
+        second=initial_acceleration(driven, rho),
+        dissipated=np.zeros(nodes),
+        work=np.zeros(nodes),
+    )
+    stepper: Stepper
+    if isinstance(operator, InBlocks):
+        state = operator.place(state)
+        stepper = VerletBlocks(operator, driven, rho, step)
+        driven = stepper.drive
+    else:
+        stepper = Verlet(operator, driven, rho, step)
+    energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    system = System(
+        model, options, scheme, operator, stepper, driven, filling.area, survey.family, survey.count, step, bound, energy
+    )
+    stepper.march(state, 1, 1)  # no step: compiles before the clock runs
+    return system, state
+
+
+def _bound(operator: Operator, rho: NDArray[np.float64]) -> float:
+    """The longest step that is surely stable, s; infinite without bonds."""
+    stiffest = float((operator.stiffest() / rho).max(initial=0.0))
+    return float(np.sqrt(2 / stiffest)) if stiffest > 0 else float("inf")
+
+
+class _Survey:
+    """What is kept of the bonds while they pass, part by part."""
+
+    def __init__(self, filling: Filling, symmetric: bool) -> None:
+        self._filling, self._symmetric = filling, symmetric
+        self._counts: list[NDArray[np.int64]] = []
+        self._families: list[NDArray[np.int64]] = []
+        self._stiffest: list[NDArray[np.float64]] = []
+        self.softens = False
+
+    def parts(self) -> Iterator[Part]:
+        """All parts, noted."""
+        for part in self._filling.parts():
+            bonds = part.bonds
+            self._counts.append(np.diff(bonds.start))
+            self._families.append(part.family)
+            self._stiffest.append(stiffest(bonds, bonds.stiffness, self._symmetric))
+            self.softens |= bool((bonds.peak < bonds.limit).any())
+            yield part
+
+    @property
+    def count(self) -> NDArray[np.int64]:
+        """Bonds (n,) of each node."""
+        return np.concatenate(self._counts)
+
+    @property
+    def family(self) -> NDArray[np.int64]:
+        """The same (n,), with those a pre-crack cuts."""
+        return np.concatenate(self._families)
+
+    @property
+    def stiffest(self) -> NDArray[np.float64]:
+        """As in `Operator` (n,), of linear bonds."""
+        return np.concatenate(self._stiffest)
+
+
+def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, _Survey]:
+    """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
+    law, kind, threads = law_of(model), np.dtype(options.precision).type, numba.config.NUMBA_NUM_THREADS
+    if law in PAIRS and options.kernel != "listed":
+        survey = _Survey(filling, scheme.symmetric)
+        blocks = blocks_of(survey.parts(), len(model.grid), kind, threads)
+        if blocks is not None:
+            return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
+    if options.kernel == "blocks":
+        raise ModelError("kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks")
+    survey = _Survey(filling, scheme.symmetric)
+    bonds = in_precision(listed(survey.parts(), filling.area).bonds, options.precision)
+    return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, numba.get_num_threads()), survey
