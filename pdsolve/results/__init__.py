@@ -6,7 +6,8 @@ with its broken bonds and its ledger: a killed run loses at most the last frame.
 checkpoint in full precision as well, from which a run goes on.
 """
 
-from pdsolve.results.errors import EmptyError, ResultsError, WriteError
+from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
+from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
 from pdsolve.results.schema import FIELDS, Breaks, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, remove
@@ -14,13 +15,17 @@ from pdsolve.results.writer import Writer, remove
 __all__ = [
     "FIELDS",
     "Breaks",
+    "BusyError",
+    "DamagedError",
     "EmptyError",
     "Families",
     "Frame",
     "Nodes",
     "Results",
     "ResultsError",
+    "ResultsWarning",
     "WriteError",
     "Writer",
     "remove",
+    "writing_to",
 ]

@@ -14,10 +14,23 @@ class EmptyError(ResultsError):
     """A database with nothing in it yet: a run has only just begun."""
 
 
+class DamagedError(ResultsError):
+    """A database that does not hold what was written to it."""
+
+
 class WriteError(ResultsError):
     """A database that could not be written: a full disk, a folder that may not be written to."""
 
 
+class BusyError(ResultsError):
+    """A database that another run is writing to."""
+
+
+class ResultsWarning(UserWarning):
+    """Something about a database that a user should know of while the run goes on; one line."""
+
+
+MOST_SAID = 200  # letters of what SQLite says: it may quote a damaged value in full
 HINTS = {
     "SQLITE_BUSY": ", expected one that no other program keeps to itself",
     "SQLITE_CORRUPT": ", expected a whole one (was the file cut short?)",
@@ -35,6 +48,7 @@ class explained:
         pass
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, sqlite3.Error):
+        if isinstance(error, sqlite3.Error | UnicodeDecodeError):  # the latter where a name in the file is no text
+            said = " ".join(str(error).split())
             hint = HINTS.get(getattr(error, "sqlite_errorname", ""), "")
-            raise self.kind(f"{self.path or 'results in memory'}: {error}{hint}") from None
+            raise self.kind(f"{self.path or 'results in memory'}: {said[:MOST_SAID]}{hint}") from None

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION = 2
-CHUNK = 1024  # nodes
+SCHEMA_VERSION, WITHOUT_CHECKSUMS = 3, 2
+CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 FIELDS = {  # name: unit, in the order of the view
     "ux": "m",
     "uy": "m",
@@ -63,29 +63,33 @@ class Frame(NamedTuple):
     wall_time: float = 0.0  # s spent so far
 
 
-TABLES = f"""
-CREATE TABLE meta (key TEXT PRIMARY KEY, value);
-CREATE TABLE node ("row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL,
-    delta REAL, area REAL, family INTEGER, cut INTEGER);
-CREATE TABLE family_chunk (chunk INTEGER PRIMARY KEY, bonds BLOB, ahead BLOB); -- deflated int32: the bonds of each
-    -- node, and for each bond how many rows further its neighbour is
-CREATE TABLE crack (x0 REAL, y0 REAL, x1 REAL, y1 REAL); -- segments of pre-cracks
-CREATE TABLE frame (step INTEGER PRIMARY KEY, time REAL NOT NULL);
-CREATE TABLE field_chunk (step INTEGER, field TEXT, chunk INTEGER, data BLOB NOT NULL,
-    PRIMARY KEY (step, field, chunk));
-CREATE TABLE bond_break (step INTEGER, node INTEGER, neighbour INTEGER);
-CREATE TABLE history (step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
-    momentum_x REAL, momentum_y REAL, broken INTEGER);
-CREATE TABLE probe (step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
-    PRIMARY KEY (node, step));
-CREATE TABLE reaction (step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
-    displacement_x REAL, displacement_y REAL, PRIMARY KEY (condition, step)); -- N/m that each of the model's
+TABLES = {  # name: columns
+    "meta": "key TEXT PRIMARY KEY, crc INTEGER, value",
+    "node": """"row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL, delta REAL, area REAL,
+    family INTEGER, cut INTEGER""",
+    "family_chunk": """chunk INTEGER PRIMARY KEY, crc INTEGER, bonds BLOB, ahead BLOB -- deflated int32: the bonds of
+    -- each node, and for each bond how many rows further its neighbour is
+    """,
+    "crack": "x0 REAL, y0 REAL, x1 REAL, y1 REAL -- segments of pre-cracks\n",
+    "frame": "step INTEGER PRIMARY KEY, time REAL NOT NULL, fields TEXT -- names, with a space between\n",
+    "field_chunk": """step INTEGER, field TEXT, chunk INTEGER, crc INTEGER, data BLOB NOT NULL,
+    PRIMARY KEY (step, field, chunk)""",
+    "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
+    "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
+    momentum_x REAL, momentum_y REAL, broken INTEGER""",
+    "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
+    PRIMARY KEY (node, step)""",
+    "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
+    displacement_x REAL, displacement_y REAL, PRIMARY KEY (condition, step) -- N/m that each of the model's
     -- conditions, counted from 0, acts with on the plate, and the mean displacement of its nodes, m
-CREATE TABLE checkpoint (name TEXT PRIMARY KEY, step INTEGER, type TEXT, data BLOB);
-CREATE TABLE float32_prefix (prefix INTEGER PRIMARY KEY, base REAL, unit REAL); -- sign and exponent of a float32
-PRAGMA application_id = {APPLICATION_ID};
-PRAGMA user_version = {SCHEMA_VERSION};
-"""
+    """,
+    "checkpoint": "name TEXT PRIMARY KEY, step INTEGER, type TEXT, crc INTEGER, data BLOB",
+    "float32_prefix": "prefix INTEGER PRIMARY KEY, base REAL, unit REAL -- sign and exponent of a float32\n",
+    "checksum": """name TEXT PRIMARY KEY, rows INTEGER, crc INTEGER -- of the rows of each table, in their order, and of
+    -- the SQL of all tables
+    """,
+}
+STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction")  # tables that grow with the run
 
 
 def prefixes() -> list[tuple[int, float | None, float | None]]:
@@ -102,7 +106,14 @@ def prefixes() -> list[tuple[int, float | None, float | None]]:
     return rows
 
 
-def view() -> str:
+def statements() -> list[str]:
+    """SQL that makes an empty database."""
+    tables = [f"CREATE TABLE {name} ({columns})" for name, columns in TABLES.items()]
+    marks = [f"PRAGMA application_id = {APPLICATION_ID}", f"PRAGMA user_version = {SCHEMA_VERSION}"]
+    return [*tables, _view(), *marks]
+
+
+def _view() -> str:
     every_byte = f"x'{bytes(range(256)).hex()}'"
 
     def decoded(field: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
 import pdsolve.results.writer
 from pdmesh.grid import document_of, write_file
@@ -34,10 +35,8 @@ class Clock:
 
 def running(path: Path) -> None:
     """Say that the run at `path` goes on, as one that was killed does."""
-    connection = sqlite3.connect(path)
-    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
-    connection.commit()
-    connection.close()
+    with tampered(path) as connection:
+        connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
 
 
 def test_a_run_that_has_ended_is_shown_once(small_results: Path) -> None:
