@@ -144,21 +144,16 @@ class Writer:
         Raises WriteError.
         """
         with explained(self.path, WriteError):
-            if self.connection.in_transaction:  # an interrupt came at a bad moment
+            if self.connection.in_transaction:  # the last one met an error, or an interrupt
                 self.connection.execute("ROLLBACK")
             self._begin()
-            try:
-                before = [] if new else self.connection.execute("SELECT name, rows, crc FROM checksum")
-                known = {name: Checksum(rows, crc) for name, rows, crc in before}
-                self._checksums = known.copy()
-                yield self.connection
-                changed = [(*now, name) for name, now in self._checksums.items() if now != known.get(name)]
-                self.connection.executemany("UPDATE checksum SET rows = ?, crc = ? WHERE name = ?", changed)
-                self.connection.execute("COMMIT")
-            except BaseException:
-                if self.connection.in_transaction:
-                    self.connection.execute("ROLLBACK")
-                raise
+            before = [] if new else self.connection.execute("SELECT name, rows, crc FROM checksum")
+            known = {name: Checksum(rows, crc) for name, rows, crc in before}
+            self._checksums = known.copy()
+            yield self.connection
+            changed = [(*now, name) for name, now in self._checksums.items() if now != known.get(name)]
+            self.connection.executemany("UPDATE checksum SET rows = ?, crc = ? WHERE name = ?", changed)
+            self.connection.execute("COMMIT")
 
     def _begin(self) -> None:
         """Begin to write as soon as no other program keeps the database to itself."""

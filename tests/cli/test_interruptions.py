@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from whole import contents
 
+from pdmesh import commandline
 from pdsolve.__main__ import main
 from pdsolve.model import Model
 from pdsolve.results import Results, Writer
@@ -49,7 +50,6 @@ def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
 )
 @pytest.mark.parametrize("program", ["pdsolve", "pdpost"])
 def test_while_libraries_are_imported(here: Path, program: str, module: str) -> None:
-    """NumPy makes an ImportError of it, and others may swallow it."""
     words = {"pdsolve": ["x.json"], "pdpost": ["damage", "x.sqlite"]}[program]
     code = f"""if True:
         import importlib.abc, signal, sys
@@ -67,6 +67,21 @@ def test_while_libraries_are_imported(here: Path, program: str, module: str) -> 
         assert ran.returncode == 2  # it does without them
         return
     assert (ran.returncode, ran.stderr) == (130, f"{program}: interrupted\n")
+
+
+def test_what_a_library_makes_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """NumPy, interrupted while it is imported, says that it cannot be imported more than once."""
+
+    def command() -> int:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("cannot load module more than once per process") from None
+        return 0
+
+    assert commandline.run("pdmesh", command, dict) == 130
+    assert capsys.readouterr().err == "pdmesh: interrupted\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_between_two_entries_of_the_ledger(
