@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -104,18 +107,44 @@ def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exc
     `exits` gives the exit codes of the errors to expect; it is asked only when there is one, so that it may
     import what raises them.
     """
-    try:
-        return command()
-    except KeyboardInterrupt:
-        code, message = INTERRUPTED, "interrupted"
-    except UsageError as error:
-        code, message = BAD_INPUT, str(error)
-    except OSError as error:
-        code, message = FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
-    except Exception as error:
-        found = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
-        if found is None:
-            raise
-        code, message = found, str(error)
+    with _interrupts() as interrupts:
+        try:
+            return command()
+        except KeyboardInterrupt:
+            code, message = INTERRUPTED, "interrupted"
+        except Exception as error:
+            code, message = (INTERRUPTED, "interrupted") if interrupts else _said(error, exits)
     print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
     return code
+
+
+def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
+    """Exit code and message of an error to expect; raises any other."""
+    if isinstance(error, UsageError):
+        return BAD_INPUT, str(error)
+    if isinstance(error, OSError):
+        return FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
+    code = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
+    if code is None:
+        raise error
+    return code, str(error)
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """The interrupts that came: a library that is being imported may make another error of one."""
+    came: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # no one else does, nor is no one to
+    if not listens or threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
@@ -70,10 +71,12 @@ def _leave_out_blas() -> None:
 def _solve(args: argparse.Namespace) -> int:
     _leave_out_blas()
     from pdsolve.model import ModelWarning, read_model
+    from pdsolve.results import ResultsWarning
     from pdsolve.simulation import Options, plan, resume, simulate
 
     with _Watch(args) as watch, warnings.catch_warnings():
-        warnings.simplefilter("always", ModelWarning)
+        for kind in (ModelWarning, ResultsWarning):
+            warnings.simplefilter("always", kind)
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
@@ -157,8 +160,10 @@ class _Watch:
         if self._bar is not None:
             self._bar.close()
 
-    def _stop(self, *_: object) -> None:
+    def _stop(self, number: int, frame: FrameType | None) -> None:
         if self._stopped:  # asked twice: at once
+            if callable(self._before):
+                self._before(number, frame)
             raise KeyboardInterrupt
         self._stopped = True
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost.__main__ import main
 from pdsolve.results import Results
@@ -186,11 +187,9 @@ def half_file(path: Path) -> None:
 
 def empty_run(path: Path) -> None:
     """A run that has just been created: tables, no frame."""
-    connection = sqlite3.connect(path)
-    for table in ("frame", "field_chunk", "bond_break", "history", "probe", "reaction", "checkpoint"):
-        connection.execute(f"DELETE FROM {table}")
-    connection.commit()
-    connection.close()
+    with tampered(path) as connection:
+        for table in ("frame", "field_chunk", "bond_break", "history", "probe", "reaction", "checkpoint"):
+            connection.execute(f"DELETE FROM {table}")
 
 
 def locked_file(path: Path) -> None:
@@ -210,7 +209,7 @@ LOCKS: list[sqlite3.Connection] = []
     [
         (lambda path: path.unlink() or other_file(path), "found a database of another program"),
         (lambda path: path.write_text("no database, just text " * 100), "file is not a database"),
-        (older_file, "found schema version 1, expected 2"),
+        (older_file, "found schema version 1, expected 3"),
         (half_file, "malformed"),
         (Path.unlink, "found no such file"),
     ],
@@ -290,10 +289,8 @@ def test_places_that_are_none(small_results: Path, capsys: pytest.CaptureFixture
 def test_a_plate_that_does_not_break_has_a_picture_too(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    connection = sqlite3.connect(small_results)
-    connection.execute("DELETE FROM bond_break")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM bond_break")
     assert main(["crack", str(small_results)]) == 0
     assert "nothing broke" in capsys.readouterr().out
     result = found(["crack", str(small_results), "--compare", str(small_results)], capsys)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost.__main__ import main
 from pdpost.commands import moving, pictures
@@ -113,7 +114,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
         return path, "malformed, expected a whole one (was the file cut short?)"
     if what == "older":
         path.write_bytes(data[:63] + b"\x01" + data[64:])
-        return path, "found schema version 1, expected 2"
+        return path, "found schema version 1, expected 3"
     if what == "no frame":
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
@@ -154,10 +155,9 @@ def test_a_database_that_someone_keeps_to_himself(
 def test_a_frame_without_displacements_is_drawn_where_it_was(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    connection = sqlite3.connect(small_results)
-    connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
+        connection.execute("UPDATE frame SET fields = 'damage'")
     assert main(["nodes", str(small_results), "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["scale"] == 0.0
@@ -201,10 +201,8 @@ def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: 
 
 def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: Path) -> None:
     """A run that was killed still says it is running: 1 when patience ends, 130 at Ctrl-C."""
-    connection = sqlite3.connect(small_results)
-    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
     assert main(["watch", str(small_results), "--patience", "0.1", "-q"]) == 1
     command = [sys.executable, "-m", "pdpost", "watch", str(small_results), "--force"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sqlite3
 import time as clock
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import msgspec
 import numba
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdmesh.grid import Run
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -243,9 +243,7 @@ def test_a_stop_at_the_last_step_keeps_the_last_frame(small_plate: Model) -> Non
 def test_a_run_of_other_bonds_does_not_go_on(small_plate: Model, tmp_path: Path) -> None:
     path = tmp_path / "plate.sqlite"
     simulate(small_plate, path, watch=lambda progress: True).close()
-    connection = sqlite3.connect(path)
-    connection.execute("UPDATE meta SET value = 1e-9 WHERE key = 'time_step'")
-    connection.commit()
-    connection.close()
+    with tampered(path) as connection:
+        connection.execute("UPDATE meta SET value = 1e-9 WHERE key = 'time_step'")
     with pytest.raises(ResultsError, match=r"found a run by pdsolve .* with a step of 1e-09 s, expected .* 5e-08 s"):
         resume(path)
