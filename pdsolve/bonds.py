@@ -71,30 +71,34 @@ def in_precision(bonds: Bonds, precision: str) -> Bonds:
     return Bonds(bonds.start, bonds.neighbour, *rounded)
 
 
-def part_of(
-    position: NDArray[np.float64],
-    held: NDArray[np.bool_],
-    rows: NDArray[np.int64],
-    pairs: Pairs,
-    intact: NDArray[np.bool_],
-    stiffness: NDArray[np.float64],
-    limits: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> Part:
-    """The pairs (b,) of these rows that lie in the plate as bonds, less those a pre-crack cuts.
+class Paired(NamedTuple):
+    """Pairs that lie in the plate, b of them, and what their bonds are like."""
 
-    `intact` (b,) are those that no pre-crack cuts; `stiffness` (b,), N/m^3, and `limits`, peak and limit (b,), are as
-    in Bonds, but for the nodes `held` (n,), whose bonds do not break. `position` (n, 2) in m.
+    pairs: Pairs
+    intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
+    stiffness: NDArray[np.float64]  # (b,) as in Bonds
+    peak: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+
+def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:
+    """The pairs of these rows as bonds, less those a pre-crack cuts; those of the nodes `held` (n,) do not break.
+
+    `position` (n, 2) in m.
     """
+    pairs, intact = paired.pairs, paired.intact
     lasting = held[pairs.source] | held[pairs.target]
-    peak, limit = (np.where(lasting, np.inf, bound) for bound in limits)
+    peak, limit = (np.where(lasting, np.inf, bound) for bound in (paired.peak, paired.limit))
     source, target, first = pairs.source[intact], pairs.target[intact], int(rows[0])
     bonds = Bonds(
         start=np.searchsorted(source, np.append(rows, rows[-1] + 1)),
         neighbour=target.astype(np.int32),
         xi=position[target] - position[source],
-        stiffness=stiffness[intact],
+        stiffness=paired.stiffness[intact],
         peak=peak[intact],
         limit=limit[intact],
+        weight=paired.weight[intact],
     )
     return Part(first, bonds, np.bincount(pairs.source - first, minlength=len(rows)))
 

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid import InitialVelocity
-from pdsolve.conditions import Drive, factor_now
-from pdsolve.kernels.bond_sums import Motion
+from pdsolve.conditions import factor_now
 from pdsolve.model import Model
+from pdsolve.state import State
+from pdsolve.system import System
 
 
 class Grip(NamedTuple):
@@ -43,22 +44,15 @@ def grips(model: Model) -> tuple[Grip, ...]:
     )
 
 
-def reactions(
-    grips: tuple[Grip, ...],
-    drive: Drive,
-    motion: Motion,
-    area: NDArray[np.float64],
-    rho: NDArray[np.float64],
-    step: int,
-    time: float,
-) -> list[Reaction]:
-    """The external force of each grip after `step`; `area` (n,), m^2; `rho` (n,), kg/m^3.
+def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
+    """The external force of each grip after `step`.
 
     A hold stands against what bonds and loads do to its components and gives them their acceleration. That of a held
     displacement or velocity is taken as 0: the inertia of the held nodes alone is left out while their speed changes.
     """
+    drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
-    pull = area[holds.node] * (rho[holds.node] * motion.a[holds.node, holds.axis].astype(float) - drive.held_force)
+    pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     push = area[loads.node] * loads.value
     pulls, pushes = (
         np.bincount(2 * entries.profile + entries.axis, values, minlength=2 * len(grips)).reshape(-1, 2)
@@ -67,6 +61,6 @@ def reactions(
     found = []
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(drive.profiles, profile, time)) * pushes[profile]).tolist()
-        mean = motion.u[grip.rows].astype(float).mean(axis=0).tolist()
+        mean = state.value[grip.rows].astype(float).mean(axis=0).tolist()
         found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
     return found

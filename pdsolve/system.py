@@ -13,18 +13,20 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds import Filling, Part, in_precision, listed, stiffest
 from pdsolve.checks import refuse
+from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
 from pdsolve.operators.blocks.operator import InBlocks
-from pdsolve.operators.listed import Listed
+from pdsolve.operators.listed import Listed, add_rows
 from pdsolve.operators.operator import Operator
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
-from pdsolve.steppers.verlet_blocks import VerletBlocks
+from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
 
 
 class Stepper(Protocol):
@@ -60,7 +62,6 @@ class System:
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
 
-
     @property
     def bonds(self) -> int:
         """How many directed bonds there were at the start."""
@@ -77,6 +78,7 @@ def prepare(model: Model, options: Options) -> tuple[System, State]:
     if options.threads is not None and not 1 <= options.threads <= cores:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
     numba.set_num_threads(options.threads or cores)
+    settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
     return system_of(model, options, scheme)
@@ -116,7 +118,18 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> tuple[System, S
         stepper = Verlet(operator, driven, rho, step)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     system = System(
-        model, options, scheme, operator, stepper, driven, filling.area, survey.family, survey.count, step, bound, energy
+        model,
+        options,
+        scheme,
+        operator,
+        stepper,
+        driven,
+        filling.area,
+        survey.family,
+        survey.count,
+        step,
+        bound,
+        energy,
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return system, state
@@ -173,7 +186,9 @@ def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) 
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
     if options.kernel == "blocks":
-        raise ModelError("kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks")
+        raise ModelError(
+            "kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks"
+        )
     survey = _Survey(filling, scheme.symmetric)
     bonds = in_precision(listed(survey.parts(), filling.area).bonds, options.precision)
     return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, numba.get_num_threads()), survey

@@ -45,7 +45,7 @@ def springs(law: Law, bonds: Bonds) -> NDArray[np.floating]:
     return law.stiffness
 
 
-def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D103
+def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0
     if bond.stretch > law.limit[k]:
@@ -60,7 +60,7 @@ def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D1
     return 0.0
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]  # noqa: D103
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         if law.worst[k] > 0:
@@ -69,7 +69,7 @@ def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]  # noqa
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D103
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
     quarter, spent = law.stiffness[k] * bond.length / 4, 0.0

@@ -35,21 +35,21 @@ def springs(law: Law, bonds: Bonds) -> NDArray[np.floating]:
     return law.stiffness
 
 
-def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D103
+def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or bond.stretch <= law.limit[k]:
         return 0.0
     law.broken[k] = now.step
     return law.stiffness[k] * bond.length * (bond.stretch * stretch_before(bond, now, i, j)) / 4
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]  # noqa: D103
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         for a in range(len(bond.xi)):
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D103
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
     return law.stiffness[k] * bond.length / 4 * bond.stretch * bond.stretch, 0.0

@@ -19,9 +19,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdmesh.grid import Material
 from pdsolve.bonds import Bonds
 from pdsolve.laws.law import INNER
-from pdmesh.grid import Material
 from pdsolve.model import Model, ModelError
 
 ROWS = 1  # theta
@@ -75,21 +75,21 @@ def _sources(bonds: Bonds) -> NDArray[np.int64]:
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]  # noqa: D103
+def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
     m[i, 0] += law.cell[k] * bond.length * (bond.length * bond.stretch)
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]  # noqa: D103
+def close(law, i, m):  # type: ignore[no-untyped-def]
     m[i, 0] *= law.weighted[i]
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]  # noqa: D103
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     force = law.cell[k] * (_scalar(law, bond, m, i) + _scalar(law, bond, m, j))
     for a in range(len(bond.xi)):
         f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]  # noqa: D103
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     stretched = bond.length * bond.stretch
     rest = stretched - m[i, 0] * bond.length / len(bond.xi)
     # K theta^2 / 2 is the sum over bonds of d K / m theta V_j |xi| e / 2

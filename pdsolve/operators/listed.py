@@ -37,7 +37,7 @@ def _gather_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-de
 
 
 @njit(**KERNEL)
-def _age_and_pull_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
+def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
     """Add to the rows of `out` and `spent` what bonds pull with, and spend."""
     f = np.empty(out.shape[1], dtype=out.dtype)
     for i in range(first, last):
@@ -79,6 +79,8 @@ def _energy_rows(bonds, law, now, m, held, spent, first, last):  # type: ignore[
 class Listed:
     """The bonds of n nodes under one law; see `Operator`."""
 
+    name = "listed"
+
     def __init__(self, law: ModuleType, columns: Any, bonds: Bonds, symmetric: bool, threads: int = 1) -> None:
         """`columns` are those of the law for these bonds."""
         bind(law)
@@ -90,7 +92,7 @@ class Listed:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """As in `Operator`."""
         now = Now(state.value, state.rate, step, dt)
-        self._share(_age_and_pull_rows, now, self._between(now), out, state.dissipated)
+        self._share(add_rows, now, self._between(now), out, state.dissipated)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """As in `Operator`."""
@@ -116,19 +118,15 @@ class Listed:
             return tangent.of_two_passes(self._list, pulls, value)
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
-    def bonds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """As in `Operator`."""
-        return ends(self._bonds, np.flatnonzero(self._intact()))
+        begin, end = self._list.start[[first, self._nodes if last is None else last]]
+        return ends(self._bonds, begin + np.flatnonzero(self._steps()[begin:end] == 0))
 
-    def intact(self, row: int) -> NDArray[np.int64]:
-        """As in `Operator`."""
-        own = slice(*self._bonds.start[[row, row + 1]])
-        return self._bonds.neighbour[own][self._intact()[own]].astype(np.int64)
-
-    def broken(self, after: int = -1) -> Broken:
+    def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""
         step = self._steps()
-        which = np.flatnonzero(step > max(after, 0))
+        which = np.flatnonzero(step > after)
         return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
 
     def keep(self) -> Kept:
@@ -150,13 +148,17 @@ class Listed:
                 column[:] = 0
                 column[find(self._bonds, source, target)] = values
 
+    def bytes(self) -> int:
+        """As in `Operator`."""
+        return sum(column.nbytes for column in (*self._bonds, *self._list.xi, *self.columns))
+
+    def place(self, state: State) -> State:
+        """As in `Operator`."""
+        return state
+
     def _remembered(self) -> tuple[str, ...]:
         """Names of the columns that change, but for who is broken."""
         return tuple(name for name in getattr(self.law, "MEMORY", ()) if name != "broken")
-
-    def _intact(self) -> NDArray[np.bool_]:
-        """Which bonds (b,) are not broken."""
-        return np.asarray(self._steps() == 0)
 
     def _steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""

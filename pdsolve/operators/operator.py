@@ -1,7 +1,7 @@
 """What steppers, measures and results may ask of an operator, whatever it sums over.
 
-    listed   any law over a list of bonds, in the plane and in space: the reference
-    blocks   pair laws on lattices, fast
+listed   any law over a list of bonds, in the plane and in space: the reference
+blocks   pair laws on lattices, fast
 """
 
 from __future__ import annotations
@@ -23,8 +23,12 @@ Kept = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
 class Operator(Protocol):
     """What the neighbours of n nodes do to them; rows are those of the cloud."""
 
+    name: str  # of the kernel, for the record
     unknowns: tuple[Unknown, ...]
     symmetric: bool  # energy and momentum are conserved
+
+    def place(self, state: State) -> State:
+        """The same state in arrays of the operator's own liking, to go on with."""
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) at a state, N/m^3, to `out`; what is over its limit breaks in this `step`.
@@ -42,13 +46,11 @@ class Operator(Protocol):
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4; component a of node i is at
         w i + a."""
 
-    def bonds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows of both nodes of the bonds that are intact, source and target."""
+    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of both nodes of the bonds that are intact, source and target, in order; of the sources from `first`
+        to `last` - 1, or of all."""
 
-    def intact(self, row: int) -> NDArray[np.int64]:
-        """The rows that a node still has a bond to."""
-
-    def broken(self, after: int = -1) -> Broken:
+    def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
 
     def keep(self) -> Kept:
@@ -56,3 +58,6 @@ class Operator(Protocol):
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Go back to what was kept, and to these broken bonds."""
+
+    def bytes(self) -> int:
+        """Memory of all its arrays."""

@@ -19,7 +19,6 @@ from pdsolve.laws.law import List, Now, deformed, pull
 STEP = 1e-30  # m; its square is lost beside any length
 
 
-
 def of_springs(
     source: NDArray[np.int64],
     target: NDArray[np.int64],
@@ -33,7 +32,9 @@ def of_springs(
     """
     y = xi + value[target].astype(np.float64) - value[source]
     length, now = np.sqrt((xi**2).sum(axis=1)), np.sqrt((y**2).sum(axis=1))
-    slope = (1 / length - 1 / now)[:, None, None] * np.eye(xi.shape[1]) + y[:, :, None] * y[:, None, :] / now[:, None, None] ** 3
+    slope = (1 / length - 1 / now)[:, None, None] * np.eye(xi.shape[1]) + y[:, :, None] * y[:, None, :] / now[
+        :, None, None
+    ] ** 3
     return _matrix(len(value), source, target, -pull[:, None, None] * slope, pull[:, None, None] * slope)
 
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pdmesh.grid import Material
 from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
 from pdmesh.visibility import Sight
-from pdsolve.bonds import Filling, Part, areas, part_of
+from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios
 from pdsolve.laws.critical import critical_stretch, limits
@@ -80,9 +80,10 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         all_of_them = found if len(rows) == len(grid) else None
 
     def part(rows: NDArray[np.int64]) -> Part:
-        pairs, modulus, bounds = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
-        stiffness = modulus * _energy_factor(grid.position, pairs, lack) * area[pairs.target]
-        return part_of(grid.position, held, rows, pairs, ~sight.cut(pairs), stiffness, bounds)
+        found = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
+        pairs, weight = found.pairs, area[found.pairs.target]
+        stiffness = found.modulus * _energy_factor(grid.position, pairs, lack) * weight
+        return part_of(grid.position, held, rows, Paired(pairs, ~sight.cut(pairs), stiffness, *found.limits, weight))
 
     return Filling(area, part)
 

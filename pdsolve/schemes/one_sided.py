@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdmesh.neighbours import Neighbours, chosen
 from pdmesh.visibility import Sight
-from pdsolve.bonds import Filling, Part, areas, part_of
+from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import full_family, hu_beta
 from pdsolve.laws.critical import critical_stretch, limits
@@ -37,10 +37,11 @@ def fill(model: Model) -> Filling:
             own = model.material_of[pairs.source] == number
             stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
             peak[own], limit[own] = limits(material, critical_stretch(material, reach[own]))
-        stiffness *= area[pairs.target] * hu_beta(pairs.length, reach, grid.delta[pairs.target])
+        weight = area[pairs.target] * hu_beta(pairs.length, reach, grid.delta[pairs.target])
+        stiffness *= weight
         actual = np.bincount(pairs.source[intact] - rows[0], minlength=len(rows))
         stiffness *= softening(full, actual)[pairs.source - rows[0]]
-        return part_of(grid.position, held, rows, pairs, intact, stiffness, (peak, limit))
+        return part_of(grid.position, held, rows, Paired(pairs, intact, stiffness, peak, limit, weight))
 
     return Filling(area, part)
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.laws.bilinear import intact_share
 from pdsolve.operators.blocks.kernel import END, LANES, NO_BOND, Blocks
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
@@ -23,6 +24,7 @@ MOST_COMPONENTS = 500  # different components of reference vectors; more is no l
 SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
 MARGIN = 1e-5  # of e: room for round-off below a peak
+_intact_share = getattr(intact_share, "py_func", intact_share)  # for whole arrays
 LAST = -1  # the number of a lane without a bond: the last in the table of stiffnesses
 
 
@@ -259,7 +261,7 @@ def springs(
     pull = blocks.stiffness[blocks.pull[slot], lane] / np.sqrt(inverse)
     if len(worst):
         known, bound = worst[slot, lane], blocks.bound[slot]
-        share = intact_share(known, blocks.peak[bound, lane], blocks.limit[bound, lane])
+        share = _intact_share(known, blocks.peak[bound, lane], blocks.limit[bound, lane])
         pull *= np.where(known > 0, share, 1.0)
     return np.column_stack([x, y]), pull
 

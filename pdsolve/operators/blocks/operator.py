@@ -105,6 +105,11 @@ class InBlocks:
         worst[self._find(kept["worst_source"], kept["worst_target"])] = kept["worst"]
         layout.revive(self.blocks, self.tracks.broken, self.tracks.worst, self._whole)
 
+    def bytes(self) -> int:
+        """As in `Operator`; slots' own stiffnesses, which come as their bonds break, are left out."""
+        later = self.blocks.stiffness[-len(self.blocks.pull) :].nbytes
+        return sum(array.nbytes for array in (*self.blocks, *self.tracks)) - later
+
     def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return layout.ends(self.blocks, numbers)
 

@@ -1,0 +1,41 @@
+"""Whether what a run computes is still physics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pdsolve.measures import Ledger
+from pdsolve.state import State
+from pdsolve.system import System
+
+RUNAWAY = 10.0  # times the energy put in: more than this is not physics
+
+
+class UnstableError(ArithmeticError):
+    """A run whose state is no longer physics; the message names step, time, node, energy and the bound."""
+
+
+def check_physics(system: System, state: State, books: Ledger) -> None:
+    """Raises UnstableError where numbers are none, or energy has appeared from nowhere."""
+    energy, u = books.kinetic + books.strain, state.value
+    finite = np.isfinite(u).all(axis=1)
+    given = abs(books.work) + system.initial_energy
+    ratio = energy / given if given else 0.0
+    if finite.all() and np.isfinite(energy) and ratio <= RUNAWAY:
+        return
+    worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
+    raise UnstableError(
+        f"unstable at step {books.step}, {books.time:.4g} s, node {system.model.grid.ids[worst]}: energy is"
+        f" {ratio:.3g} times what was put in; the time step is {system.time_step:.4g} s,"
+        f" surely stable up to {system.bound:.4g} s"
+        f"{_suspect(system)}"
+    )
+
+
+def _suspect(system: System) -> str:
+    """What to look at where it is not the time step."""
+    if system.time_step > system.bound:
+        return ""
+    if system.scheme.symmetric:
+        return ", so it is not the step: look at what is held or loaded"
+    return f", so it is not the step: the {system.scheme.name} mode's one-sided bonds make energy, --mode conservative"
