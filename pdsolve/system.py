@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +26,7 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
+from pdsolve.threads import cores
 
 
 class Stepper(Protocol):
@@ -63,6 +63,11 @@ class System:
     initial_energy: float  # J/m
 
     @property
+    def threads(self) -> int:
+        """How many share the work."""
+        return self.options.threads or cores()
+
+    @property
     def bonds(self) -> int:
         """How many directed bonds there were at the start."""
         return int(self.count.sum())
@@ -74,10 +79,8 @@ def prepare(model: Model, options: Options) -> tuple[System, State]:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    cores = numba.config.NUMBA_NUM_THREADS
-    if options.threads is not None and not 1 <= options.threads <= cores:
-        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
-    numba.set_num_threads(options.threads or cores)
+    if options.threads is not None and not 1 <= options.threads <= cores():
+        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
@@ -87,7 +90,8 @@ def prepare(model: Model, options: Options) -> tuple[System, State]:
 def system_of(model: Model, options: Options, scheme: Scheme) -> tuple[System, State]:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling, kind = scheme.fill(model), np.dtype(options.precision).type
-    operator, survey = _operator(model, options, scheme, filling)
+    threads = options.threads or cores()
+    operator, survey = _operator(model, options, scheme, filling, threads)
     rho = model.rho.astype(kind)
     step, bound = model.settings.run.time_step, _bound(operator, model.rho)
     if step is None:
@@ -177,9 +181,11 @@ class _Survey:
         return np.concatenate(self._stiffest)
 
 
-def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, _Survey]:
+def _operator(
+    model: Model, options: Options, scheme: Scheme, filling: Filling, threads: int
+) -> tuple[Operator, _Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
-    law, kind, threads = law_of(model), np.dtype(options.precision).type, numba.config.NUMBA_NUM_THREADS
+    law, kind = law_of(model), np.dtype(options.precision).type
     if law in PAIRS and options.kernel != "listed":
         survey = _Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads)
@@ -191,4 +197,4 @@ def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) 
         )
     survey = _Survey(filling, scheme.symmetric)
     bonds = in_precision(listed(survey.parts(), filling.area).bonds, options.precision)
-    return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, numba.get_num_threads()), survey
+    return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, threads), survey

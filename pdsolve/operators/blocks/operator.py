@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.blocks import layout
 from pdsolve.operators.blocks.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
 from pdsolve.operators.blocks.layout import aligned
+from pdsolve.operators.blocks.vectors import BOUND
 from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 
@@ -30,7 +31,7 @@ class InBlocks:
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
         kind = blocks.scratch.dtype
         self.tracks = Tracks(
-            u=aligned(np.zeros((3, 2, room + LANES * len(blocks.scratch)), dtype=kind)),
+            u=aligned(np.zeros((3, 2, room), dtype=kind)),
             v=aligned(np.zeros((2, room), dtype=kind)),
             a=aligned(np.zeros((2, room), dtype=kind)),
             dissipated=aligned(np.zeros(room)),
@@ -51,7 +52,7 @@ class InBlocks:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """As in `Operator`."""
         own = self.place(state)
-        before = self.tracks.u[0, :, : self.tracks.v.shape[1]] - self.tracks.v.dtype.type(dt) * self.tracks.v
+        before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
         sum_blocks(self.blocks, self.tracks, before, out, step)
         state.dissipated[:] = own.dissipated
 
@@ -71,7 +72,7 @@ class InBlocks:
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
         numbers = layout.there(self.blocks.mask)
-        xi, pull = layout.springs(self.blocks, self.tracks.worst, numbers)
+        xi, pull = layout.springs(self.blocks, numbers)
         return of_springs(*self._ends(numbers), xi, pull, state.value)
 
     def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -92,23 +93,27 @@ class InBlocks:
 
     def keep(self) -> Kept:
         """As in `Operator`."""
-        worst = self.tracks.worst.ravel()
+        worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
         softened = np.flatnonzero(worst)
+        slot, lane = np.divmod(softened, LANES)
         source, target = self._ends(softened)
-        return {"worst": worst[softened], "worst_source": source, "worst_target": target}
+        edge = self.blocks.edge[rows[slot], lane]
+        return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """As in `Operator`."""
-        steps, worst = self.tracks.broken.ravel(), self.tracks.worst.ravel()
+        steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
         steps[:] = worst[:] = 0
         steps[self._find(broken.source, broken.target)] = broken.step
-        worst[self._find(kept["worst_source"], kept["worst_target"])] = kept["worst"]
-        layout.revive(self.blocks, self.tracks.broken, self.tracks.worst, self._whole)
+        softened = self._find(kept["worst_source"], kept["worst_target"])
+        worst[softened], edge.ravel()[softened] = kept["worst"], kept["worst_edge"]
+        layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
     def bytes(self) -> int:
-        """As in `Operator`; slots' own stiffnesses, which come as their bonds break, are left out."""
-        later = self.blocks.stiffness[-len(self.blocks.pull) :].nbytes
-        return sum(array.nbytes for array in (*self.blocks, *self.tracks)) - later
+        """As in `Operator`; rows of slots' own, which come as their bonds break, are left out."""
+        blocks = self.blocks
+        later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
+        return sum(array.nbytes for array in (*blocks, *self.tracks)) - later
 
     def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return layout.ends(self.blocks, numbers)
