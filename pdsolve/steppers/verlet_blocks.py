@@ -116,7 +116,7 @@ def _sweep_plain(blocks, tracks, lightness, u, before, after, dt, step, b, s):  
     whole, half = u.dtype.type(dt), u.dtype.type(dt / 2)
     for lane in range(0, LANES, across(s)):
         sum_lanes(blocks, tracks, u, before, step, b, lane, s)
-        kick_and_drift(u, after, tracks.v, lightness, whole, half, b, lane, s)
+        kick_and_drift(u, after, tracks.v, lightness, whole, half, b * LANES + lane, s)
 
 
 @njit(forceinline=True, **INNER)

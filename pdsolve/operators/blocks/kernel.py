@@ -4,7 +4,7 @@ Layout, after the sliced ELL format of sparse matrices:
     block    64 consecutive nodes; a node's place in it is its lane
     row      16 consecutive lanes
     slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes are
-             consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 16 (ids).
+             consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all 16 (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots: inside a
              lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
              A slot gets rows of its own when its first bond breaks or softens.
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from pdsolve.laws.bilinear import intact_share, spent_share
 from pdsolve.operators.blocks import vectors
 from pdsolve.operators.blocks.pull import NARROW
-from pdsolve.operators.blocks.vectors import BOUND, PULL, ROW, VECTOR, add_any, add_far, add_slots
+from pdsolve.operators.blocks.vectors import BOUND, FAR, PULL, ROW, VECTOR, add_any, add_far, add_slots
 
 LANES = 4 * ROW
 LIMITS = 7  # of a slot: row of `peak` and `limit`
@@ -46,8 +46,8 @@ class Blocks(NamedTuple):
     """Bonds in blocks: s slots."""
 
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
-    slots: NDArray[np.int32]  # (s, 8) node next to the first lane of each row, or -1 - row of `ids`; then rows of
-    # `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
+    slots: NDArray[np.int32]  # (s, 8) way from the nodes of each row to their neighbours, or FAR + row of `ids`; then
+    # rows of `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
     ids: NDArray[np.int32]  # (., 16) neighbours
     vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2
     stiffness: NDArray[np.floating]  # (., 64) secant stiffness / |xi|, 0 without a bond; at the end one for each slot
@@ -80,14 +80,14 @@ def sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-u
     Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's scratch.
     """
     slots, ids, table, pull = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness
-    near, edge, slot, last = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1]
+    near, edge, slot, last, own = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
-    slot = add_slots(u, slots, ids, table, pull, near, edge, slot, last, b, lane, s)
+    slot = add_slots(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
     while slot < last:
-        slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, b, lane, s)
+        slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
-            slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, b, lane, s)
+            slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, own, lane, s)
 
 
 @njit(forceinline=True, **INNER)
@@ -124,7 +124,7 @@ def across(s):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignore[no-untyped-def]
     """Take out the bond of node i that is over its limit, and book what it has spent."""
-    row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], _neighbour(blocks, slot, lane)
+    row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
     if peak < limit:
@@ -155,11 +155,11 @@ def _own_rows(blocks, slot):  # type: ignore[no-untyped-def]
     return bound
 
 
-@njit(**INNER)
-def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
-    """The node that the bond of a lane goes to."""
-    base, at = blocks.slots[slot, lane // ROW], lane % ROW
-    return base + at if base >= 0 else blocks.ids[-1 - base, at]
+@njit(forceinline=True, **INNER)
+def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
+    """The node that the bond of node i, in this lane, goes to."""
+    way = blocks.slots[slot, lane // ROW]
+    return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
 
 
 @njit(cache=True, error_model="numpy")
@@ -182,24 +182,23 @@ def energy_densities(blocks, worst, u, held, spent):  # type: ignore[no-untyped-
     """
     for b in range(len(blocks.start) - 1):
         for slot in range(blocks.start[b], blocks.start[b + 1]):
-            for row in range(LANES // ROW):
-                _energies_of(blocks, u, b, slot, row, held)
+            _energies_of(blocks, u, b, slot, held)
             if blocks.softened[b]:
                 _spent_of(blocks, worst, b, slot, spent)
 
 
 @njit(**INNER)
-def _energies_of(blocks, u, b, slot, row, held):  # type: ignore[no-untyped-def]
-    vector, base, i = blocks.vectors[blocks.slots[slot, VECTOR]], blocks.slots[slot, row], b * LANES + row * ROW
+def _energies_of(blocks, u, b, slot, held):  # type: ignore[no-untyped-def]
+    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     x, y, inverse = vector[0], vector[1], vector[4]
-    for k in range(ROW):
-        w = blocks.stiffness[blocks.slots[slot, PULL], row * ROW + k]
+    for lane in range(LANES):
+        w, i = blocks.stiffness[blocks.slots[slot, PULL], lane], b * LANES + lane
         if w > 0:
-            j = base + k if base >= 0 else blocks.ids[-1 - base, k]
-            eta_x, eta_y = u[0, j] - u[0, i + k], u[1, j] - u[1, i + k]
+            j = neighbour(blocks, slot, i, lane)
+            eta_x, eta_y = u[0, j] - u[0, i], u[1, j] - u[1, i]
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
-            held[i + k] += w / inverse / 4 * stretch * stretch
+            held[i] += w / inverse / 4 * stretch * stretch
 
 
 @njit(**INNER)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pdsolve.laws.bilinear import intact_share
 from pdsolve.operators.blocks.kernel import END, LANES, LIMITS, Blocks
 from pdsolve.operators.blocks.pull import NARROW
-from pdsolve.operators.blocks.vectors import BOUND, FIELDS, PULL, ROW, VECTOR
+from pdsolve.operators.blocks.vectors import BOUND, FAR, FIELDS, PULL, ROW, VECTOR
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -88,7 +88,7 @@ class _Slots(NamedTuple):
     counts: NDArray[np.int64]  # (blocks,) slots of a block
     vector: NDArray[np.int32]  # (s,)
     mask: NDArray[np.uint64]  # (s,)
-    base: NDArray[np.int64]  # (s, 4) or -1 - row of `ids`
+    way: NDArray[np.int64]  # (s, 4) or FAR + row of `ids`
     ids: NDArray[np.int32]  # (., 16)
     pull: _Rows
     bound: _Rows
@@ -126,9 +126,9 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
     counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
     if not bonds or bonds < LEAST_FILLED * LANES * len(mask):
         return None
-    base, scattered = [], 0
+    way, scattered = [], 0
     for part in slots:
-        base.append(np.where(part.base < 0, part.base - scattered, part.base))
+        way.append(np.where(part.way >= FAR, part.way + scattered, part.way))
         scattered += len(part.ids)
     pull, pulls = _shared([part.pull for part in slots])
     bound, bounds = _shared([part.bound for part in slots])
@@ -139,7 +139,7 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
     near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
     return Blocks(
         start=np.concatenate([[0], np.cumsum(counts)]),
-        slots=np.column_stack([*np.concatenate(base).T, vector, pull, bound, bound]).astype(np.int32),
+        slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
         ids=np.concatenate([part.ids for part in slots]),
         vectors=aligned(_table(tables).astype(kind)),
         stiffness=aligned(np.append(tables.pulls.values, 0.0)[pulls].astype(kind), len(mask)),
@@ -184,16 +184,17 @@ def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | No
     slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
     lane = np.full((len(keys), LANES), -1, dtype=np.int32)  # the bond in each lane
     lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
-    base, _ = _neighbours(bonds.neighbour, lane, room)
-    order = np.lexsort(((base < 0).any(axis=1), keys // vectors))  # the quick loop then goes as far as it can
+    nodes = first + keys // vectors * LANES
+    way, _ = _ways(bonds.neighbour, lane, nodes, room)
+    order = np.lexsort(((way >= FAR).any(axis=1), nodes))  # the quick loop then goes as far as it can
     keys, lane = keys[order], lane[order]
     there = lane >= 0
-    base, ids = _neighbours(bonds.neighbour, lane, room)
+    way, ids = _ways(bonds.neighbour, lane, nodes, room)
     return _Slots(
         counts=np.bincount(keys // vectors, minlength=blocks),
         vector=(keys % vectors).astype(np.int32),
         mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
-        base=base,
+        way=way,
         ids=ids,
         pull=_rows(pulls, lane, there),
         bound=_rows(tables.bounds.numbers(bounds), lane, there),
@@ -209,18 +210,22 @@ def _vectors(sides: NDArray[np.int64], tables: _Tables) -> NDArray[np.int32]:
     return np.asarray(tables.vectors[key])
 
 
-def _neighbours(
-    neighbour: NDArray[np.int32], lane: NDArray[np.int32], room: int
+def _ways(
+    neighbour: NDArray[np.int32], lane: NDArray[np.int32], first: NDArray[np.int64], room: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """The bases (s, 4) of rows whose neighbours are consecutive, and the 16 neighbours of those that are not."""
+    """The ways (s, 4) of rows whose neighbours are consecutive, and the 16 neighbours of those that are not.
+
+    `lane` (s, 64) are the bonds of slots, whose blocks begin with the nodes `first` (s,) of `room`.
+    """
     to = neighbour[lane].astype(np.int64) if len(neighbour) else lane.astype(np.int64)
     to, there = to.reshape(-1, ROW), (lane >= 0).reshape(-1, ROW)
-    start = to - np.arange(ROW)
-    low = np.where(there, start, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
-    high = np.where(there, start, -1).max(axis=1, initial=-1)
+    own = (first[:, None] + ROW * np.arange(LANES // ROW)).ravel()
+    way = to - own[:, None] - np.arange(ROW)
+    low = np.where(there, way, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+    high = np.where(there, way, np.iinfo(np.int64).min).max(axis=1, initial=np.iinfo(np.int64).min)
     low[~there.any(axis=1)] = high[~there.any(axis=1)] = 0  # what such a row finds there does not matter
-    scattered = (low != high) | (low < 0) | (low > room - ROW)
-    low[scattered] = -1 - np.arange(np.count_nonzero(scattered))
+    scattered = (low != high) | (own + low < 0) | (own + low > room - ROW)
+    low[scattered] = FAR + np.arange(np.count_nonzero(scattered))
     return low.reshape(-1, LANES // ROW), np.where(there, to, 0)[scattered].astype(np.int32)
 
 
@@ -254,9 +259,9 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
     """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
     slot, lane = np.divmod(numbers, LANES)
     source = (np.searchsorted(blocks.start, slot, side="right") - 1) * LANES + lane
-    base = blocks.slots[slot, lane // ROW].astype(np.int64)
-    target, listed = base + lane % ROW, base < 0
-    target[listed] = blocks.ids[-1 - base[listed], lane[listed] % ROW]
+    way = blocks.slots[slot, lane // ROW].astype(np.int64)
+    target, listed = source + way, way >= FAR
+    target[listed] = blocks.ids[way[listed] - FAR, lane[listed] % ROW]
     return source, target
 
 

@@ -5,7 +5,7 @@ same sum takes half of the time. Each lane is computed alike, to the same bits, 
 
     u, after       (2, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
     slots, ids, vectors, stiffness, near, edge     of `kernel.Blocks`                 sums of forces, x then y, then e
-    lane           the first of the block's lanes to be summed, `across` of them
+    lane           of the block, the first of `across` that are summed; own   its node
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ FIELDS = 8  # of a slot
 VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows
 FY, E = ROW, 2 * ROW  # where the sums along y, and e, begin in s
 SCRATCH = 3 * ROW
-SELDOM = (1000, 1)  # weights of a branch and its other
+FAR = 1 << 30  # more than any way between two nodes
+SELDOM = (1, 1000)  # weights of a branch that is seldom taken, and of its other
 
 _INT, _ID, _BYTE = ir.IntType(64), ir.IntType(32), ir.IntType(8).as_pointer()
 
@@ -192,15 +193,12 @@ class _Bonds:
         _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge = (
             code.data(kind, array) for kind, array in arrays
         )
-        builder = code.builder
-        self._block_lane = values[-2]
-        own = builder.add(builder.mul(values[-3], _INT(4 * ROW)), self._block_lane)
-        self._row = builder.sdiv(self._block_lane, _INT(ROW))
-        self._in_row = builder.srem(self._block_lane, _INT(ROW))
-        self.own = [code.load(component, own) for component in self.u]
+        self._node, self._lane = values[-3:-1]
+        self._row = code.builder.sdiv(self._lane, _INT(ROW))
+        self.own = [code.load(component, self._node) for component in self.u]
 
-    def base(self, slot: Any) -> Any:
-        """Where the row's neighbours begin, or -1 - row of ids."""
+    def way(self, slot: Any) -> Any:
+        """From a node of the row to its neighbour; or FAR + row of ids."""
         return self._field(slot, self._row)
 
     def reference(self, slot: Any) -> list[list[Any]]:
@@ -208,15 +206,16 @@ class _Bonds:
         code, at = self._code, self._code.builder.mul(self._field(slot, _INT(VECTOR)), _INT(FIELDS))
         return [code.same(self._element(self._vectors, code.builder.add(at, _INT(c)))) for c in range(5)]
 
-    def beside(self, base: Any) -> list[list[Any]]:
+    def beside(self, way: Any) -> list[list[Any]]:
         """Displacements of neighbours that are consecutive."""
-        at = self._code.builder.add(base, self._in_row)
+        at = self._code.builder.add(self._node, way)
         return [self._code.load(component, at) for component in self.u]
 
-    def listed(self, base: Any) -> list[list[Any]]:
+    def listed(self, way: Any) -> list[list[Any]]:
         """Displacements of neighbours that are not."""
         builder = self._code.builder
-        at = builder.add(builder.mul(builder.sub(_INT(-1), base), _INT(ROW)), self._in_row)
+        row = builder.mul(builder.sub(way, _INT(FAR)), _INT(ROW))
+        at = builder.add(row, builder.srem(self._lane, _INT(ROW)))
         return [self._code.gather(component, self.ids, at) for component in self.u]
 
     def deformed(self, reference: list[list[Any]], there: list[list[Any]]) -> tuple[list[Any], list[Any], list[Any]]:
@@ -229,13 +228,13 @@ class _Bonds:
     def found(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
         """The reference of a slot whose neighbours may be anywhere, eta, and e, which is 0 without a bond."""
         code, builder, blocks = self._code, self._code.builder, loop.blocks
-        base, reference = self.base(loop.slot), self.reference(loop.slot)
-        builder.cbranch(builder.icmp_signed("<", base, _INT(0)), blocks["listed"], blocks["beside"])
+        way, reference = self.way(loop.slot), self.reference(loop.slot)
+        builder.cbranch(builder.icmp_signed(">=", way, _INT(FAR)), blocks["listed"], blocks["beside"])
         loop.go_on("beside")
-        beside = self.beside(base)
+        beside = self.beside(way)
         builder.branch(blocks["found"])
         loop.go_on("listed")
-        listed = self.listed(base)
+        listed = self.listed(way)
         builder.branch(blocks["found"])
         loop.go_on("found")
         pairs = zip(beside, listed, strict=True)
@@ -279,7 +278,7 @@ class _Bonds:
 
     def _lane_of(self, row: Any) -> Any:
         builder = self._code.builder
-        return builder.add(builder.mul(row, _INT(4 * ROW)), self._block_lane)
+        return builder.add(builder.mul(row, _INT(4 * ROW)), self._lane)
 
     def _element(self, data: Any, at: Any) -> Any:
         return self._code.builder.load(self._code.builder.gep(data, [at]))
@@ -333,7 +332,7 @@ class _Loop:
 
 
 @intrinsic
-def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, block, lane, s):  # type: ignore[no-untyped-def]
+def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
     """Add the forces of the slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
     Returns the first slot whose neighbours are not consecutive or that has an |e| above `near`, or `last`.
@@ -343,10 +342,10 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, l
         code = _Code(context, builder, u.dtype)
         bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
         loop = _Loop(code, bonds, values, kept, ("beside",))
-        base = bonds.base(loop.slot)
-        loop.unless(builder.icmp_signed("<", base, _INT(0)), "beside")
+        way = bonds.way(loop.slot)
+        loop.unless(builder.icmp_signed(">=", way, _INT(FAR)), "beside")
         reference = bonds.reference(loop.slot)
-        *eta, e = bonds.deformed(reference, bonds.beside(base))
+        *eta, e = bonds.deformed(reference, bonds.beside(way))
         loop.unless(code.some(code.above(code.magnitude(e), bonds.near(loop.slot))), "add")
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, tuple(eta), e, g, loop.sums))
@@ -355,7 +354,7 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, l
 
 
 @intrinsic
-def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, block, lane, s):  # type: ignore[no-untyped-def]
+def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
     """The same for neighbours anywhere and |e| up to WIDE.
 
     Returns the first slot with an |e| beyond, or an e above `edge`, and those of its lanes in s; or `last`.
@@ -369,7 +368,7 @@ def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, las
         size = code.magnitude(e)
         known = code.least(bonds.edge(slot), code.same(WIDE))
         strange = code.each(builder.or_, code.above(e, known), code.above(size, code.same(WIDE)))
-        builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM[::-1])
+        builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
         loop.go_on("strange")
         code.store(e, kept, _INT(E))
         builder.branch(loop.blocks["leave"])
@@ -387,7 +386,7 @@ def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, las
 
 
 @intrinsic
-def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, block, lane, s):  # type: ignore[no-untyped-def]
+def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
     """The same whatever the stretches: all slots are added."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -409,8 +408,8 @@ def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, las
 
 
 @intrinsic
-def kick_and_drift(typingctx, u, after, v, lightness, dt, half, block, lane, s):  # type: ignore[no-untyped-def]
-    """From the sums in s, the last half of a step and the first of the next for the lanes from `lane` on.
+def kick_and_drift(typingctx, u, after, v, lightness, dt, half, own, s):  # type: ignore[no-untyped-def]
+    """From the sums in s, the last half of a step and the first of the next for the nodes from `own` on.
 
     To the same bits as one by one: kick and drift are two roundings, and never contracted. `lightness` (m,) is 1 / rho.
     """
@@ -418,8 +417,8 @@ def kick_and_drift(typingctx, u, after, v, lightness, dt, half, block, lane, s):
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         code = _Code(context, builder, u.dtype)
         step, half_a_step = code.same(values[4]), code.same(values[5])
-        at = builder.add(builder.mul(values[6], _INT(4 * ROW)), values[7])
-        light, kept = code.load(code.data(lightness, values[3]), at), code.data(s, values[8])
+        at, kept = values[6], code.data(s, values[7])
+        light = code.load(code.data(lightness, values[3]), at)
         for axis, first in enumerate((0, FY)):
             speeds = code.data(v, values[2], axis)
             kick = code.mul(half_a_step, code.mul(code.load(kept, _INT(first)), light))
@@ -429,4 +428,4 @@ def kick_and_drift(typingctx, u, after, v, lightness, dt, half, block, lane, s):
             code.store(place, code.data(after, values[1], axis), at)
         return context.get_dummy_value()
 
-    return types.void(u, after, v, lightness, u.dtype, u.dtype, types.int64, types.int64, s), generate
+    return types.void(u, after, v, lightness, u.dtype, u.dtype, types.int64, s), generate
