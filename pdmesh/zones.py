@@ -56,7 +56,7 @@ def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
 def _zone(request: Refinement, scene: Scene) -> Zone:
     """The zone within a distance of what is to be refined. Raises SceneError if the scene has none of it."""
     target = {
-        "crack": lambda: shapely.union_all([crack.line for crack in scene.cracks]),
+        "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
         "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
         "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
     }[request.target]()

@@ -1,0 +1,87 @@
+"""Cracks as they are in the plate. An end that overshoots the edge is cut off there; one that misses it by no more than
+the chords of a curved edge are off is put onto it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import LineString
+
+from pdmesh.shapes import CHORD_TOLERANCE, SceneError, Surface
+
+if TYPE_CHECKING:
+    from pdmesh.scene import Crack, Scene
+
+EDGE = 1e-6  # finest spacings: what counts as on the edge
+OVERSHOOT = 1.0  # coarsest spacings: how long an end outside may be
+MISSED = 2 * CHORD_TOLERANCE  # coarsest spacings: how far an end inside may be from the edge that it was drawn to
+ALONG = 1.0  # coarsest spacings that a crack may stay as near as that to an edge
+
+
+class Slit(NamedTuple):
+    """A crack in the plate, and what was done to its ends."""
+
+    name: str
+    line: LineString
+    notes: tuple[str, ...]
+
+
+def slits_of(scene: Scene) -> tuple[Slit, ...]:
+    """The cracks of the scene as they are in its plate. Raises SceneError for one outside, or along an edge."""
+    if not scene.cracks:
+        return ()
+    inside = scene.shape.buffer(EDGE * scene.finest, join_style="mitre")
+    return tuple(_slit(crack, scene, inside) for crack in scene.cracks)
+
+
+def _slit(crack: Crack, scene: Scene, inside: Surface) -> Slit:
+    edge, on, missed = scene.shape.boundary, EDGE * scene.finest, MISSED * scene.spacing
+    line = shapely.remove_repeated_points(crack.line)
+    beside = line.intersection(edge.buffer(missed))
+    beside = max(shapely.get_parts(beside), key=lambda part: float(part.length), default=beside)
+    if beside.length > min(ALONG * scene.spacing, line.length / 2):
+        (x0, y0), (x1, y1) = shapely.get_coordinates(beside)[[0, -1]]
+        raise SceneError(
+            f"crack '{crack.name}': found along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m,"
+            " expected inside the plate"
+        )
+    points = shapely.get_coordinates(line if inside.covers(line) else _trimmed(crack, scene, inside))
+    for end, before in ((0, 1), (-1, -2)):
+        if on < edge.distance(shapely.Point(points[end])) <= missed:
+            points[end] = _on_edge(points[end], points[before], edge, missed)
+    return Slit(crack.name, LineString(points), _notes(crack, points, on))
+
+
+def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str, ...]:
+    drawn = shapely.get_coordinates(crack.line)
+    return tuple(
+        f"crack '{crack.name}': its end at ({drawn[end][0]:.7g}, {drawn[end][1]:.7g}) m is put onto the plate's edge,"
+        f" at ({points[end][0]:.7g}, {points[end][1]:.7g}) m"
+        for end in (0, -1)
+        if np.hypot(*(points[end] - drawn[end])) > slack
+    )
+
+
+def _trimmed(crack: Crack, scene: Scene, inside: Surface) -> LineString:
+    """The crack without its ends outside. Raises SceneError if more than those are."""
+    line, longest = crack.line, OVERSHOOT * scene.spacing
+    ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
+    kept = [part for part in shapely.get_parts(line.intersection(scene.shape)) if part.length > 0]
+    for part in shapely.get_parts(line.difference(inside)):
+        if part.length > longest or shapely.distance(part, ends).min() > 0 or len(kept) != 1:
+            x, y = shapely.get_coordinates(part)[-1]
+            raise SceneError(
+                f"crack '{crack.name}': found ({x:g}, {y:g}) m outside the plate, expected all of it inside, but for"
+                f" ends of at most {longest:g} m"
+            )
+    first, last = shapely.line_locate_point(line, shapely.points(shapely.get_coordinates(kept[0])[[0, -1]]))
+    return kept[0] if first < last else kept[0].reverse()
+
+
+def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:
+    """The place of the edge (2,), m, that the end of a crack is to be moved to: straight on, or the nearest."""
+    ahead = LineString([end, end + 2 * missed * (end - before) / np.hypot(*(end - before))]).intersection(edge)
+    return shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), edge if ahead.is_empty else ahead))[-1]
