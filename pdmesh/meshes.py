@@ -29,6 +29,7 @@ from pdmesh.shapes import SceneError, parts
 CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
 LINES = ("line", "line3")
 SOLID = ("tetra", "hexahedron", "wedge", "pyramid")
+OVERLAP = 1e-6  # of the area
 TAGS = ("gmsh:physical", "medit:ref", "cell_tags", "region", "material")  # cell data that number groups
 
 
@@ -75,7 +76,7 @@ def _groups(
     surfaces, curves = _named(faces), _named(lines)
     unused = [name for name in surfaces if ":" not in name and name not in materials]
     groups = [
-        Group("zone:mesh", 2, surfaces=_outlines(shapely.coverage_union_all(faces.shapes))),
+        Group("zone:mesh", 2, surfaces=_outlines(_union(faces.shapes))),
         *(_surface_group(name, cells) for name, cells in surfaces.items() if name not in unused),
         *(Group(name, 1, curves=tuple(map(_points, cells))) for name, cells in curves.items() if ":" in name),
         *(Group(name, 0) for name in _named(points) if ":" in name),
@@ -165,7 +166,20 @@ def _named(cells: _Cells) -> dict[str, NDArray[Any]]:
 
 def _surface_group(name: str, cells: NDArray[Any]) -> Group:
     full = name if ":" in name else f"material:{name}"
-    return Group(full, 2, surfaces=_outlines(shapely.coverage_union_all(cells)))
+    return Group(full, 2, surfaces=_outlines(_union(cells)))
+
+
+def _union(cells: NDArray[Any]) -> shapely.Geometry:
+    """What cells cover. Raises SceneError for cells that overlap."""
+    with contextlib.suppress(shapely.errors.GEOSException):  # it is quick, and expects cells that share whole edges
+        whole = shapely.coverage_union_all(cells)
+        if whole.is_valid:
+            return whole
+    whole = shapely.union_all(cells)
+    area = float(shapely.area(cells).sum())
+    if not abs(whole.area - area) <= OVERLAP * area:
+        raise SceneError(f"cells: found {area:g} of area in all, on {whole.area:g}, expected cells that do not overlap")
+    return whole
 
 
 def _outlines(shape: shapely.Geometry) -> tuple[tuple[Any, ...], ...]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pdmesh import checks, soundness
 from pdmesh.additions import added, sorted_out
-from pdmesh.checks import remarks
 from pdmesh.geo import CAD
 from pdmesh.grid import Document, Grid, Settings, document_of, read_file
 from pdmesh.lattice import Shift, build_grid
@@ -40,8 +40,8 @@ class Built:
 
     grid: Grid
     settings: Settings
-    shifts: tuple[Shift, ...] = ()
     notes: tuple[str, ...] = ()
+    shifts: tuple[Shift, ...] = ()
 
     @property
     def document(self) -> Document:
@@ -83,11 +83,16 @@ def build(
 
         if refine:
             raise SceneError(f"{path}: --refine: found a mesh, expected a drawing")
-        grid, settings, notes = read_mesh(path, assignments, cracks)
-        return Built(grid, settings, notes=notes)
-    scene = read_scene(path, assignments, refine, trust, cracks)
+        built = Built(*read_mesh(path, assignments, cracks))
+    else:
+        scene = read_scene(path, assignments, refine, trust, cracks)
+        try:
+            grid, settings, shifts = build_grid(scene)
+        except SceneError as error:
+            raise SceneError(f"{path}: {error}") from None
+        built = Built(grid, settings, checks.remarks(scene), shifts)
     try:
-        return Built(*build_grid(scene), notes=remarks(scene))
+        return replace(built, notes=(*built.notes, *soundness.remarks(built.grid, built.settings)))
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
