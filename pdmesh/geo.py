@@ -33,6 +33,7 @@ SYSTEM_LIBRARIES = (
 TIME_LIMIT = 60.0  # s
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
 OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capitals
+LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 REACHES_OUTSIDE = re.compile(
     r"\b(?:(?:SystemCall|NonBlockingSystemCall|System|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|ListFromFile)\b"
@@ -285,6 +286,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
         (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
         for group in gmsh.model.getPhysicalGroups()
     ]
+    least = LEAST_TOLERANCE * _size(gmsh)
     tolerances: dict[int, float] = {}
     for name, dimension, entities in physical:
         if dimension == 2 and name.startswith("zone:"):
@@ -293,7 +295,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
                 tolerances[curve] = min(tolerances.get(curve, np.inf), CHORD_TOLERANCE * abs(spacing))
 
     def sampled(curve: int) -> list[list[float]]:
-        return _sample(gmsh, curve, tolerances.get(curve) or CHORD_TOLERANCE * finest)
+        return _sample(gmsh, curve, max(tolerances.get(curve) or CHORD_TOLERANCE * finest, least))
 
     return [
         {
@@ -308,14 +310,21 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
     ]
 
 
+def _size(gmsh: Any) -> float:
+    if not gmsh.model.getEntities():
+        return 0.0
+    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
+    return float(max(x1 - x0, y1 - y0))
+
+
 def _bounds(gmsh: Any, surfaces: Any) -> list[int]:
     pairs = [(2, int(surface)) for surface in surfaces]
     return [abs(curve) for _, curve in gmsh.model.getBoundary(pairs, combined=False, oriented=True)]
 
 
 def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
-    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
-    tolerance = tolerance or 1e-4 * max(x1 - x0, y1 - y0)
+    size = _size(gmsh)
+    tolerance = max(tolerance or 1e-4 * size, LEAST_TOLERANCE * size)
     surfaces = [
         [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
         for _, surface in gmsh.model.getEntities(2)

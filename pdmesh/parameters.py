@@ -119,6 +119,8 @@ class Parameters:
         value = self._values.get(PREFIX + name)
         if value is not None and not isinstance(value, kind):
             raise SceneError(f"parameter '{PREFIX}{name}': found {value!r}, expected {expected}")
+        if isinstance(value, str) and not value.isprintable():
+            raise SceneError(f"parameter '{PREFIX}{name}': found {value!r:.80}, expected a word that can be printed")
         return value
 
     def maybe(self, name: str) -> float | None:

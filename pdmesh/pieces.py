@@ -7,11 +7,12 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.grid import Grid
-from pdmesh.neighbours import ROUND_OFF, Neighbours, chosen, row_chunks
+from pdmesh.neighbours import ROUND_OFF, Neighbours, chosen
 from pdmesh.shapes import near, parts
 from pdmesh.trees import tree_of
 from pdmesh.visibility import Sight, cracks_of
 
+PAIRS = 2**20  # looked at together
 NEXT = 4  # nodes around one of a mesh
 SLIVER = 1e-3  # of a spacing squared: parts of a plate below are round-off
 
@@ -35,8 +36,8 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
     neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
     number, asked = _islands(grid, neighbours, reach)
     sight, links = Sight(grid), [np.zeros((2, 0), dtype=np.int64)]
-    for chunk in row_chunks(len(asked)):
-        pairs = neighbours.pairs(asked[chunk])
+    for some in np.array_split(asked, int(len(asked) * (2 * reach) ** 2 / PAIRS) + 1):
+        pairs = neighbours.pairs(some)
         mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2
         pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
         seen = sight.inside(pairs) & ~sight.cut(pairs)

@@ -117,15 +117,18 @@ class Scene:
     def hole(self, shape: Shape) -> Scene:
         """With a hole in it."""
         place = f"hole {len(self.cutouts) + 1}"
-        if surface(shape, self.finest, place).disjoint(self.whole):
+        if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
             raise SceneError(f"{place}: found outside the plate, expected inside")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def notch(self, shape: Shape) -> Scene:
         """With a notch cut from its edge."""
         place = f"notch {len(self.cutouts) + 1}"
-        if surface(shape, self.finest, place).disjoint(self.whole.boundary):
+        cut = surface(shape, self.finest, place)
+        if cut.disjoint(self.whole.boundary):
             raise SceneError(f"{place}: found no point of the plate's edge in it, expected some (else it is a hole)")
+        if not cut.intersection(self.whole).area > 0:
+            raise SceneError(f"{place}: found outside the plate, expected a shape that cuts from its edge")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def crack(self, points: LineString | Points, name: str = "") -> Scene:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pdmesh.scene import Crack, Scene
 
 EDGE = 1e-6  # finest spacings: what counts as on the edge
-OVERSHOOT = 1.0  # coarsest spacings: how long an end outside may be
+OVERSHOOT = 0.25  # of its length: how much of a crack may be outside at an end
 MISSED = 2 * CHORD_TOLERANCE  # coarsest spacings: how far an end inside may be from the edge that it was drawn to
 ALONG = 1.0  # coarsest spacings that a crack may stay as near as that to an edge
 
@@ -67,7 +67,7 @@ def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str
 
 def _trimmed(crack: Crack, scene: Scene, inside: Surface) -> LineString:
     """The crack without its ends outside. Raises SceneError if more than those are."""
-    line, longest = crack.line, OVERSHOOT * scene.spacing
+    line, longest = crack.line, OVERSHOOT * crack.line.length
     ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
     kept = [part for part in shapely.get_parts(line.intersection(scene.shape)) if part.length > 0]
     for part in shapely.get_parts(line.difference(inside)):

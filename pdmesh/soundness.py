@@ -28,7 +28,7 @@ class _Piece(NamedTuple):
 
     def words(self, grid: Grid) -> str:
         x, y = grid.position[self.rows].mean(axis=0)
-        return f"{len(self.rows)} nodes around ({x:.6g}, {y:.6g}) m"
+        return f"{len(self.rows)} node{'s' * (len(self.rows) > 1)} around ({x:.6g}, {y:.6g}) m"
 
 
 def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
@@ -98,7 +98,7 @@ def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
         return "expected finer nodes there, or a gap or a crack that parts them"
     (x, y), width, spacing = near_by[0]
     return (
-        f"which is {width:.3g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; expected"
+        f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; expected"
         f" {width / THINNEST:.2g} m there, or a gap or a crack that parts them"
     )
 
@@ -133,7 +133,7 @@ def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[s
 def _narrow(thin: list[Ligament]) -> list[str]:
     """Warns of ligaments."""
     said = [
-        f"warning: found {width:.3g} m of plate at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
+        f"warning: found {width:.2g} m of plate at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
         f" {spacing:g} m, expected at least {THINNEST:g}: finer nodes there"
         for (x, y), width, spacing in thin[:MOST_SAID]
     ]

@@ -34,6 +34,7 @@ from pdmesh.grid import (
 )
 from pdmesh.grid import read_document as parse_document
 
+NESTED = "found values nested too deep to be read, expected those of the grid file"
 BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
 
 
@@ -164,7 +165,7 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
-        layers = _laid_over(layers, _nested(name, _toml_value(text)))
+        layers = _laid_over(layers, _nested(name, _toml_value(name, text)))
     try:
         merged = msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
@@ -183,13 +184,17 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"{path}: {error}") from None
+    except RecursionError:
+        raise ModelError(f"{path}: {NESTED}") from None
 
 
-def _toml_value(text: str) -> Any:
+def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text  # a bare word
+    except RecursionError:
+        raise ModelError(f"--set {name}: {NESTED}") from None
 
 
 def _nested(name: str, value: Any) -> dict[str, Any]:

@@ -157,6 +157,13 @@ def test_cad_files(name: str, cad: Path) -> None:
     assert read_outline(cad / "mm.brep", 1e-4, unit="mm").area == pytest.approx(outline.area, rel=1e-12)
 
 
+@pytest.mark.parametrize("spacing", ["5e-324", "1e-300", "1e-12", "1e308", "nan", "inf", "-1"])
+@pytest.mark.parametrize("name", ["plate.step", "plate.brep"])
+def test_absurd_spacings_of_a_cad_file(name: str, spacing: str, cad: Path) -> None:
+    with pytest.raises(SceneError, match=rf"{name}: .*[Ss]pacing'?: found \S+"):
+        read_cad(cad / name, [("Zones/plate/Spacing", spacing)])
+
+
 def test_a_name_that_means_nothing_is_refused_for_a_cad_file_too(cad: Path) -> None:
     for name in ("Fixs/foot/Box", "Plate/Length"):
         with pytest.raises(SceneError, match=rf"plate\.step: parameter 'Peridynamics/{name}': found a name that means"):
@@ -308,6 +315,10 @@ BAD = {
         "zone 'plate': spacing: found -0.001 m, expected more than 0 m",
     ),
     "spacing below its least": (BUILT_IN.replace("{1e-3,", "{1e-6,"), "found 1e-06, expected a number from 1e-05"),
+    "smallest spacing there is": (
+        BUILT_IN.replace("{1e-3, Min 1e-5, Max 0.1,", "{5e-324,"),
+        r"spacing: found 4.94066e-324 m, about inf nodes on 0.04 x 0.02 m, expected no more than 2e\+07",
+    ),
     "absurd spacing": (BUILT_IN.replace("{1e-3,", "{0.09,"), "found 0.09 m, expected less than"),
     "open outline": (BUILT_IN.replace("{1, 2, 3, 4}; Curve", "{1, 2, 3}; Curve"), "found an outline open at"),
     "crossing": (BUILT_IN.replace(*CROSSING), "zone 'plate': found .*expected an outline that does not cross itself"),

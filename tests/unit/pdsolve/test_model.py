@@ -85,6 +85,17 @@ def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
         read_model(bare, tmp_path / "settings.toml")
 
 
+@pytest.mark.parametrize(
+    "text", ["run = " + 20_000 * "[" + 20_000 * "]", "run = " + 20_000 * "{a=" + "1" + 20_000 * "}"]
+)
+def test_a_toml_file_nested_too_deep_is_named(text: str, bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text(text)
+    with pytest.raises(ModelError, match=r"settings\.toml: found values nested too deep to be read"):
+        read_model(bare, tmp_path / "settings.toml")
+    with pytest.raises(ModelError, match="--set run: found values nested too deep to be read"):
+        read_model(bare, assignments=[("run", text.removeprefix("run = "))])
+
+
 def test_a_traction_as_the_thesis_spreads_it_and_exactly() -> None:
     """12 MPa over 4 rows of 2 mm: 1.5e9 N/m^3 at each node; or so much that the sum is traction * length."""
     grid = square_grid(51, 10, delta=2e-3)
