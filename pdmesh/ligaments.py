@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh.graphs import connected
 from pdmesh.grid import Grid
 from pdmesh.shapes import parts
 from pdmesh.trees import tree_of
@@ -80,26 +81,19 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
 def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: float) -> Iterator[_Gap]:
     """The gaps between two edges, holes or cracks that do not touch each other."""
     lines = shapely.union_all([cracks, *(face.boundary for face in faces)])
-    connected = _connected(shapely.get_parts(lines))
+    edges = _connected(shapely.get_parts(lines))
     whole = shapely.union_all(faces)
-    tree = shapely.STRtree(connected)
-    for first, second in tree.query(connected, predicate="dwithin", distance=widest).T:
-        line = shapely.shortest_line(connected[first], connected[second])
-        if first < second and line.length > 0 and whole.contains(line.interpolate(0.5, normalized=True)):
-            others = [other for other in tree.query(line, predicate="intersects") if other not in (first, second)]
-            if not others:
-                yield _Gap(float(line.length), shapely.get_coordinates(line.interpolate(0.5, normalized=True)))
+    for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
+        line = shapely.shortest_line(edges[first], edges[second])
+        middle = line.interpolate(0.5, normalized=True)
+        if first < second and whole.contains(middle):
+            yield _Gap(float(line.length), shapely.get_coordinates(middle))
 
 
 def _connected(lines: NDArray[Any]) -> NDArray[Any]:
     """Lines that touch each other put together."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
-    joined = coo_array((np.ones(len(first)), (first, second)), shape=(len(lines), len(lines)))
-    count, number = connected_components(joined, directed=False)
-    return np.array([shapely.multilinestrings(lines[number == one]) for one in range(count)])
+    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))
+    return np.array([shapely.multilinestrings(lines[number == one]) for one in range(number.max() + 1)])
 
 
 def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:

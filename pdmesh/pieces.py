@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh.graphs import connected
 from pdmesh.grid import Grid
 from pdmesh.neighbours import ROUND_OFF, Neighbours, chosen
 from pdmesh.shapes import near, parts
@@ -31,7 +32,8 @@ def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
 def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in, from 0; those of a piece are joined by bonds.
 
-    A bond is as long as `reach` mean spacings of its nodes at most, stays in the plate and crosses no pre-crack.
+    A bond is as long as `reach` mean spacings of its nodes at most, as in the conservative mode, stays in the plate and
+    crosses no pre-crack.
     """
     neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
     number, asked = _islands(grid, neighbours, reach)
@@ -42,7 +44,7 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
         pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
         seen = sight.inside(pairs) & ~sight.cut(pairs)
         links.append(number[np.stack([pairs.source[seen], pairs.target[seen]])])
-    found = _joined(len(grid), *np.concatenate(links, axis=1))[number]
+    found = connected(len(grid), *np.concatenate(links, axis=1))[number]
     there = np.zeros(len(grid), dtype=bool)
     there[found] = True
     return np.asarray((np.cumsum(there) - 1)[found], dtype=np.int64)
@@ -74,16 +76,7 @@ def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[
         length, place = tree_of(grid.position[some]).query(grid.position[some], NEXT + 1)
         delta = grid.delta[some]
         sure = length <= np.minimum(2 * np.minimum(delta[:, None], delta[place]), reach * delta[:, None])
-        piece = _joined(len(some), np.repeat(np.arange(len(some)), sure.sum(axis=1)), place[sure])
+        piece = connected(len(some), np.repeat(np.arange(len(some)), sure.sum(axis=1)), place[sure])
         largest = piece == np.bincount(piece).argmax()
         number[some[largest]], asked[some[largest]] = some[largest][0], False
     return number, np.flatnonzero(asked)
-
-
-def _joined(nodes: int, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The number (n,) of the connected part that each of so many nodes is in."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    links = coo_array((np.ones(len(source), dtype=np.int8), (source, target)), shape=(nodes, nodes))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)

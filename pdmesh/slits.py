@@ -77,8 +77,7 @@ def _trimmed(crack: Crack, scene: Scene, inside: Surface) -> LineString:
                 f"crack '{crack.name}': found ({x:g}, {y:g}) m outside the plate, expected all of it inside, but for"
                 f" ends of at most {longest:g} m"
             )
-    first, last = shapely.line_locate_point(line, shapely.points(shapely.get_coordinates(kept[0])[[0, -1]]))
-    return kept[0] if first < last else kept[0].reverse()
+    return kept[0]
 
 
 def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:

@@ -102,6 +102,8 @@ def test_crumbs_are_warned_of() -> None:
     loose, narrow = said(Scene(tip, 1e-3))
     assert loose.startswith("warning: found 8 nodes around (0.0215, 0.0105) m that no bond joins to the rest")
     assert narrow.startswith("warning: found 0.0006 m of plate at (0.0205, 0.0105) m, 0.6 spacings of 0.001 m")
+    with pytest.raises(SceneError, match="plate: found 8 nodes around"):
+        said(Scene(tip, 1e-3).load(box(0.021, 0.009, 0.0225, 0.012), body_force=(1, 0)))
     bare, _ = said(Scene(shapely.union_all([box(0, 0, 0.02, 0.02), box(0.0202, 0.0202, 0.0208, 0.0208)]), 1e-3))
     assert bare.startswith("warning: found no node in a part of the plate around (0.0205, 0.0205) m, 3.6e-07 m^2")
 
@@ -126,6 +128,21 @@ def brute(grid: Grid, reach: float) -> np.ndarray:
     seen = Sight(grid).inside(pairs) & ~Sight(grid).cut(pairs)
     links = coo_array((np.ones(seen.sum()), (pairs.source[seen], pairs.target[seen])), shape=(len(grid), len(grid)))
     return connected_components(links, directed=False)[1]
+
+
+def test_bonds_are_as_long_as_the_mean_horizon_at_most() -> None:
+    """Nodes of 1 and 2 mm: with a ratio of 3 they see each other up to 4.5 mm, though the coarse one's horizon is 6."""
+    for gap, count in ((4.49e-3, 1), (4.51e-3, 2)):
+        grid = Grid(
+            ids=np.array([1, 2]),
+            position=np.array([[0, 0], [gap, 0]]),
+            delta=np.array([1e-3, 2e-3]),
+            border=np.ones(2, dtype=bool),
+            hole_id=np.full(2, -1),
+            cracks=np.empty((0, 4)),
+            outline=(np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),),
+        )
+        assert pieces(grid, 3.0).max() + 1 == count
 
 
 def same(one: np.ndarray, other: np.ndarray) -> bool:
