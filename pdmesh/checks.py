@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.conditions import Condition, describe
-from pdmesh.grid import LARGEST, InitialVelocity, Load, Material, Run
+from pdmesh.grid import LARGEST, InitialVelocity, Load, Material, Run, Settings
 from pdmesh.shapes import SceneError, Surface, checked_spacing
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
 LARGEST_VALUE = 1e30  # of any number; products of more than that leave what a number can hold
 RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
-AREA_RULES = ("cells", "eq19", "square")
 FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
 
 
@@ -50,8 +49,7 @@ def _numbers(scene: Scene) -> None:
     _described(scene.run, Run, "run")
     if scene.units not in (None, "m"):
         raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
-    if scene.area_rule not in (None, *AREA_RULES):
-        raise SceneError(f"area_rule: found {scene.area_rule!r}, expected one of {', '.join(AREA_RULES)}, or none")
+    _described(Settings(area_rule=scene.area_rule), Settings, "area rule")
     if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
         raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
 

@@ -48,9 +48,12 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry
     if len(sizes) > MOST_SIZES:
         sizes = np.exp2(np.unique(np.ceil(np.log2(sizes))))
     gaps = list(_between(faces, cracks, THINNEST * float(sizes[-1])))
-    for size in sizes:
-        for face in faces:
-            gaps += _necks(face, cracks, THINNEST / 2 * float(size))
+    lines = shapely.get_parts(cracks)
+    tree = shapely.STRtree(lines)
+    for face in faces:
+        own = shapely.multilinestrings(lines[tree.query(face, predicate="intersects")])
+        for size in sizes:
+            gaps += _necks(face, own, THINNEST / 2 * float(size))
     kept: list[Ligament] = []
     for one in sorted(_thin(gaps, grid), key=lambda one: one.width / one.spacing):
         if all(np.hypot(*np.subtract(one.place, other.place)) > one.spacing for other in kept):
@@ -62,11 +65,9 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
     """Those of the gaps that are too thin for the nodes in them."""
     if not gaps:
         return
-    middles = np.concatenate([gap.middle for gap in gaps])
-    margin = 2 * float(grid.delta.max())
-    near = ((grid.position >= middles.min(axis=0) - margin) & (grid.position <= middles.max(axis=0) + margin)).all(
-        axis=1
-    )
+    middles, margin = np.concatenate([gap.middle for gap in gaps]), 2 * float(grid.delta.max())
+    low, high = middles.min(axis=0) - margin, middles.max(axis=0) + margin
+    near = ((grid.position >= low) & (grid.position <= high)).all(axis=1)
     some = np.flatnonzero(near) if near.any() else np.arange(len(grid))
     tree = tree_of(grid.position[some])
     for gap in gaps:

@@ -33,17 +33,24 @@ def slits_of(scene: Scene) -> tuple[Slit, ...]:
     """The cracks of the scene as they are in its plate. Raises SceneError for one outside, or along an edge."""
     if not scene.cracks:
         return ()
-    inside = scene.shape.buffer(EDGE * scene.finest, join_style="mitre")
-    return tuple(_slit(crack, scene, inside) for crack in scene.cracks)
+    inside, edge = scene.shape.buffer(EDGE * scene.finest, join_style="mitre"), scene.shape.boundary
+    shapely.prepare([inside, edge])
+    lines = np.array([crack.line for crack in scene.cracks])
+    clear = shapely.covers(inside, lines) & ~shapely.dwithin(edge, lines, MISSED * scene.spacing)
+    beside = edge if clear.all() else edge.buffer(MISSED * scene.spacing)
+    return tuple(
+        Slit(crack.name, crack.line, ()) if free else _slit(crack, scene, inside, beside)
+        for crack, free in zip(scene.cracks, clear.tolist(), strict=True)
+    )
 
 
-def _slit(crack: Crack, scene: Scene, inside: Surface) -> Slit:
+def _slit(crack: Crack, scene: Scene, inside: Surface, beside: Surface) -> Slit:
+    """The slit of a crack with an end outside the plate or, in what is `beside` its edge, near to it."""
     edge, on, missed = scene.shape.boundary, EDGE * scene.finest, MISSED * scene.spacing
     line = shapely.remove_repeated_points(crack.line)
-    beside = line.intersection(edge.buffer(missed))
-    beside = max(shapely.get_parts(beside), key=lambda part: float(part.length), default=beside)
-    if beside.length > min(ALONG * scene.spacing, line.length / 2):
-        (x0, y0), (x1, y1) = shapely.get_coordinates(beside)[[0, -1]]
+    along = max(shapely.get_parts(line.intersection(beside)), key=lambda part: float(part.length), default=line)
+    if along.length > min(ALONG * scene.spacing, line.length / 2):
+        (x0, y0), (x1, y1) = shapely.get_coordinates(along)[[0, -1]]
         raise SceneError(
             f"crack '{crack.name}': found along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m,"
             " expected inside the plate"

@@ -105,7 +105,10 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
                 raise GridError(
                     f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
                 )
-    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
+    holes = np.array(rings["holes"])
+    return shapely.union_all(  # a part of the plate may be in a hole of another
+        [part.difference(shapely.union_all(holes[~shapely.contains(holes, part)])) for part in rings["outline"]]
+    )
 
 
 def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry | None:

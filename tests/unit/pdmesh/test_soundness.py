@@ -115,6 +115,17 @@ def test_a_crack_may_cut_the_plate_and_says_so(plate: Scene) -> None:
     )
 
 
+def test_a_part_in_a_hole_of_another_keeps_its_bonds() -> None:
+    """A frame of 40 x 40 mm around a block of 10 x 10."""
+    frame = box(0, 0, 0.04, 0.04).difference(box(0.01, 0.01, 0.03, 0.03))
+    grid, settings, _ = build_grid(Scene(shapely.union_all([frame, box(0.015, 0.015, 0.025, 0.025)]), 1e-3))
+    plate = plate_of(grid)
+    assert plate is not None
+    assert plate.area == pytest.approx(0.0013, rel=1e-12)
+    assert pieces(grid, 3.0).max() == 1
+    assert soundness.remarks(grid, settings) == ()
+
+
 def test_parts_that_touch_in_a_point() -> None:
     (touching,) = said(Scene(shapely.MultiPolygon([box(0, 0, 0.02, 0.02), box(0.02, 0.02, 0.04, 0.04)]), 1e-3))
     assert "touches another in a point where bonds join them" in touching
