@@ -79,7 +79,7 @@ def comparison(
             plate.plot(*line.T * on.factor, label=name if line is lines[0] else None, zorder=5, **style)
     plate.set_title(title, fontsize="medium")
     if any(paths):
-        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 

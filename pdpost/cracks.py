@@ -74,10 +74,10 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
     first = int(breaks.step[0]) if len(breaks.step) else None
     start = _start(nodes, since)
     branching = None
-    ahead = (since > 0) & ~_flanks(nodes, results.cracks())
+    ahead = np.flatnonzero((since > 0) & ~_flanks(nodes, results.cracks()))
     for step in np.unique(since[ahead]).tolist() if start is not None else ():
-        grown = ahead & (since <= step)
-        place = branch_place(along[grown], across[grown], nodes.delta[grown])
+        rows = ahead[since[ahead] <= step]
+        place = branch_place(along[rows], across[rows], nodes.delta[rows])
         if place is not None and step >= start:
             branching = Event(step, step * time_step, place)
             break

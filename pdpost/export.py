@@ -19,7 +19,6 @@ from pdpost.tables import csv, of_frame
 from pdsolve.results import Results, ResultsError
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
-TENSORS = ("strain", "stress")
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it

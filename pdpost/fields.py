@@ -30,6 +30,11 @@ class Field:
     components: tuple[str, ...] = ()  # none: a scalar
     stored: str = ""  # of a vector: the letter its components are stored under
 
+    @property
+    def fitted(self) -> bool:
+        """Whether it is fitted to the bonds that are left: strain and stress."""
+        return self.components[: len(TENSOR)] == TENSOR
+
 
 FIELDS = {
     field.name: field
@@ -63,7 +68,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
 
     What is fitted to the few bonds left there is the opening of a crack, not a strain.
     """
-    if FIELDS[name].components[:1] != TENSOR[:1]:
+    if not FIELDS[name].fitted:
         return np.zeros(len(results.nodes().ids), dtype=bool)
     return damage_at(results, step) > CRACKED
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -16,7 +16,11 @@ from pdsolve.results import Nodes, Results, ResultsError
 
 CLOSED = 0.3  # of the coarsest spacing: gaps between nodes up to twice as wide are of a plate without an outline
 ALIKE = 2.0  # of the larger spacing: how far the plates of two results of one scene may differ
+MANY = 20_000  # nodes; more are not drawn one by one
 FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
+
+
+Ring: TypeAlias = Annotated[list[tuple[float, float]], msgspec.Meta(min_length=3)]  # m
 
 
 class Plate(NamedTuple):
@@ -38,14 +42,17 @@ class Cells(NamedTuple):
 class _Rings(msgspec.Struct):
     """What is read of the grid file."""
 
-    outline: list[list[list[float]]] = []
-    holes: list[list[list[float]]] = []
+    outline: list[Ring] = []
+    holes: list[Ring] = []
 
 
 def plate(results: Results) -> Plate:
-    """The plate of a run. Without an outline it is where the nodes' squares are, gaps between spacings closed."""
+    """The plate of a run.
+
+    Without an outline it is where the nodes' squares are, gaps between spacings closed; of many nodes, their box.
+    """
     rings = read(results, _Rings)
-    edges = tuple(np.array(ring, dtype=float)[:, :2] for ring in (*rings.outline, *rings.holes))
+    edges = tuple(np.array(ring) for ring in (*rings.outline, *rings.holes))
     if edges:
         outer, holes = (
             shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in some])
@@ -53,13 +60,18 @@ def plate(results: Results) -> Plate:
         )
         shape = shapely.difference(outer, holes)
     else:
-        nodes = results.nodes()
-        half, reach = nodes.delta[:, None] / 2, CLOSED * float(nodes.delta.max())
-        squares = shapely.box(*(nodes.position - half).T, *(nodes.position + half).T)
-        grown = shapely.union_all(squares).buffer(reach, join_style="mitre")
-        shape = grown.buffer(-reach, join_style="mitre")
+        shape = _around(results.nodes())
     shapely.prepare(shape)
     return Plate(edges, results.cracks(), shape)
+
+
+def _around(nodes: Nodes) -> shapely.Geometry:
+    half, reach = nodes.delta[:, None] / 2, CLOSED * float(nodes.delta.max())
+    low, high = nodes.position - half, nodes.position + half
+    if len(half) > MANY:
+        return shapely.box(*low.min(axis=0), *high.max(axis=0))
+    squares = shapely.union_all(shapely.box(*low.T, *high.T))
+    return squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
 
 
 def check_alike(results: Results, other: Results) -> None:

@@ -18,7 +18,7 @@ from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdpost import raster
+from pdpost import plates, raster
 from pdpost.plates import Cells, Plate, around, cells, outlines, plate
 from pdpost.raster import Box
 from pdpost.stored import vector
@@ -28,7 +28,6 @@ from pdsolve.results import Results
 
 WIDTH, TALLEST, FLATTEST = 5.4, 6.5, 1.2  # inches, of the plate
 LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
-SQUARES = 20_000  # nodes; more are painted as an image
 SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
 MARGIN = 0.01  # of the plate, around it
 ROOM = 0.2  # of the plate, around it, for what is displaced
@@ -64,7 +63,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     nodes = results.nodes()
     if still is None:
         on = plate(results)
-        own = cells(nodes, on.shape) if len(nodes.ids) <= SQUARES else None
+        own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
         still = Shape(on, nodes.position, nodes.delta, own, None, 0.0)
     if not scale:
         return still._replace(position=nodes.position, turned=None, scale=0.0)
@@ -175,8 +174,10 @@ def mark(on: Sheet, nodes: Shape) -> None:
     if nodes.plate.edges:
         rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
         on.axes.add_collection(LineCollection(rings, colors=EDGE, linewidths=THIN, zorder=3, **style), autolim=False)
-    if len(nodes.plate.cracks):
-        lines = nodes.plate.cracks.reshape(-1, 2, 2) * on.factor
+    ends = nodes.plate.cracks.reshape(-1, 2, 2)
+    inside = (ends.max(axis=1) >= on.box[:2]).all(axis=1) & (ends.min(axis=1) <= on.box[2:]).all(axis=1)
+    lines = ends[inside] * on.factor
+    if len(lines):
         for colour, width, label in (("white", 1.8 * THICK, None), ("black", THICK, "pre-crack")):
             cracks = LineCollection(list(lines), colors=colour, linewidths=width, zorder=4, label=label, **style)
             cracks.set_capstyle("round")
@@ -202,7 +203,7 @@ def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
     image = on.axes.imshow(
         painted, origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest", aspect="equal", zorder=1
     )
-    if not nodes.scale:
+    if not nodes.scale and nodes.plate.edges:
         image.set_clip_path(PathPatch(around(nodes.plate.shape, on.factor), transform=on.axes.transData))
     return image
 
@@ -242,7 +243,7 @@ def _image(
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """`raster.averages` of the sheet's box; where the plate is and no node's square, the nearest node's value."""
     mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
-    if nodes.scale or there.all():
+    if nodes.scale or not nodes.plate.edges or there.all():
         return mean, there
     rows, columns = np.nonzero(~there)
     low, high = np.array(on.box[:2]), np.array(on.box[2:])

@@ -138,6 +138,18 @@ def test_options_that_make_no_sense(small_results: Path, arguments: list[str]) -
     assert stop.value.code == 2
 
 
+def test_the_table_of_a_stress_says_where_it_says_nothing(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["stress", str(small_results), "--json", "--csv", "a.csv"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    rows = list(csv.DictReader(io.StringIO((here / "a.csv").read_text())))
+    torn = [row for row in rows if float(row["damage"]) > 0.35]
+    assert told["torn"] == len(torn) > 0
+    sound = [float(row["stress_largest"]) for row in rows if float(row["damage"]) <= 0.35]
+    assert told["largest"] == pytest.approx(max(sound), rel=1e-8)
+
+
 @pytest.mark.parametrize("command", [*PICTURES, "watch", "crack"])
 def test_every_picture_has_a_window(
     small_results: Path, here: Path, monkeypatch: pytest.MonkeyPatch, command: str

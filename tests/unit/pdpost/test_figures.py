@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from plates import ROOT
 
-from pdpost import bonds, figures, levels, sheets, style, tradeoff_figure
+from pdpost import bonds, figures, levels, plates, sheets, style, tradeoff_figure
 from pdpost.fields import FIELDS, FieldError
 from pdpost.sheets import prefixed
 from pdpost.style import FigureError
@@ -278,7 +278,7 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
 def test_an_image_has_the_same_bytes_each_time(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
-    monkeypatch.setattr(sheets, "SQUARES", 10)
+    monkeypatch.setattr(plates, "MANY", 10)
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
@@ -291,7 +291,7 @@ def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.Monk
     """The same colours at the nodes' places as the squares have."""
     with Results.open(small_results) as results:
         squares = figures.draw(results, "damage", 60)
-        monkeypatch.setattr(sheets, "SQUARES", 10)
+        monkeypatch.setattr(plates, "MANY", 10)
         image = figures.draw(results, "damage", 60)
         nodes = results.nodes()
     cells = squares.axes[0].collections[0]

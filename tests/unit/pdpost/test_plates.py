@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from pdmesh.grid import document_of, write_file
 from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Material, Run, Scene, box
-from pdpost import bonds, crack_figure, figures, levels, sheets
+from pdpost import bonds, crack_figure, figures, levels, plates, sheets
 from pdpost.crack_summary import summary
 from pdpost.plates import cells, check_alike, plate
 from pdpost.scene_figure import scene
@@ -77,7 +77,7 @@ def test_fields_fill_the_plate_and_nothing_else(
 ) -> None:
     """No pixel inside is white, between the spacings neither; none in the bore or beyond the edges is painted."""
     if many:
-        monkeypatch.setattr(sheets, "SQUARES", 10)
+        monkeypatch.setattr(plates, "MANY", 10)
     with Results.open(bored) as results:
         figure = PICTURES[what](results)
         on = plate(results)
