@@ -101,11 +101,9 @@ def box_of(shapes: list[Shape]) -> Box:
     for one in shapes:
         if one.scale:
             half = one.delta[:, None] / 2
-            low, high = (
-                np.minimum(low, (one.position - half).min(axis=0)),
-                np.maximum(high, (one.position + half).max(axis=0)),
-            )
-    room = MARGIN * size if not any(one.scale for one in shapes) else ROOM * size
+            low = np.minimum(low, (one.position - half).min(axis=0))
+            high = np.maximum(high, (one.position + half).max(axis=0))
+    room = (ROOM if any(one.scale for one in shapes) else MARGIN) * size
     x0, y0 = np.maximum(low - MARGIN * size, bounds[0] - room).tolist()
     x1, y1 = np.minimum(high + MARGIN * size, bounds[1] + room).tolist()
     return x0, y0, x1, y1

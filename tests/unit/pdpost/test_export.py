@@ -174,7 +174,7 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
 
     with Results.open(small_results) as results:
         export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
-        u = moved(results, 60)
+        u, nodes = moved(results, 60), results.nodes()
     reader = vtk.vtkXdmfReader()
     reader.SetFileName(str(tmp_path / "a.xdmf"))
     reader.UpdateInformation()
@@ -183,5 +183,9 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
     times = [information.Get(key, number) for number in range(information.Length(key))]
     assert times == pytest.approx([0.0, 2e-6, 3e-6])
     reader.UpdateTimeStep(times[-1])
-    data = reader.GetOutputDataObject(0).GetBlock(0).GetPointData()
-    assert vtk_to_numpy(data.GetArray("displacement")) == pytest.approx(u, rel=1e-6)
+    grid = reader.GetOutputDataObject(0)
+    data = grid.GetPointData()
+    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (252, 252)
+    assert vtk_to_numpy(grid.GetPoints().GetData())[:, :2] == pytest.approx(nodes.position)
+    assert np.array_equal(vtk_to_numpy(data.GetArray("displacement")), u)
+    assert np.array_equal(vtk_to_numpy(data.GetArray("node")), nodes.ids)
