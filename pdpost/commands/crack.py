@@ -21,9 +21,9 @@ def add(commands: Commands) -> None:
         "crack",
         help="draw the path and the speed of the crack; when it started, branched, split the plate",
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
-        " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with the"
-        " band they are surely in, and left out where that is too wide to say anything or what cracked is no line of a"
-        " crack; cracked nodes belong to no piece. Start, branching and split are those of the whole run.",
+        " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with a"
+        " band, and left out where that is too wide to say anything or what cracked is no line; cracked nodes belong to"
+        " no piece. Start, branching and split are those of the whole run.",
     )
     add_results(crack)
     crack.add_argument(
