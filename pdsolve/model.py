@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from pdmesh.grid import (
     GridError,
     Load,
     Material,
+    Run,
     Selection,
     Settings,
     Velocity,
@@ -34,6 +35,7 @@ from pdmesh.grid import (
 )
 from pdmesh.grid import read_document as parse_document
 
+MOST = 1e30  # of any number; beyond, products of them leave what a number can hold
 BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
 
 
@@ -59,6 +61,11 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
+        beyond = _beyond(self.settings, "$")
+        if beyond is not None:
+            place, found = beyond
+            raise ModelError(f"{self.name}: {place}: found {found:g}, expected a number from {-MOST:g} to {MOST:g}")
+        self._check_end(self.settings.run)
         order = np.lexsort(self.grid.position.T)
         same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
         if same.any():
@@ -82,6 +89,12 @@ class Model:
                     f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
                     f" '{self.settings.material.plane}' as elsewhere"
                 )
+
+    def _check_end(self, run: Run) -> None:
+        if run.until == "quiet" and run.quiet is None:
+            raise ModelError(f"{self.name}: $.run.quiet: found none, expected seconds, as until is quiet")
+        if run.until is None and run.quiet is not None:
+            raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
 
     def _check_condition(self, condition: AnyCondition, place: str) -> None:
         self._selected(condition, place)
@@ -172,6 +185,18 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     return Model(grid_of(document, str(path)), merged, str(path))
 
 
+def _beyond(value: object, place: str) -> tuple[str, float] | None:
+    """Place and value of the first number inside that is not from -MOST to MOST."""
+    if isinstance(value, float):
+        return None if abs(value) <= MOST else (place, value)
+    parts: Iterable[tuple[str, object]] = ()
+    if isinstance(value, msgspec.Struct):
+        parts = ((f"{place}.{name}", getattr(value, name)) for name in value.__struct_fields__)
+    elif isinstance(value, tuple):
+        parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
+    return next(filter(None, (_beyond(part, at) for at, part in parts)), None)
+
+
 def _settings_of(document: Document) -> Settings:
     return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
 
@@ -181,14 +206,14 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # a number or a nesting may be too long
         raise ModelError(f"{path}: {error}") from None
 
 
 def _toml_value(text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text  # a bare word
 
 
