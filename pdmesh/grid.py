@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -133,7 +133,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Field, ...] = ("ux", "uy", "vx", "vy", "damage")  # what a frame holds
+    fields: tuple[Field, ...] = get_args(Field)  # what a frame holds
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet

@@ -170,14 +170,18 @@ def model_of(text: str, name: str) -> Model:
 def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
     """The model in a grid file, with the keys of a TOML file and then ``NAME=VALUE`` assignments laid over it.
 
-    Names are dotted (``run.steps``), values TOML. Raises GridError or ModelError.
+    Names are dotted (``run.steps``), values TOML; fields may also be ``all``, ``ux,uy`` or ``+energy``. Raises
+    GridError or ModelError.
     """
     document = read_file(path)
     layers = msgspec.to_builtins(_settings_of(document), builtin_types=())
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
-        layers = _laid_over(layers, _nested(name, _toml_value(text)))
+        value = _toml_value(text)
+        if name == "run.fields" and isinstance(value, str):
+            value = _fields(value, layers["run"])
+        layers = _laid_over(layers, _nested(name, value))
     try:
         merged = msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
@@ -215,6 +219,15 @@ def _toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text  # a bare word
+
+
+def _fields(text: str, run: Any) -> list[str]:
+    """The names of fields in a user's list: all, these, or after a plus these besides those of the layers below."""
+    if text == "all":
+        return list(Run().fields)
+    names = text.removeprefix("+").split(",")
+    below = run.get("fields", Run().fields) if isinstance(run, dict) and text.startswith("+") else ()
+    return list(dict.fromkeys([*below, *names] if isinstance(below, list | tuple) else names))
 
 
 def _nested(name: str, value: Any) -> dict[str, Any]:

@@ -159,7 +159,8 @@ class _Notes:
         self._watch = Watch(problem.model)
         self.written = step
         self._kept = clock.perf_counter()
-        self.last = problem.books(step)
+        self._energies = problem.energies()
+        self.last = problem.books(step, self._energies)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -168,7 +169,8 @@ class _Notes:
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         problem = self._problem
-        self.last = problem.books(step)
+        self._energies = problem.energies()
+        self.last = problem.books(step, self._energies)
         _check_physics(problem, self.last)
         self._watch.look(problem.motion.u, problem.intact_neighbours, step)
         self._ledgers.append(self.last)
@@ -180,12 +182,13 @@ class _Notes:
         self._reactions += reactions(self._grips, *plate, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
+        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
+        `state` now or when it is time."""
         problem = self._problem
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        fields = problem.fields(problem.model.settings.run.fields) if whole else None
+        fields = problem.fields(problem.model.settings.run.fields, self._energies) if whole else None
         frame = Frame(
             step,
             step * problem.time_step,

@@ -65,7 +65,6 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
         (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
         (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
         (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
@@ -73,7 +72,6 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["history", "-o", "x.png", "--csv", "x.png"], "--csv: found x.png, which is written to as well"),
         (["bonds", "--frame", "4"], "found no frame 4, expected 0 to 3 or -4 to -1"),
         (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
-        (["animate", "--field", "acceleration"], "found no field 'ax'"),
         (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
         (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
         (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
@@ -90,6 +88,30 @@ def test_what_cannot_be_drawn_is_two_and_one_line(
     assert (out, err.count("\n")) == ("", 1)
     assert message in err
     assert sorted(path.name for path in here.iterdir()) == ["small.sqlite"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
+        (["animate", "--field", "acceleration"], "found no field 'ax'"),
+        (["history", "--quantity", "acceleration", "--node", "5"], "found no field 'ax', expected one of"),
+    ],
+)
+def test_fields_that_were_not_stored_are_named(
+    few_results: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([arguments[0], str(few_results), *arguments[1:]]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+    assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
+
+
+@pytest.mark.parametrize("name", ["energy", "acceleration"])
+def test_energy_and_acceleration_need_no_option(small_results: Path, here: Path, name: str) -> None:
+    assert main([name, str(small_results), "-q"]) == 0
+    assert (here / f"small.{name}.png").is_file()
 
 
 @pytest.mark.parametrize(

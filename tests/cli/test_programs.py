@@ -21,6 +21,7 @@ import pdsolve.__main__
 from pdmesh import VERSION
 from pdmesh.grid import document_of, write_file
 from pdsolve.model import Model
+from pdsolve.results import Results
 
 MAIN: dict[str, Callable[[list[str]], int]] = {
     "pdmesh": pdmesh.__main__.main,
@@ -193,6 +194,47 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
     assert "--until: found 'quiet', expected split or quiet:SECONDS" in capsys.readouterr().err
     assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
     assert "Invalid enum value 'heat' - at `$.run.fields[0]`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("asked", "stored"),
+    [
+        ([], "ux uy vx vy ax ay energy damage"),
+        (["--fields", "uy,energy"], "uy energy"),
+        (["--set", "run.fields=['uy']", "--fields", "+energy,ax"], "uy ax energy"),
+        (["--set", "run.fields=uy,damage", "--set", "run.fields=+vx,uy"], "uy vx damage"),
+        (["--fields", "+energy"], "ux uy vx vy ax ay energy damage"),
+        (["--set", "run.fields=['uy']", "--fields", "all"], "ux uy vx vy ax ay energy damage"),
+    ],
+)
+def test_fields_are_added_or_taken(model: Path, here: Path, asked: list[str], stored: str) -> None:
+    assert MAIN["pdsolve"]([str(model), "-q", "--set", "run.steps=1", *asked]) == 0
+    with Results.open(here / "plate.sqlite") as results:
+        assert results.stored(1) == stored.split()
+
+
+def test_fields_besides_those_of_a_model(model: Path, here: Path) -> None:
+    """Which a file names, not the program."""
+    text = json.loads(model.read_text())
+    model.write_text(json.dumps(text | {"run": text["run"] | {"fields": ["vy"], "steps": 1}}))
+    assert MAIN["pdsolve"]([str(model), "-q", "--fields", "+energy"]) == 0
+    with Results.open(here / "plate.sqlite") as results:
+        assert results.stored(1) == ["vy", "energy"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (["--fields", "+heat"], "Invalid enum value 'heat' - at `$.run.fields[8]`"),
+        (["--fields", ""], "Invalid enum value '' - at `$.run.fields[0]`"),
+        (["--set", "run.fields=3", "--fields", "+ax,"], "Invalid enum value '' - at `$.run.fields[1]`"),
+    ],
+)
+def test_fields_that_are_none(model: Path, capsys: pytest.CaptureFixture[str], asked: list[str], message: str) -> None:
+    assert MAIN["pdsolve"]([str(model), *asked]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
 
 
 def test_a_dry_run_writes_nothing(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:

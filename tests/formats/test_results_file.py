@@ -163,7 +163,7 @@ def test_fields_and_frames_that_are_not_there_are_answered_with_those_that_are(s
     with Results.open(small_results) as results:
         with pytest.raises(ResultsError, match="found no frame of step 21, expected one of 4 frames from 0 to 60"):
             results.field("ux", 21)
-        with pytest.raises(ResultsError, match="found no field 'heat', expected one of ux, uy, vx, vy, damage"):
+        with pytest.raises(ResultsError, match="found no field 'heat', expected one of ux, uy, vx, vy, ax, ay, energy"):
             results.field("heat", 20)
 
 
