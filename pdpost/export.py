@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -13,7 +11,7 @@ import numpy as np
 from meshio.xdmf import TimeSeriesWriter
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
+from pdmesh.files import replacing, write_atomically
 from pdpost import fields
 from pdpost.sheets import CORNERS
 from pdpost.tables import csv, of_frame
@@ -55,7 +53,8 @@ def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squar
     """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
     points, cells = _points(results, squares)
     mesh = meshio.Mesh(points, cells, point_data=_data(results, step, also, squares))
-    _by_name(path, lambda temporary: meshio.write(temporary, mesh, file_format="vtu"))
+    with replacing(path) as part:
+        meshio.write(part, mesh, file_format="vtu")
 
 
 def pvd(
@@ -92,13 +91,10 @@ def xdmf(
     points, cells = _points(results, squares)
     times = _times(results)
 
-    def write(temporary: str) -> None:
-        with TimeSeriesWriter(temporary, data_format="XML") as series:
-            series.write_points_cells(points, cells)
-            for step in progress(steps):
-                series.write_data(times[step], point_data=_data(results, step, also, squares))
-
-    _by_name(path, write)
+    with replacing(path) as part, TimeSeriesWriter(part, data_format="XML") as series:
+        series.write_points_cells(points, cells)
+        for step in progress(steps):
+            series.write_data(times[step], point_data=_data(results, step, also, squares))
 
 
 def _times(results: Results) -> dict[int, float]:
@@ -146,11 +142,3 @@ def _flat(position: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _each(values: NDArray[np.generic], squares: bool) -> NDArray[np.generic]:
     return np.repeat(values, 4, axis=0) if squares else values
-
-
-def _by_name(path: Path, write: Callable[[str], None]) -> None:
-    """Let `write` write a file of another name, and then put it at `path`."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}.") as folder:
-        temporary = os.path.join(folder, f"part{path.suffix}")
-        write(temporary)
-        os.replace(temporary, path)

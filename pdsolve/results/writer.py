@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import time
 import warnings
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.files import irregular
 from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
 from pdsolve.results.errors import ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.reader import Results
@@ -254,6 +256,15 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 
 
 def remove(path: Path) -> None:
-    """Delete a database with what SQLite keeps beside it."""
-    for name in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
-        name.unlink(missing_ok=True)
+    """Delete a database, or the one a link leads to, with what SQLite keeps beside it.
+
+    Raises WriteError where it cannot be, or is no file.
+    """
+    try:
+        found = irregular(path)
+        if found is not None:
+            raise WriteError(f"{path}: found {found}, expected a database or nothing")
+        for beside in ("", "-wal", "-shm", "-journal"):
+            Path(f"{os.path.realpath(path)}{beside}").unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: {error.strerror}") from None
