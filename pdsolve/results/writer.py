@@ -25,6 +25,7 @@ from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Families, Frame, Node
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 READERS = 3.0  # s that a run waits in the end for those who read its database
 LOOK = 0.1  # s between two looks whether another program has let go of it
+LEAST_WAIT = 1.0  # s that it is waited for, even by a run that is to stop
 FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice as long, and so on
 
 
@@ -134,10 +135,11 @@ class Writer:
             self.close(status)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Leave nothing behind, as well as can be."""
         self.connection.close()
         if self.path is not None:
-            remove(self.path)
+            with suppress(ResultsError):
+                remove(self.path)
 
     @contextmanager
     def _transaction(self, new: bool = False) -> Iterator[sqlite3.Connection]:
@@ -168,7 +170,7 @@ class Writer:
                 if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY:
                     raise
             waited = time.monotonic() - since
-            if self.stop():
+            if self.stop() and waited >= LEAST_WAIT:
                 raise WriteError(
                     f"{self.path}: found it locked by another program for {waited:.0f} s, expected it to let go;"
                     " the database holds the run up to its last checkpoint"
