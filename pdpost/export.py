@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -12,7 +10,7 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
+from pdmesh.files import replacing, write_atomically
 from pdpost import fields
 from pdpost import xdmf as xdmf_file
 from pdpost.tables import csv, of_frame
@@ -61,7 +59,8 @@ def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squar
     points, cells = _points(results, squares)
     data = _each(point_data(results, step, also) | node_data(results), squares)
     mesh = meshio.Mesh(points, [cells], point_data=data)
-    _by_name(path, lambda temporary: meshio.write(temporary, mesh, file_format="vtu"))
+    with replacing(path) as part:
+        meshio.write(part, mesh, file_format="vtu")
 
 
 def pvd(
@@ -142,11 +141,3 @@ def _flat(position: NDArray[np.float64]) -> NDArray[np.float64]:
 def _each(data: dict[str, NDArray[np.generic]], squares: bool) -> dict[str, NDArray[np.generic]]:
     """Data for each node, or for each corner of its square."""
     return {name: np.repeat(values, 4, axis=0) for name, values in data.items()} if squares else data
-
-
-def _by_name(path: Path, write: Callable[[str], None]) -> None:
-    """Let `write` write a file of another name, and then put it at `path`."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}.") as folder:
-        temporary = os.path.join(folder, f"part{path.suffix}")
-        write(temporary)
-        os.replace(temporary, path)

@@ -5,8 +5,6 @@ What does not change from frame to frame is written once.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import BinaryIO
@@ -16,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
+from pdmesh.files import replacing, write_atomically
 
 CELLS = {"vertex": "Polyvertex", "quad": "Quadrilateral"}  # meshio's word: XDMF's
 RANKS = {1: "Scalar", 3: "Vector", 9: "Tensor"}  # by how many numbers there are
@@ -38,22 +36,19 @@ def write(
         SubElement(root, "Domain"), "Grid", Name="frames", GridType="Collection", CollectionType="Temporal"
     )
     numbers = beside(path)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}.") as folder:
-        part = Path(folder) / numbers.name
-        with part.open("wb") as file:
-            kind, corners = cells
-            of_cells, of_points = (_put(file, array) for array in (corners, points))
-            same = {name: _put(file, array) for name, array in always.items()}
-            for time, data in frames:
-                grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
-                SubElement(grid, "Time", Value=repr(time))
-                shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
-                shape.append(of_cells)
-                SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
-                for name, item in {**{name: _put(file, array) for name, array in data.items()}, **same}.items():
-                    rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
-                    SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
-        os.replace(part, numbers)
+    with replacing(numbers) as part, part.open("wb") as file:
+        kind, corners = cells
+        of_cells, of_points = (_put(file, array) for array in (corners, points))
+        same = {name: _put(file, array) for name, array in always.items()}
+        for time, data in frames:
+            grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
+            SubElement(grid, "Time", Value=repr(time))
+            shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
+            shape.append(of_cells)
+            SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
+            for name, item in {**{name: _put(file, array) for name, array in data.items()}, **same}.items():
+                rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
+                SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
     write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 

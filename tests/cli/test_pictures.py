@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost import style
 from pdpost.__main__ import main
@@ -65,14 +66,6 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            ["energy"],
-            "field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields +energy stores it)",
-        ),
-        (
-            ["acceleration"],
-            "found no field 'ax', expected one of ux, uy, vx, vy, damage (pdsolve --fields +ax,ay st",
-        ),
         (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
         (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
         (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
@@ -109,7 +102,6 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["watch", "--set", "path.simplify_threshold=7"], "--set path.simplify_threshold=7: "),
         (["damage", "--set", "webagg.port=1"], "--set webagg.port: found no such matplotlib setting"),
         (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
-        (["animate", "--field", "acceleration"], "found no field 'ax'"),
         (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
         (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
         (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
@@ -126,6 +118,30 @@ def test_what_cannot_be_drawn_is_two_and_one_line(
     assert (out, err.count("\n")) == ("", 1)
     assert message in err
     assert sorted(path.name for path in here.iterdir()) == ["small.sqlite"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
+        (["animate", "--field", "acceleration"], "found no field 'ax'"),
+        (["history", "--quantity", "acceleration", "--node", "5"], "found no field 'ax', expected one of"),
+    ],
+)
+def test_fields_that_were_not_stored_are_named(
+    few_results: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([arguments[0], str(few_results), *arguments[1:]]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+    assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
+
+
+@pytest.mark.parametrize("name", ["energy", "acceleration"])
+def test_energy_and_acceleration_need_no_option(small_results: Path, here: Path, name: str) -> None:
+    assert main([name, str(small_results), "-q"]) == 0
+    assert (here / f"small.{name}.png").is_file()
 
 
 @pytest.mark.parametrize(
@@ -193,7 +209,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
         return path, "malformed, expected a whole one (was the file cut short?)"
     if what == "older":
         path.write_bytes(data[:63] + b"\x01" + data[64:])
-        return path, "found schema version 1, expected 2"
+        return path, "found schema version 1, expected 3"
     if what == "no frame":
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
@@ -234,10 +250,9 @@ def test_a_database_that_someone_keeps_to_himself(
 def test_a_frame_without_displacements_is_drawn_where_it_was(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    connection = sqlite3.connect(small_results)
-    connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
+        connection.execute("UPDATE frame SET fields = 'damage'")
     assert main(["nodes", str(small_results), "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["scale"] == 0.0
@@ -295,10 +310,8 @@ def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: 
 
 def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: Path) -> None:
     """A run that was killed still says it is running: 1 when patience ends, 130 at Ctrl-C."""
-    connection = sqlite3.connect(small_results)
-    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
     assert main(["watch", str(small_results), "--patience", "0.1", "-q"]) == 1
     command = [sys.executable, "-m", "pdpost", "watch", str(small_results), "--force"]
 

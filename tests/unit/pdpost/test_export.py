@@ -127,7 +127,7 @@ def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [int(row["node"]) for row in rows] == nodes.ids.tolist()
     assert np.array_equal(np.array([row["uy"] for row in rows], dtype=np.float32), uy)
-    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "damage"]
+    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".xdmf"])

@@ -78,8 +78,8 @@ def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
     assert (factor, prefix) == (pytest.approx(handy[0], rel=1e-12), handy[1])
 
 
-def test_fields_that_were_not_stored_are_named(small_results: Path) -> None:
-    with Results.open(small_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
+def test_fields_that_were_not_stored_are_named(few_results: Path) -> None:
+    with Results.open(few_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
         figures.draw(results, "energy", 60)
 
 

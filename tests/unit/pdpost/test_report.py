@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost.crack_figure import crack
 from pdpost.crack_summary import summary
@@ -33,11 +33,9 @@ def test_text_of_the_model_is_no_markup(small_results: Path) -> None:
         model = json.loads(results.model())
     model["source"] = "<script>alert(1)</script>"
     model["conditions"][0]["name"] = 'a" onerror="b<i>'
-    connection = sqlite3.connect(small_results)
-    connection.execute("UPDATE meta SET value = ? WHERE key = 'model'", (json.dumps(model),))
-    connection.execute("INSERT OR REPLACE INTO meta VALUES ('provenance', '<img src=x>')")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'model'", (json.dumps(model),))
+        connection.execute("INSERT OR REPLACE INTO meta VALUES ('provenance', 0, '<img src=x>')")
     with Results.open(small_results) as results:
         page = report(results, "plate & crack")
     assert "<script" not in page

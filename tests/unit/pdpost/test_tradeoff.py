@@ -62,7 +62,7 @@ def run(
         breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
         fields = {"ux": u, "uy": 0 * u}
         books = [(at, at * time_step, energy * at / steps, 0.0, 0.0, 0.0, 0.0, 0.0, 0)]
-        writer.write(Frame(at, at * time_step, fields, breaks, books, [], [], {}))
+        writer.write(Frame(at, at * time_step, fields, breaks, books, [], {}))
     writer.tell({"summary": json.dumps({"wall_time": 2.0, "bonds": 10 * count, "steps": steps})})
     writer.close("finished")
     return Results.open(path)
