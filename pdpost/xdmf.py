@@ -38,15 +38,18 @@ def write(
     numbers = beside(path)
     with replacing(numbers) as part, part.open("wb") as file:
         kind, corners = cells
-        of_cells, of_points = (_put(file, array) for array in (corners, points))
-        same = {name: _put(file, array) for name, array in always.items()}
+        of_cells, of_points = (_put(file, numbers.name, array) for array in (corners, points))
+        same = {name: _put(file, numbers.name, array) for name, array in always.items()}
         for time, data in frames:
             grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
             SubElement(grid, "Time", Value=repr(time))
             shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
             shape.append(of_cells)
             SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
-            for name, item in {**{name: _put(file, array) for name, array in data.items()}, **same}.items():
+            for name, item in {
+                **{name: _put(file, numbers.name, array) for name, array in data.items()},
+                **same,
+            }.items():
                 rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
                 SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
     write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
@@ -57,8 +60,8 @@ def beside(path: Path) -> Path:
     return path.with_suffix(".bin")
 
 
-def _put(file: BinaryIO, array: NDArray[np.generic]) -> Element:
-    """Write an array (n,) or (n, k) to a file; what points at it there."""
+def _put(file: BinaryIO, name: str, array: NDArray[np.generic]) -> Element:
+    """Write an array (n,) or (n, k) to a file of that name in the end; what points at it there."""
     table = array.reshape(len(array), -1)
     item = Element(
         "DataItem",
@@ -69,6 +72,6 @@ def _put(file: BinaryIO, array: NDArray[np.generic]) -> Element:
         Endian="Little",
         Seek=str(file.tell()),
     )
-    item.text = Path(file.name).name
+    item.text = name
     file.write(table.astype(table.dtype.newbyteorder("<")).tobytes())
     return item

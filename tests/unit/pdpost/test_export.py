@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,6 +10,7 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost import export
 from pdpost.export import ExportError
@@ -107,10 +107,9 @@ def test_a_series_is_about_as_large_as_its_pvd(solved: Callable[[str], Path], tm
 
 
 def test_what_fails_leaves_no_half_of_a_series(small_results: Path, tmp_path: Path) -> None:
-    connection = sqlite3.connect(small_results)
-    connection.execute("DELETE FROM field_chunk WHERE field = 'ux' AND step = 40")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM field_chunk WHERE field = 'ux' AND step = 40")
+        connection.execute("UPDATE frame SET fields = replace(fields, 'ux ', '') WHERE step = 40")
     with (
         Results.open(small_results) as results,
         pytest.raises(ResultsError, match="found no field 'ux'"),

@@ -93,7 +93,7 @@ def test_large_cells_weigh_more(tmp_path: Path) -> None:
         writer = Writer.create(tmp_path / name, nodes, alone, np.empty((0, 4)), meta)
         u = np.where(left, 1 + off, 1.0) * 1e-6
         no_breaks = Breaks(*np.zeros((3, 0), dtype=np.int64))
-        writer.write(Frame(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [(1, 1e-7, *[0.0] * 7)], [], {}))
+        writer.write(Frame(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [(1, 1e-7, *[0.0] * 6, 0)], [], {}))
         writer.close("finished")
     with Results.open(tmp_path / "a") as one, Results.open(tmp_path / "b") as other:
         assert errors(one, other).displacement == pytest.approx(0.02 * np.sqrt(3 / 4), rel=1e-3)  # unweighted: 0.0141
