@@ -6,6 +6,7 @@ What does not change from frame to frame is written once.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 from xml.etree import ElementTree
@@ -38,8 +39,9 @@ def write(
     numbers = beside(path)
     with replacing(numbers) as part, part.open("wb") as file:
         kind, corners = cells
-        of_cells, of_points = (_put(file, numbers.name, array) for array in (corners, points))
-        same = {name: _put(file, numbers.name, array) for name, array in always.items()}
+        put = partial(_put, file, numbers.name)
+        of_cells, of_points = (put(array) for array in (corners, points))
+        same = {name: put(array) for name, array in always.items()}
         for time, data in frames:
             grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
             SubElement(grid, "Time", Value=repr(time))
@@ -47,7 +49,7 @@ def write(
             shape.append(of_cells)
             SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
             for name, item in {
-                **{name: _put(file, numbers.name, array) for name, array in data.items()},
+                **{name: put(array) for name, array in data.items()},
                 **same,
             }.items():
                 rank = RANKS[int(item.attrib["Dimensions"].split()[1])]

@@ -92,7 +92,7 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
         (item,) = frames[0].findall(f"{path}/DataItem")
         assert len(seeks) == 1
         assert np.array_equal(number_of(item, tmp_path)[:, : expected.shape[1]], expected)
-    each = 3 * 252 * (2 * 3 * 4 + 4 + 9 * 8)  # displacement, velocity, damage, stress
+    each = 3 * 252 * (3 * 3 * 4 + 2 * 4 + 9 * 8)  # displacement, velocity, acceleration, energy, damage, stress
     assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
 
 
