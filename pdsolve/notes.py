@@ -73,7 +73,8 @@ class Notes:
         self._watch = Watch(system.model)
         self.written = step
         self._kept = clock.perf_counter()
-        self.last = books(system, state, step)
+        self._energies = system.operator.energies(state)
+        self.last = books(system, state, step, self._energies)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -82,7 +83,8 @@ class Notes:
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         system, state = self._system, self._state
-        self.last = books(system, state, step)
+        self._energies = system.operator.energies(state)
+        self.last = books(system, state, step, self._energies)
         check_physics(system, state, self.last)
         self._watch.look(state.value, lambda row: system.operator.bonds(row, row + 1)[1], step)
         self._ledgers.append(self.last)
@@ -93,12 +95,13 @@ class Notes:
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
+        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
+        `state` now or when it is time."""
         system, run = self._system, self._system.model.settings.run
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        found = fields(system, self._state, run.fields) if whole else None
+        found = fields(system, self._state, run.fields, self._energies) if whole else None
         frame = Frame(
             step,
             step * system.time_step,
