@@ -16,8 +16,8 @@ from pdsolve.stale import drop_stale
 def settle(*kernels: Any) -> None:
     """Choose how threads wait, and drop what is compiled of these kernels but out of date; once a process.
 
-    On Linux the OpenMP layer starts a parallel loop three times as fast as numba's own. Its threads wait for each other by
-    spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs 3 %.
+    On Linux the OpenMP layer starts a parallel loop three times as fast as numba's own. Its threads wait for each
+    other by spinning, for so long that a second busy program makes a run ten times slower; a shorter spin costs 3 %.
     """
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
     os.environ.setdefault("GOMP_SPINCOUNT", "1000")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,12 +41,12 @@ def breaks(system: System, after: int) -> Breaks:
     return Breaks(found.step[order], ids[found.source[order]], ids[found.target[order]])
 
 
-def checkpoint(system: System, state: State) -> dict[str, NDArray[np.generic]]:
+def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """Everything a later run needs to go on to the same bits, but for the broken bonds."""
     return {**state._asdict(), "held_force": system.drive.held_force, **system.operator.keep()}
 
 
-def restore(system: System, state: State, step: int, kept: dict[str, NDArray[np.generic]], broken: Breaks) -> None:
+def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Go back to the state after `step`; of the bonds `broken` those until then count."""
     for name, values in state._asdict().items():
         values[:] = kept[name].reshape(values.shape)

@@ -7,8 +7,8 @@
      /------\\---> stretch            kr = s_0 / s_p
            s_p  s_0
 
-Thesis, figures 40 and 58; unloading goes straight to the origin and compression follows the same line, as the damage of a
-bond is one number. A bond that was softened to nothing has spent c xi s_p s_0 / 2.
+Thesis, figures 40 and 58; unloading goes straight to the origin and compression follows the same line, as the damage
+of a bond is one number. A bond that was softened to nothing has spent c xi s_p s_0 / 2.
 """
 
 from __future__ import annotations

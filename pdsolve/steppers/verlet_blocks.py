@@ -1,8 +1,8 @@
 """Velocity Verlet for blocks, one sweep a step: as `verlet`, which says what is done.
 
-A block is summed, kicked and drifted on to the next step by one thread, as its neighbours look at the displacements of
-this step alone; those of three steps are kept in turn. Kick and drift are two roundings, and never contracted, so that it
-does not show where a sequence of steps was taken apart.
+A block is summed, kicked and drifted on to the next step by one thread, as its neighbours look at the displacements
+of this step alone; those of three steps are kept in turn. Kick and drift are two roundings, and never contracted, so
+that it does not show where a sequence of steps was taken apart.
 """
 
 from __future__ import annotations

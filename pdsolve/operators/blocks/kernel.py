@@ -14,10 +14,10 @@ Layout, after the sliced ELL format of sparse matrices:
 What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to
 the compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
 
-Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against. A block is first
-summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can have broken or
-softened; otherwise, and where a bond has softened before, the block is summed again with the laws asked.
-Which of the two it is depends on the state alone.
+Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against.
+A block is first summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can
+have broken or softened; otherwise, and where a bond has softened before, the block is summed again with the laws
+asked. Which of the two it is depends on the state alone.
 """
 
 from __future__ import annotations
