@@ -36,7 +36,7 @@ from pdpost import tradeoff
 from pdpost.tradeoff_figure import draw
 from pdsolve.bonds import Filling
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, problem_of
+from pdsolve.system import Options, Prepared, problem_of
 from pdsolve.results import Results
 from pdsolve.schemes import average_horizon, one_sided
 from pdsolve.schemes.average_horizon import ALL, Corrections
@@ -68,7 +68,7 @@ class Variant(NamedTuple):
         """The model's bonds."""
         return one_sided.fill(model) if self.mode == "thesis" else average_horizon.fill(model, self.corrections)
 
-    def problem(self, model: Model) -> Problem:
+    def problem(self, model: Model) -> Prepared:
         """The model's problem, solved this way."""
         assert model.settings.material is not None
         material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
@@ -168,7 +168,7 @@ def fronts(rows: list[Row]) -> dict[str, list[str]]:
     return found
 
 
-def marched(problem: Problem, steps: int) -> float:
+def marched(problem: Prepared, steps: int) -> float:
     """Seconds that so many steps take, by some of them."""
     problem.march(1, 3)
     began, taken = time.perf_counter(), 0
@@ -200,10 +200,10 @@ def kirsch() -> Iterator[Row]:
         outer = np.abs(grid.position).max(axis=1) > HALF - layer
         found = equilibrium(problem, np.column_stack([outer, outer]), exact)
         inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
-        error = relative(found[inside], exact[inside], problem.area[inside])
+        error = relative(found[inside], exact[inside], problem.system.area[inside])
         edge = np.hypot(*grid.position.T) < RADIUS + grid.delta
         largest = float(np.hypot(*found[edge].T).max() / np.hypot(*exact[edge].T).max() - 1)
-        steps = round(TRANSITS * 2 * HALF / np.sqrt(1.125) / problem.time_step)
+        steps = round(TRANSITS * 2 * HALF / np.sqrt(1.125) / problem.system.time_step)
         errors = {"displacement": error, "at the hole": abs(largest)}
         yield row_of("hole in tension", variant, problem, steps, marched(problem, steps), error, errors)
 
@@ -214,11 +214,11 @@ def relative(found: NDArray[np.float64], exact: NDArray[np.float64], area: NDArr
 
 
 def row_of(
-    name: str, variant: Variant, problem: Problem, steps: int, wall: float, error: float, errors: dict[str, float]
+    name: str, variant: Variant, problem: Prepared, steps: int, wall: float, error: float, errors: dict[str, float]
 ) -> Row:
     """The row of a variant that takes so many steps."""
-    nodes = len(problem.model.grid)
-    return Row(name, variant.name, nodes, problem.bonds, float(problem.bonds) * steps, wall, error, errors)
+    nodes = len(problem.system.model.grid)
+    return Row(name, variant.name, nodes, problem.system.bonds, float(problem.system.bonds) * steps, wall, error, errors)
 
 
 # (b) A pulse through a change of spacing
@@ -258,9 +258,9 @@ def pulse() -> Iterator[Row]:
         settings = Settings(material=GLASS, run=Run(time_step=1e-9, steps=1))
         y0 = period * int(np.ceil(variant.m + 1))
         whole = variant.problem(Model(grid, settings))
-        time_step = whole.time_step
+        time_step = whole.system.time_step
         problem = dataclasses.replace(joined(whole, (-np.inf, y0, np.inf, y0 + period)), time_step=time_step)
-        x, motion = problem.model.grid.position[:, 0], problem.motion
+        x, motion = problem.system.model.grid.position[:, 0], problem.motion
         s = (x + way) / WIDTH
         motion.u[:, 0] = 1e-6 * np.exp(-(s**2))
         motion.v[:, 0] = 1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2))
@@ -273,11 +273,11 @@ def pulse() -> Iterator[Row]:
         s = (x + way - speed * steps * time_step) / WIDTH
         exact = np.column_stack([1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2)), np.zeros(len(x))])
         errors = {
-            "velocity": relative(motion.v.astype(float), exact, problem.area),
+            "velocity": relative(motion.v.astype(float), exact, problem.system.area),
             "sent back": float(np.abs(motion.v[x < -way / 3, 0]).max()) / sent,
         }
         row = row_of("pulse", variant, problem, steps, marched(whole, steps), errors["sent back"], errors)
-        yield row._replace(updates=share * row.updates, wall=row.wall * share * problem.bonds / whole.bonds)
+        yield row._replace(updates=share * row.updates, wall=row.wall * share * problem.system.bonds / whole.system.bonds)
 
 
 # (c) and (d) Cracks
@@ -289,7 +289,7 @@ def cracks(
     """A shipped scene against a uniform run, m = 4, with this share of its finest spacing."""
     with tempfile.TemporaryDirectory() as folder:
 
-        def solved(variant: Variant) -> tuple[Path, Problem]:
+        def solved(variant: Variant) -> tuple[Path, Prepared]:
             fine = variant.fine * finest
             parameters = (("Zones/fine/Spacing", f"{fine:g}"), ("Zones/coarse/Spacing", f"{variant.ratio * fine:g}"))
             if scene == "duran50.geo":  # the same strip of the edge carries the load
@@ -310,8 +310,8 @@ def cracks(
             yield Row(
                 name,
                 variant.name,
-                len(problem.model.grid),
-                problem.bonds,
+                len(problem.system.model.grid),
+                problem.system.bonds,
                 cost.bond_updates,
                 cost.wall_time,
                 mean(errors),

@@ -29,7 +29,7 @@ from pdmesh.scene import Circle, Scene, box
 from pdmesh.sources import read_scene
 from pdpost import tradeoff
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 from pdsolve.results import Results
 from pdsolve.simulation import simulate
 
@@ -93,7 +93,7 @@ def kirsch() -> Iterator[dict[str, Any]]:
             outer = np.abs(grid.position).max(axis=1) > HALF - (ratio + 0.5) * grid.delta
             found = equilibrium(problem, np.column_stack([outer, outer]), exact)
             inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
-            off = relative(found[inside], exact[inside], problem.area[inside])
+            off = relative(found[inside], exact[inside], problem.system.area[inside])
             yield {"problem": "hole in tension", "ratio": ratio, "spacing_over_feature": 1 / fineness, "error": off}
 
 

@@ -27,8 +27,8 @@ from pdmesh import VERSION
 from pdpost import figures
 from pdpost.style import STYLE, save
 from pdsolve.lattice import full_family
-from pdsolve.laws.bilinear import critical_stretch, limits
-from pdsolve.problem import Options, prepare
+from pdsolve.laws.critical import critical_stretch, limits
+from pdsolve.system import Options, prepare
 from pdsolve.results import Results
 
 MODES = ("thesis", "conservative")
@@ -147,7 +147,7 @@ def _table_5(cache: Path) -> str:
         problems = [prepare(model, Options("thesis", kernel=kernel)) for model in models]
         if not rows:
             counts = [("nodes", "0.644", [len(model.grid) for model in models])]
-            counts.append(("bonds", "", [problem.bonds for problem in problems]))
+            counts.append(("bonds", "", [problem.system.bonds for problem in problems]))
             rows = [[what, claimed, f"{two} / {one} = {two / one:.3f}"] for what, claimed, (two, one) in counts]
         best = [np.inf, np.inf]
         for turn in range(ROUNDS):

@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import cg, spsolve
 
 from pdsolve.bonds import Bonds
-from pdsolve.problem import Problem
+from pdsolve.system import Prepared
 
 
 def sources(bonds: Bonds) -> NDArray[np.int64]:
@@ -32,19 +32,19 @@ def operator(bonds: Bonds) -> csr_matrix:
     return coo_matrix(entries, shape=(2 * n, 2 * n)).tocsr()
 
 
-def weighted(problem: Problem) -> csr_matrix:
+def weighted(problem: Prepared) -> csr_matrix:
     """K times the nodes' areas, symmetric in the conservative mode, N/m^2 (a force per unit thickness and length)."""
     return diags(np.repeat(problem.assembly.area, 2)) @ operator(problem.assembly.bonds)
 
 
-def equilibrium(problem: Problem, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements (n, 2) at rest under the loads of time 0, the components `held` (n, 2) being those of `at`."""
     free = ~held.ravel()
     u = np.where(held, at, 0.0).ravel()
-    symmetric = problem.options.mode == "conservative"
+    symmetric = problem.system.options.mode == "conservative"
     area = np.repeat(problem.assembly.area, 2)
     K = weighted(problem) if symmetric else operator(problem.assembly.bonds)
-    rest = (problem.drive.force.ravel() * (area if symmetric else 1.0) - K @ u)[free]
+    rest = (problem.system.drive.force.ravel() * (area if symmetric else 1.0) - K @ u)[free]
     inner = K[free][:, free]
     if not symmetric:
         u[free] += spsolve(inner.tocsc(), rest)

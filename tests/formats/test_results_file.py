@@ -114,7 +114,7 @@ def test_the_ledger_and_the_model_are_inside(small_results: Path, small_plate: M
 
 
 def test_the_families_are_inside(small_results: Path, small_plate: Model) -> None:
-    from pdsolve.problem import Options, prepare
+    from pdsolve.system import Options, prepare
 
     with Results.open(small_results) as results:
         start, neighbour = results.families()

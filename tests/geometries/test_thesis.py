@@ -11,7 +11,7 @@ import pytest
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
 from pdpost.cracked import CRACKED, damage_at
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 from pdsolve.results import Results
 
 pytest.importorskip("gmsh", exc_type=OSError)

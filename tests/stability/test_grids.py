@@ -17,7 +17,7 @@ from pdmesh.lattice import build_grid
 from pdmesh.scene import Scene, box
 from pdsolve.lattice import hu_beta, offsets
 from pdsolve.model import ModelError
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import plan, simulate
 
 ONE = Options(threads=1)
@@ -32,7 +32,7 @@ def warned(model: object) -> list[str]:
     return lines
 
 
-def free_motions(problem: Problem) -> int:
+def free_motions(problem: Prepared) -> int:
     """How many motions nothing resists: zero eigenvalues of K, three of them rigid."""
     values = np.abs(np.linalg.eigvals(operator(problem.assembly.bonds).toarray()))
     return int((values < 1e-9 * values.max()).sum())
@@ -48,7 +48,7 @@ def modulus(columns: int, rows: int, ratio: float) -> float:
     )
     problem = prepare(plate(grid, ratio, material=CONSTANT, conditions=loads), ONE)
     K = operator(problem.assembly.bonds).toarray()
-    u = np.linalg.lstsq(K, problem.drive.force.ravel(), rcond=1e-10)[0].reshape(rows, columns, 2)[..., 0].mean(axis=0)
+    u = np.linalg.lstsq(K, problem.system.drive.force.ravel(), rcond=1e-10)[0].reshape(rows, columns, 2)[..., 0].mean(axis=0)
     first, last = columns // 4, columns - 1 - columns // 4
     return float((last - first) * 1e-3 / (u[last] - u[first]) / GLASS.E)
 
@@ -62,9 +62,9 @@ def cut_energy(height: float) -> tuple[float, int]:
     left = prepare(cracked, ONE)
     middle = (grid.position[:, 0] > 9.5e-3) & (grid.position[:, 0] < 19.5e-3)
 
-    def energy(problem: Problem) -> float:
+    def energy(problem: Prepared) -> float:
         bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
-        spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * problem.area[i]
+        spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * problem.system.area[i]
         return float(spent[middle[i]].sum())
 
     lonely = int((left.count == 0).sum())

@@ -18,7 +18,7 @@ from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Scene, box
 from pdmesh.shapes import SceneError
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 from pdsolve.simulation import plan
 
 SIZES = (1e-9, 1e-3, 1e3)
@@ -43,7 +43,7 @@ def torn(delta: float) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
     """Displacements over the spacing, steps in which bonds broke, and the stable step over the spacing."""
     problem = prepare(cracked(delta), Options(threads=1))
     problem.march(1, 301)
-    return problem.motion.u / delta, problem.motion.broken, problem.bound / delta
+    return problem.state.value / delta, problem.motion.broken, problem.system.bound / delta
 
 
 def counts(x: NDArray[np.float64], slack: float) -> list[int]:

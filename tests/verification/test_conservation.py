@@ -17,12 +17,12 @@ def momentum_drift(mode: str) -> float:
     """An off-centre pulse in a free two-scale plate: |change of momentum| / sum |m v| after 2000 steps."""
     problem = prepare(plate(two_scale_grid(), run=Run(time_step=5e-8)), Options(mode))
     motion, area = problem.motion, problem.assembly.area
-    x = problem.model.grid.position
+    x = problem.system.model.grid.position
     motion.v[:, 1] = np.exp(-((x - [4e-3, 5e-3]) ** 2).sum(axis=1) / (2e-3) ** 2)
-    mass = (problem.model.rho * area)[:, None]
+    mass = (problem.system.model.rho * area)[:, None]
     before = (mass * motion.v).sum(axis=0)
     problem.march(1, 2001)
-    assert np.count_nonzero(motion.broken) < problem.bonds / 2
+    assert np.count_nonzero(motion.broken) < problem.system.bonds / 2
     return float(np.abs((mass * motion.v).sum(axis=0) - before).max() / np.abs(mass * motion.v).sum())
 
 

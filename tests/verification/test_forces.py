@@ -10,17 +10,17 @@ from plates import GLASS, plate, two_scale_grid
 from pdmesh.grid import Run
 from pdsolve.energy import strain_energies
 from pdsolve.kernels.bond_sums import force_on
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 LAWS = {"brittle": {"law": "brittle"}, "bilinear": {"law": "bilinear", "kr": 3.0}}
 NODES = (0, 3, 57, 100, 110, 131)  # corner, edge, middle, both sides of the interface, the other corner
 
 
-def deformed(law: str, profile: str, plane: str) -> Problem:
+def deformed(law: str, profile: str, plane: str) -> Prepared:
     """A two-scale plate, its bonds partly broken and partly softened by a large random displacement, then let go."""
     material = msgspec.structs.replace(GLASS, micromodulus=profile, plane=plane, **LAWS[law])
     problem = prepare(
-        plate(two_scale_grid(), 3, material=material, run=Run(time_step=1e-12)), Options(threads=1, kernel="textbook")
+        plate(two_scale_grid(), 3, material=material, run=Run(time_step=1e-12)), Options(threads=1, kernel="listed")
     )
     motion, random = problem.motion, np.random.default_rng(3)
     motion.u[:] = 1.2e-6 * random.standard_normal(motion.u.shape)

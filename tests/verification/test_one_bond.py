@@ -12,13 +12,13 @@ from plates import GLASS, plate, square_grid
 from pdmesh.grid import Displacement, Material, Run
 from pdsolve.energy import strain_energies
 from pdsolve.kernels.bond_sums import force_on
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 DELTA, STEP = 1e-3, 1e-8
 KR = 2.5
 
 
-def led(material: Material, mode: str, path: tuple[float, ...]) -> Problem:
+def led(material: Material, mode: str, path: tuple[float, ...]) -> Prepared:
     """Two nodes, the first held, the second led through stretches in sqrt(s_p s_0), 1000 steps from one to the next."""
     grid = square_grid(2, 1, DELTA)
     bare = prepare(plate(grid, 2, material=material, run=Run(time_step=STEP)), Options(mode, threads=1))
@@ -32,7 +32,7 @@ def led(material: Material, mode: str, path: tuple[float, ...]) -> Problem:
     return prepare(model, Options(mode, threads=1))
 
 
-def force(problem: Problem) -> tuple[float, float]:
+def force(problem: Prepared) -> tuple[float, float]:
     """Stretch, and force of the bond over its stiffness."""
     bonds, motion = problem.assembly.bonds, problem.motion
     stretch = (motion.u[1, 0] - motion.u[0, 0]) / DELTA
@@ -121,7 +121,7 @@ def test_the_work_of_the_hold_is_what_the_bond_took(law: str) -> None:
     assert books.work == pytest.approx(books.strain + books.dissipated + books.kinetic, rel=1e-9)  # measured 6e-16
     problem.march(1001, 2001)
     books = problem.books(2000)
-    kinetic = mass / 2 * problem.motion.v[1, 0] ** 2
+    kinetic = mass / 2 * problem.state.rate[1, 0] ** 2
     assert books.kinetic == pytest.approx(kinetic, rel=1e-12)
     assert books.work == pytest.approx(books.dissipated + kinetic, rel=1e-6)  # measured 5e-7
 

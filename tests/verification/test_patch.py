@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
 
 from pdsolve.kernels.bond_sums import force_on
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 STRAINS = {"xx": [[1.0, 0.0], [0.0, 0.0]], "yy": [[0.0, 0.0], [0.0, 1.0]], "xy": [[0.0, 0.5], [0.5, 0.0]]}
 
 
-def residual(problem: Problem, strain: str, delta: float) -> NDArray[np.float64]:
+def residual(problem: Prepared, strain: str, delta: float) -> NDArray[np.float64]:
     """Force densities (n, 2) under a small uniform strain, in E * strain / delta."""
-    position, E = problem.model.grid.position, problem.model.materials[0].E
+    position, E = problem.system.model.grid.position, problem.system.model.materials[0].E
     u = position @ np.array(STRAINS[strain]).T
     return np.asarray((operator(problem.assembly.bonds) @ u.ravel()).reshape(-1, 2) * delta / E)
 
@@ -42,7 +42,7 @@ def test_finite_uniform_strain_inside_one_scale(mode: str) -> None:
     """The same by the marching kernel, at 1 per cent of strain, where bonds are no longer linear."""
     side = 27
     problem = prepare(plate(square_grid(side, side), 4), Options(mode))
-    problem.motion.u[:] = problem.model.grid.position @ np.array([[0.004, 0.003], [-0.001, 0.006]]).T
+    problem.state.value[:] = problem.system.model.grid.position @ np.array([[0.004, 0.003], [-0.001, 0.006]]).T
     problem.assembly.bonds.limit[:] = np.inf
     middle = (side * side - 1) // 2
     force = np.array(force_on(problem.assembly.bonds, problem.motion, middle, 1, 1e-8))
@@ -79,8 +79,8 @@ def test_force_at_an_interface(mode: str, m: int, profile: str) -> None:
 def test_a_rigid_motion_makes_no_force_at_an_interface(mode: str) -> None:
     """A turn by 40 degrees and a shift, by the marching kernel, at all nodes."""
     problem = prepare(plate(interface_grid(12, 6, 8), 3), Options(mode))
-    x, angle = problem.model.grid.position, np.radians(40)
+    x, angle = problem.system.model.grid.position, np.radians(40)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    problem.motion.u[:] = x @ turn.T - x + [1e-3, -2e-3]
+    problem.state.value[:] = x @ turn.T - x + [1e-3, -2e-3]
     force = [force_on(problem.assembly.bonds, problem.motion, i, 1, 1e-8) for i in range(len(x))]
     assert np.abs(force).max() <= 1e-12 * problem.assembly.bonds.stiffness.max()  # measured 1e-14

@@ -15,7 +15,7 @@ from tampered import tampered
 
 from pdmesh.grid import Run
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.problem import CRACKED
+from pdsolve.system import CRACKED
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
 
@@ -100,7 +100,7 @@ def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 def test_no_time_step_takes_the_bound(small_plate: Model, mode: str) -> None:
     problem = prepare(with_run(small_plate, time_step=None), Options(mode))
-    assert problem.time_step == problem.bound
+    assert problem.system.time_step == problem.system.bound
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     between = np.abs(column - 10) <= 1
     inside = between[source] & between[target]
     assert problem.pieces() == 1
-    ids = problem.model.grid.ids
+    ids = problem.system.model.grid.ids
     breaks = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
     problem.restore(1, problem.state(), breaks)
     assert problem.damage()[between].min() > CRACKED
