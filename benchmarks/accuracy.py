@@ -36,11 +36,11 @@ from pdpost import tradeoff
 from pdpost.tradeoff_figure import draw
 from pdsolve.bonds import Filling
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, problem_of
 from pdsolve.results import Results
 from pdsolve.schemes import average_horizon, one_sided
 from pdsolve.schemes.average_horizon import ALL, Corrections
 from pdsolve.simulation import run
+from pdsolve.system import Options, Prepared, problem_of
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))

@@ -29,9 +29,9 @@ from pdmesh.scene import Circle, Scene, box
 from pdmesh.sources import read_scene
 from pdpost import tradeoff
 from pdsolve.model import Model
-from pdsolve.system import Options, prepare
 from pdsolve.results import Results
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, prepare
 
 RATIOS = (3.0, 4.0)
 FRAMES = 20

@@ -32,8 +32,8 @@ from benchmarks.processes import processes
 from benchmarks.runs import built
 from pdmesh.grid import Grid, Horizon, Material, Run, Settings
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import Progress, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 LEAST = 4.0  # times the textbook loop, in the quick form
 SAMPLE = 0.05  # s of one measurement

@@ -28,8 +28,8 @@ from pdpost import figures
 from pdpost.style import STYLE, save
 from pdsolve.lattice import full_family
 from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.system import Options, prepare
 from pdsolve.results import Results
+from pdsolve.system import Options, prepare
 
 MODES = ("thesis", "conservative")
 WAVE_STEPS = (10, 30, 50, 70, 90, 100)

@@ -23,6 +23,8 @@ from pdsolve.bonds import Bonds
 from pdsolve.laws.law import INNER, stretch_before
 from pdsolve.model import Model
 
+MEMORY = ("worst",)
+
 
 class Law(NamedTuple):
     """Columns of b bonds."""

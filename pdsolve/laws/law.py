@@ -14,6 +14,9 @@ Symbols, for the bond k from node i to node j:
     xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
     q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
 `now` is the state as loops know it, `m` (n, ROWS of the law) what nodes have between the two passes.
+
+A law that says nothing else has ROWS = 0, and MEMORY, the names of the columns (b,) that `age` changes, is empty; but
+for `broken`, which if it is there is the step in which a bond broke, 0 while intact.
 """
 
 from __future__ import annotations

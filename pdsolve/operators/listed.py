@@ -159,7 +159,7 @@ class Listed:
 
     def _remembered(self) -> tuple[str, ...]:
         """Names of the columns that change, but for who is broken."""
-        return tuple(name for name in getattr(self.law, "MEMORY", ()) if name != "broken")
+        return getattr(self.law, "MEMORY", ())
 
     def _steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
 from pdpost.cracked import CRACKED, damage_at
-from pdsolve.system import Options, prepare
 from pdsolve.results import Results
+from pdsolve.system import Options, prepare
 
 pytest.importorskip("gmsh", exc_type=OSError)
 

@@ -17,8 +17,8 @@ from pdmesh.lattice import build_grid
 from pdmesh.scene import Scene, box
 from pdsolve.lattice import hu_beta, offsets
 from pdsolve.model import ModelError
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import plan, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 ONE = Options(threads=1)
 ON_A_ROW = 9 * 1e-3  # m, the height of nodes to the last bit; 9e-3 is another number

@@ -21,8 +21,8 @@ from scipy.special import erf
 
 from pdmesh.grid import Grid, Load, Material, Run
 from pdsolve.laws.critical import critical_stretch
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import plan
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s

@@ -17,8 +17,8 @@ from scipy.sparse.linalg import spsolve
 
 from pdmesh.grid import Region, Run
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import plan
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows

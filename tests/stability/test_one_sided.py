@@ -12,8 +12,8 @@ from linear import operator
 from plates import GLASS, plate, two_scale_grid
 
 from pdmesh.grid import InitialVelocity, Run
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import UnstableError, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 PART = 10_000

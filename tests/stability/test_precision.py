@@ -12,8 +12,8 @@ from plates import plate, square_grid
 
 from pdmesh.grid import InitialVelocity, Load, Run
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is

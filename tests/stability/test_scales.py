@@ -18,8 +18,8 @@ from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Scene, box
 from pdmesh.shapes import SceneError
 from pdsolve.model import Model
-from pdsolve.system import Options, prepare
 from pdsolve.simulation import plan
+from pdsolve.system import Options, prepare
 
 SIZES = (1e-9, 1e-3, 1e3)
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")

@@ -19,8 +19,8 @@ from scipy.sparse.linalg import eigsh
 
 from pdmesh.grid import InitialVelocity, Material, Run
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import UnstableError, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ONE = Options(threads=1)

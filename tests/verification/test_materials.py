@@ -16,8 +16,8 @@ from pdsolve.bonds import Bonds
 from pdsolve.lattice import calibration
 from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.model import Model
-from pdsolve.system import Options, prepare
 from pdsolve.schemes import average_horizon
+from pdsolve.system import Options, prepare
 
 SOFT = Material(E=20e9, rho=1200.0, G0=500.0, law="bilinear", kr=4.0)
 HALF = 12

@@ -14,8 +14,8 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
 from pdsolve.kernels import layout
 from pdsolve.model import Model, ModelError
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 

@@ -14,8 +14,8 @@ from pdmesh.grid import Grid, Region, Run
 from pdsolve.checks import Watch, advise, closing, nearest, refuse
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model, ModelError
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 
 def bonds(model: Model) -> np.ndarray:

@@ -13,8 +13,8 @@ from pdsolve.bonds import Bonds
 from pdsolve.conditions import Drive, drive
 from pdsolve.energy import strain_energies
 from pdsolve.kernels.bond_sums import Motion, force_on
-from pdsolve.system import Options, Prepared, prepare
 from pdsolve.steppers.verlet import advance, stability_bound
+from pdsolve.system import Options, Prepared, prepare
 
 
 def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Prepared:

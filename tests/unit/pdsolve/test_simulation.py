@@ -15,9 +15,9 @@ from tampered import tampered
 
 from pdmesh.grid import Run
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.system import CRACKED
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
+from pdsolve.system import CRACKED
 
 
 def with_run(model: Model, **run: object) -> Model:
