@@ -17,16 +17,16 @@ from benchmarks.claims import Case
 from benchmarks.runs import built
 from pdsolve.kernels.blocks import LANES
 from pdsolve.kernels.layout import ends, there
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 SCENES = ("kalthoff_winkler.geo", "figure_19.py")
 
 
-def quiet_share(problem: Problem) -> float:
+def quiet_share(problem: Prepared) -> float:
     """Share of the slots of a whole run that sum nothing but zeros: their block and its neighbours are at rest."""
     assert problem.fast is not None
     blocks, tracks, whole = problem.fast
-    count, steps = len(blocks.softened), problem.model.settings.run.steps
+    count, steps = len(blocks.softened), problem.system.model.settings.run.steps
     source, target = ends(blocks, there(whole))
     pairs = np.unique((source // LANES) * count + target // LANES)
     slots, share = np.diff(blocks.start), 0.0
@@ -41,13 +41,13 @@ def quiet_share(problem: Problem) -> float:
     return share
 
 
-def coarse_share(problem: Problem) -> float:
+def coarse_share(problem: Prepared) -> float:
     """Share of all bond sums left out if nodes far from others' spacings stepped as seldom as theirs allows."""
-    bonds, delta = problem.assembly.bonds, problem.model.grid.delta
+    bonds, delta = problem.assembly.bonds, problem.system.model.grid.delta
     source = np.repeat(np.arange(len(delta)), np.diff(bonds.start))
     alone = np.bincount(source, delta[bonds.neighbour] != delta[source], minlength=len(delta)) == 0
     seldom = np.where(alone, np.floor(delta / delta.min() * (1 + 1e-9)), 1.0)
-    return 1 - float(np.sum(problem.count / seldom) / problem.bonds)
+    return 1 - float(np.sum(problem.system.count / seldom) / problem.system.bonds)
 
 
 class Halved:
@@ -78,8 +78,8 @@ def wave_test(width: float, share: float) -> dict[str, tuple[float, float]]:
     from test_interface_waves import REACH, SPEED, strip
 
     problem = strip("conservative", max(12 * width, 0.06))
-    x, delta = problem.model.grid.position[:, 0], problem.model.grid.delta
-    start, dt = -max(5 * width, 5 * REACH), share * problem.bound
+    x, delta = problem.system.model.grid.position[:, 0], problem.system.model.grid.delta
+    start, dt = -max(5 * width, 5 * REACH), share * problem.system.bound
     K, A = operator(problem.assembly.bonds) / GLASS.rho, weighted(problem)
     mass = np.repeat(GLASS.rho * problem.assembly.area, 2)
     s = (x - start) / width

@@ -32,8 +32,8 @@ from benchmarks.processes import processes
 from benchmarks.runs import built
 from pdmesh.grid import Grid, Horizon, Material, Run, Settings
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import Progress, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 LEAST = 4.0  # times the textbook loop, in the quick form
 SAMPLE = 0.05  # s of one measurement
@@ -81,7 +81,7 @@ def grids(names: list[str]) -> dict[str, Grid]:
     return found
 
 
-def shaken(grid: Grid, law: str, mode: str, precision: str, kernel: str) -> Problem:
+def shaken(grid: Grid, law: str, mode: str, precision: str, kernel: str) -> Prepared:
     """A plate in small random motion that breaks nothing."""
     model = Model(grid, Settings(material=LAWS[law], horizon=Horizon(3.0), run=Run(time_step=2e-8)))
     problem = prepare(model, Options(mode, precision, kernel=kernel))
@@ -93,7 +93,7 @@ def shaken(grid: Grid, law: str, mode: str, precision: str, kernel: str) -> Prob
 class NumpyBonds:
     """The solver as one would write it in numpy: a list of bonds, bincount for the sums."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Prepared) -> None:
         bonds = problem.assembly.bonds
         self.i = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
         self.j, self.xi = bonds.neighbour, bonds.xi.astype(float)
@@ -101,7 +101,7 @@ class NumpyBonds:
         self.stiffness, self.peak, self.limit = bonds.stiffness, bonds.peak, bonds.limit
         self.intact, self.worst = np.ones(len(self.i), dtype=bool), bonds.peak.copy()
         self.softens = bool((bonds.peak < bonds.limit).any())
-        self.rho, self.dt = problem.model.rho, problem.time_step
+        self.rho, self.dt = problem.system.model.rho, problem.system.time_step
         self.u, self.v, self.a = (getattr(problem.motion, name).astype(float) for name in "uva")
 
     def take(self, steps: int) -> None:
@@ -122,7 +122,7 @@ class NumpyBonds:
             self.v += self.dt / 2 * self.a
 
 
-def stepper(problem: Problem) -> Callable[[int], None]:
+def stepper(problem: Prepared) -> Callable[[int], None]:
     """Takes steps of a problem, one sequence after the other."""
     at = 1
 
@@ -174,7 +174,7 @@ def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: in
             variants.append(Variant("textbook float64, 1 thread", 1, stepper(textbook)))
     seconds = interleaved(variants, rounds)
     assert not fast.motion.broken.any(), "a bond broke: this is not the intact cost"
-    bonds = fast.bonds
+    bonds = fast.system.bonds
     ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
     return {"grid": name, "nodes": len(grid), "bonds": bonds, "law": law, "mode": mode, "ns": ns, "ratios": ratios(ns)}
 
@@ -211,16 +211,16 @@ def growing(model: Model, mode: str, rounds: int) -> dict[str, Any]:
         for name in ("growing", "intact", "with frames"):
             problem = prepare(model, Options(mode))
             if name == "intact":
-                for load in (problem.drive.force, problem.drive.before):
+                for load in (problem.system.drive.force, problem.system.drive.before):
                     load[:] = 0
-                problem.motion.v[:] = problem.motion.a[:] = 0
+                problem.state.rate[:] = problem.state.second[:] = 0
             if name == "with frames":
                 seconds = _written(model, mode)
             else:
                 began = time.perf_counter()
                 problem.march(1, steps + 1)
                 seconds = time.perf_counter() - began
-            best[name] = min(best.get(name, np.inf), seconds / steps / problem.bonds * 1e9)
+            best[name] = min(best.get(name, np.inf), seconds / steps / problem.system.bonds * 1e9)
     ratios = {
         "growing / intact": best["growing"] / best["intact"],
         "with frames / without": best["with frames"] / best["growing"],

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pdmesh import VERSION
+from pdmesh.files import irregular
 
 OK, FAILURE, BAD_INPUT, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -73,15 +74,22 @@ def share(text: str) -> float:
 def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
     """Where to write: `given`, or the source's name with the new suffix in the current folder.
 
-    Raises UsageError if something is there already and `force` is not set, or if the folder is missing.
+    Raises UsageError if something is there already and `force` is not set, if it is no regular file, or if the folder
+    is missing.
     """
     if not source.name:
         raise UsageError(f"{source}: found a folder, expected a file")
     path = given if given is not None else Path(source.name).with_suffix(suffix)
+    try:
+        found = irregular(path)
+    except OSError as error:  # a name that is too long, links in a ring
+        raise UsageError(f"{path}: {error.strerror}") from None
     if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
         raise UsageError(f"{path}: found the input itself, expected another file to write to")
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{path}: found {'a' if path.is_dir() else 'no'} folder, expected a file's name in a folder")
+    if found is not None:
+        raise UsageError(f"{path}: found {found}, expected a regular file or none; nothing else is written to")
     if path.exists() and not force:
         raise UsageError(f"{path}: found a file there already, expected none (--force overwrites it)")
     return path

@@ -21,16 +21,19 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pdmesh.drawing import Group, face, scene_of
-from pdmesh.parameters import PREFIX, Parameter, unknown
+from pdmesh.drawing import Group, face, in_metres, scene_of
+from pdmesh.parameters import OWN, PREFIX, Parameter, full_name, given, refuse_unknown, unit_of, unknown
 from pdmesh.scene import Scene
 from pdmesh.shapes import CHORD_TOLERANCE, SceneError, Surface
+from pdmesh.units import UNITS
 
 SYSTEM_LIBRARIES = (
     "libgl1 libglu1-mesa libxft2 libxcursor1 libxinerama1 libxrender1 libxfixes3 libxext6 libfontconfig1 libgomp1"
 )
 TIME_LIMIT = 60.0  # s
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
+OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capitals
+LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 REACHES_OUTSIDE = re.compile(
     r"\b(?:(?:SystemCall|NonBlockingSystemCall|System|OnelabRun|CreateDir|Save|Print|Exit|Abort|Plugin|ListFromFile)\b"
@@ -47,13 +50,18 @@ STRING = re.compile(r"\"[^\"]*\"|'[^']*'")  # Gmsh's have no escapes, and may sp
 def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene:
     """The scene drawn in the .geo file at `path`, with ONELAB parameters set by name before it is read.
 
-    Parameter names may leave out ``Peridynamics/``. Raises SceneError naming the file, the place, what was
-    found and what was expected. `trust` reads files that run commands as well.
+    Parameter names may leave out ``Peridynamics/``; those that the drawing does not define may be set too. Raises
+    SceneError naming the file, the place, what was found and what was expected. `trust` reads files that run commands
+    as well.
     """
     text = _checked_text(path, trust)
-    found = _in_child(path, [(full_name(name), value) for name, value in assignments])
+    found = _in_child(path, assignments)
+    return _scene(path, found, _values(found), text)
+
+
+def _scene(path: Path, found: dict[str, Any], values: dict[str, float | str], text: str) -> Scene:
     try:
-        return scene_of(_groups(found), _values(found), path.name, text)
+        return scene_of(_groups(found), values, path.name, text)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -61,7 +69,7 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
 def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
     """The parameters of the .geo file at `path`. Raises SceneError."""
     _checked_text(path, trust)
-    found = _in_child(path, [(full_name(name), value) for name, value in assignments])
+    found = _in_child(path, assignments)
     return [
         Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
         for entry in found["parameters"]
@@ -71,31 +79,31 @@ def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
 def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
     """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file.
 
-    Lengths are converted to metres where the file names its unit (STEP). Raises SceneError.
+    A STEP file names the unit of its coordinates; those of a BREP file are in the unit that the parameters are in.
+    Raises SceneError.
     """
     if not path.is_file():
         raise SceneError(f"{path}: cannot be read: no such file")
-    values: dict[str, float | str] = {full_name(name): _guessed(value) for name, value in assignments}
-    spacing = values.get(f"{PREFIX}Zones/plate/Spacing", 0.0)
-    found = _in_child(path, [], tolerance=CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0)
     try:
-        return scene_of(_groups(found), values, path.name, path.read_text(encoding="utf-8", errors="replace"))
+        values = given(assignments)
+        unit_of(values)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
+    spacing, unit = values.get(f"{PREFIX}Zones/plate/Spacing"), str(values.get(f"{PREFIX}Units") or "m")
+    found = _in_child(path, tolerance=CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit=unit)
+    return _scene(path, found, values, path.read_text(encoding="utf-8", errors="replace"))
 
 
-def read_outline(path: Path, spacing: float) -> Surface:
-    """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m. Raises SceneError."""
+def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
+    """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m.
+
+    `unit` is that of a BREP file's coordinates; a STEP file names its own. Raises SceneError.
+    """
     if not path.is_file():
         raise SceneError(f"{path}: cannot be read: no such file")
-    found = _in_child(path, [], tolerance=CHORD_TOLERANCE * spacing)
-    surfaces = [curves for group in _groups(found) for curves in group.surfaces]
+    found = _in_child(path, tolerance=CHORD_TOLERANCE * UNITS[unit].of(spacing), unit=unit)
+    surfaces = [curves for group in _groups(found) for curves in in_metres(group, UNITS[unit]).surfaces]
     return shapely.union_all([face(curves, str(path)) for curves in surfaces])
-
-
-def full_name(name: str) -> str:
-    """A parameter's name with ``Peridynamics/`` before it."""
-    return name if name.startswith(PREFIX) else PREFIX + name
 
 
 def _checked_text(path: Path, trust: bool) -> str:
@@ -144,10 +152,13 @@ def _refuse_strangers(path: Path, line: int, command: str, name: str, depth: int
         _refuse_programs(other, other.read_text(encoding="utf-8", errors="replace"), depth + 1)
 
 
-def _in_child(path: Path, assignments: list[tuple[str, str]], tolerance: float = 0.0) -> dict[str, Any]:
+def _in_child(
+    path: Path, assignments: Sequence[tuple[str, str]] = (), tolerance: float = 0.0, unit: str = "m"
+) -> dict[str, Any]:
+    words = [(full_name(name), value) for name, value in assignments]
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "drawing.json"
-        job = json.dumps({"path": str(path.resolve()), "assignments": assignments, "tolerance": tolerance})
+        job = json.dumps({"path": str(path.resolve()), "assignments": words, "tolerance": tolerance, "unit": unit})
         command = [sys.executable, "-m", "pdmesh.geo", str(result), job]
         try:
             child = subprocess.run(
@@ -164,8 +175,7 @@ def _in_child(path: Path, assignments: list[tuple[str, str]], tolerance: float =
             f"Gmsh cannot be loaded: {found['missing library']}; on Debian and Ubuntu this installs what it needs:"
             f" apt-get install {SYSTEM_LIBRARIES}"
         )
-    for name in found["unknown"]:
-        raise SceneError(f"{path}: {unknown(name, [entry['name'] for entry in found['parameters']])}")
+    _refuse_unknown(path, found)
     for name, text in found["not numbers"]:
         raise SceneError(f"{path}: parameter '{name}': found '{text}', expected a number")
     for message in found["messages"]:
@@ -177,6 +187,18 @@ def _in_child(path: Path, assignments: list[tuple[str, str]], tolerance: float =
                 f"{path}: parameter '{entry['name']}': found {value:g}, expected a number from {low:g} to {high:g}"
             )
     return found
+
+
+def _refuse_unknown(path: Path, found: dict[str, Any]) -> None:
+    """Raises SceneError for a parameter that was set, and neither the drawing nor the mesher knows."""
+    known = {entry["name"] for entry in found["parameters"]} - set(found["supplied"])
+    try:
+        refuse_unknown([name for name in found["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], own=True)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    for name in found["supplied"]:
+        if name.startswith(f"{PREFIX}{OWN}/"):
+            raise SceneError(f"{path}: {unknown(name, known)}")
 
 
 def _groups(found: dict[str, Any]) -> list[Group]:
@@ -193,13 +215,6 @@ def _value(entry: dict[str, Any]) -> float | str:
 
 def _values(found: dict[str, Any]) -> dict[str, float | str]:
     return {entry["name"]: _value(entry) for entry in found["parameters"]}
-
-
-def _guessed(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 # ---- the child process
@@ -243,17 +258,20 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
 
 
 def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
-    """Set parameters; returns those that should be numbers and are not."""
+    """Set parameters, also some that the drawing does not define; returns those that should be numbers and are not."""
     wrong = []
     kinds = {entry["name"]: entry["type"] for entry in known}
     for name, value in assignments:
-        if kinds[name] == "string":
+        if kinds.get(name) == "string":
             gmsh.onelab.setString(name, [value])
             continue
         try:
             gmsh.onelab.setNumber(name, [float(value)])
         except ValueError:
-            wrong.append([name, value])
+            if name in kinds:
+                wrong.append([name, value])
+            else:
+                gmsh.onelab.setString(name, [value])
     return wrong
 
 
@@ -268,6 +286,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
         (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
         for group in gmsh.model.getPhysicalGroups()
     ]
+    least = LEAST_TOLERANCE * _size(gmsh)
     tolerances: dict[int, float] = {}
     for name, dimension, entities in physical:
         if dimension == 2 and name.startswith("zone:"):
@@ -276,7 +295,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
                 tolerances[curve] = min(tolerances.get(curve, np.inf), CHORD_TOLERANCE * abs(spacing))
 
     def sampled(curve: int) -> list[list[float]]:
-        return _sample(gmsh, curve, tolerances.get(curve) or CHORD_TOLERANCE * finest)
+        return _sample(gmsh, curve, max(tolerances.get(curve) or CHORD_TOLERANCE * finest, least))
 
     return [
         {
@@ -291,14 +310,21 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]]) -> list[dict[str, An
     ]
 
 
+def _size(gmsh: Any) -> float:
+    if not gmsh.model.getEntities():
+        return 0.0
+    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
+    return float(max(x1 - x0, y1 - y0))
+
+
 def _bounds(gmsh: Any, surfaces: Any) -> list[int]:
     pairs = [(2, int(surface)) for surface in surfaces]
     return [abs(curve) for _, curve in gmsh.model.getBoundary(pairs, combined=False, oriented=True)]
 
 
 def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
-    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
-    tolerance = tolerance or 1e-4 * max(x1 - x0, y1 - y0)
+    size = _size(gmsh)
+    tolerance = max(tolerance or 1e-4 * size, LEAST_TOLERANCE * size)
     surfaces = [
         [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
         for _, surface in gmsh.model.getEntities(2)
@@ -306,19 +332,19 @@ def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
     return [{"name": PLATE, "dimension": 2, "curves": [], "surfaces": surfaces}]
 
 
-def _read_in_child(path: str, assignments: list[list[str]], tolerance: float) -> dict[str, Any]:
+def _read_in_child(path: str, assignments: list[list[str]], tolerance: float, unit: str) -> dict[str, Any]:
     found: dict[str, Any] = {"missing library": "", "parameters": [], "groups": []}
-    found |= {"unknown": [], "not numbers": [], "messages": []}
+    found |= {"supplied": [], "not numbers": [], "messages": []}
     try:
         import gmsh
     except OSError as error:
         return found | {"missing library": str(error)}
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.logger.start()
     try:
         if path.lower().endswith(CAD):
+            gmsh.option.setString("Geometry.OCCTargetUnit", OPEN_CASCADE_UNITS.get(unit, unit.upper()))
             gmsh.model.occ.importShapes(path)
             gmsh.model.occ.synchronize()
             found["groups"] = _cad_groups(gmsh, tolerance)
@@ -335,9 +361,7 @@ def _open(gmsh: Any, path: str, assignments: list[list[str]], found: dict[str, A
     found["parameters"] = _parameters_of(gmsh)
     if assignments:
         known = {entry["name"] for entry in found["parameters"]}
-        found["unknown"] = [name for name, _ in assignments if name not in known]
-        if found["unknown"]:
-            return
+        found["supplied"] = [name for name, _ in assignments if name not in known]
         for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
             reset()
         found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
@@ -348,5 +372,5 @@ def _open(gmsh: Any, path: str, assignments: list[list[str]], found: dict[str, A
 
 if __name__ == "__main__":
     job = json.loads(sys.argv[2])
-    outcome = json.dumps(_read_in_child(job["path"], job["assignments"], job["tolerance"]))
+    outcome = json.dumps(_read_in_child(**job))
     Path(sys.argv[1]).write_text(outcome, encoding="utf-8")

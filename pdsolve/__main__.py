@@ -38,7 +38,10 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
-        "--fields", metavar="A,B", help="fields to store: ux uy vx vy ax ay energy damage (run.fields)"
+        "--fields",
+        metavar="A,B",
+        help="fields to store: of ux uy vx vy ax ay energy damage those named, +A,B besides the model's, or all"
+        " (run.fields; default: all)",
     )
     program.add_argument(
         "--probe",
@@ -104,7 +107,7 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     """The flags that stand for settings, as assignments."""
     flags = [] if args.every is None else [("run.every", args.every)]
     if args.fields is not None:
-        flags.append(("run.fields", str(args.fields.split(","))))
+        flags.append(("run.fields", args.fields))
     if args.probe:
         flags.append(("run.probes", f"[{', '.join(f'[{place}]' for place in args.probe)}]"))
     if args.until is not None:

@@ -131,11 +131,11 @@ def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> 
 def stiffest(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> NDArray[np.float64]:
     """A bound (n,) of what resists each node's motion, N/m^4: a step of sqrt(2 rho / it) is surely stable everywhere.
 
-    With k = stiffness / |xi| (b,) and n = xi / |xi| of the bonds as they are: sum k after S. A. Silling, E. Askari, Comput.
-    Struct. 83 (2005) 1526-1535, for any bonds. For `symmetric` ones the larger eigenvalue of sum k n n^T: (n . (u_i -
-    u_j))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2 in their energy. That makes the step the square root of 2 times as long inside
-    a square lattice, less at corrected edges, which are stiffer along themselves. True limits of plates are 1.15 to 1.27
-    times that, and 1.66 times the bound for any bonds.
+    With k = stiffness / |xi| (b,) and n = xi / |xi| of the bonds as they are: sum k after S. A. Silling, E. Askari,
+    Comput. Struct. 83 (2005) 1526-1535, for any bonds. For `symmetric` ones the larger eigenvalue of sum k n n^T:
+    (n . (u_i - u_j))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2 in their energy. That makes the step the square root of 2 times
+    as long inside a square lattice, less at corrected edges, which are stiffer along themselves. True limits of
+    plates are 1.15 to 1.27 times that, and 1.66 times the bound for any bonds.
     """
     nodes, dimension = len(bonds.start) - 1, bonds.xi.shape[1]
     length = np.hypot(*bonds.xi.T) if dimension == 2 else np.sqrt((bonds.xi**2).sum(axis=1))

@@ -14,6 +14,8 @@ from pdsolve.system import System
 CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
+Energies = tuple[NDArray[np.float64], NDArray[np.float64]]  # of an operator: held, and spent on softening
+
 
 class Ledger(NamedTuple):
     """The books of one step: what the motion holds, has lost and was given. Energies in J/m, momentum in N s/m."""
@@ -36,21 +38,22 @@ class Ledger(NamedTuple):
         return missing / scale if scale else 0.0
 
 
-def books(system: System, state: State, step: int) -> Ledger:
-    """The ledger after `step`, in double precision and in the nodes' order."""
-    strain, softened = system.operator.energies(state)
+def books(system: System, state: State, step: int, energies: Energies | None = None) -> Ledger:
+    """The ledger after `step`, in double precision and in the nodes' order; `energies` are the operator's, if known."""
+    strain, softened = energies or system.operator.energies(state)
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64)
-    return Ledger(
-        step,
-        step * system.time_step,
-        kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
-        strain=float(np.sum(area * strain)),
-        dissipated=float(np.sum(area * (state.dissipated + softened))),
-        work=float(np.sum(area * state.work)),
-        momentum_x=float(np.sum(rho * area * velocity[:, 0])),
-        momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-        broken=len(system.operator.broken().step),
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
+        return Ledger(
+            step,
+            step * system.time_step,
+            kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
+            strain=float(np.sum(area * strain)),
+            dissipated=float(np.sum(area * (state.dissipated + softened))),
+            work=float(np.sum(area * state.work)),
+            momentum_x=float(np.sum(rho * area * velocity[:, 0])),
+            momentum_y=float(np.sum(rho * area * velocity[:, 1])),
+            broken=len(system.operator.broken().step),
+        )
 
 
 def damage(system: System) -> NDArray[np.float64]:
@@ -60,14 +63,16 @@ def damage(system: System) -> NDArray[np.float64]:
     return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
 
 
-def fields(system: System, state: State, names: Iterable[str]) -> dict[str, NDArray[np.floating]]:
-    """The fields (n,) of these names now."""
+def fields(
+    system: System, state: State, names: Iterable[str], energies: Energies | None = None
+) -> dict[str, NDArray[np.floating]]:
+    """The fields (n,) of these names now; `energies` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
     for name in names:
         if name == "damage":
             found[name] = damage(system)
         elif name == "energy":
-            found[name] = system.operator.energies(state)[0]
+            found[name] = (energies or system.operator.energies(state))[0]
         else:
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
             found[name] = values[:, "xy".index(name[1])]

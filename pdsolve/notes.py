@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,12 +41,12 @@ def breaks(system: System, after: int) -> Breaks:
     return Breaks(found.step[order], ids[found.source[order]], ids[found.target[order]])
 
 
-def checkpoint(system: System, state: State) -> dict[str, NDArray[np.generic]]:
+def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """Everything a later run needs to go on to the same bits, but for the broken bonds."""
     return {**state._asdict(), "held_force": system.drive.held_force, **system.operator.keep()}
 
 
-def restore(system: System, state: State, step: int, kept: dict[str, NDArray[np.generic]], broken: Breaks) -> None:
+def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Go back to the state after `step`; of the bonds `broken` those until then count."""
     for name, values in state._asdict().items():
         values[:] = kept[name].reshape(values.shape)
@@ -73,7 +75,8 @@ class Notes:
         self._watch = Watch(system.model)
         self.written = step
         self._kept = clock.perf_counter()
-        self.last = books(system, state, step)
+        self._energies = system.operator.energies(state)
+        self.last = books(system, state, step, self._energies)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -82,7 +85,8 @@ class Notes:
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         system, state = self._system, self._state
-        self.last = books(system, state, step)
+        self._energies = system.operator.energies(state)
+        self.last = books(system, state, step, self._energies)
         check_physics(system, state, self.last)
         self._watch.look(state.value, lambda row: system.operator.bonds(row, row + 1)[1], step)
         self._ledgers.append(self.last)
@@ -93,12 +97,13 @@ class Notes:
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
+        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
+        `state` now or when it is time."""
         system, run = self._system, self._system.model.settings.run
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        found = fields(system, self._state, run.fields) if whole else None
+        found = fields(system, self._state, run.fields, self._energies) if whole else None
         frame = Frame(
             step,
             step * system.time_step,

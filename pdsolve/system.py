@@ -73,7 +73,18 @@ class System:
         return int(self.count.sum())
 
 
-def prepare(model: Model, options: Options) -> tuple[System, State]:
+class Prepared(NamedTuple):
+    """A system and its state, ready to march."""
+
+    system: System
+    state: State
+
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+        self.system.stepper.march(self.state, first, last)
+
+
+def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     if options.mode not in SCHEMES:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
@@ -87,7 +98,7 @@ def prepare(model: Model, options: Options) -> tuple[System, State]:
     return system_of(model, options, scheme)
 
 
-def system_of(model: Model, options: Options, scheme: Scheme) -> tuple[System, State]:
+def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling, kind = scheme.fill(model), np.dtype(options.precision).type
     threads = options.threads or cores()
@@ -136,7 +147,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> tuple[System, S
         energy,
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
-    return system, state
+    return Prepared(system, state)
 
 
 def _bound(operator: Operator, rho: NDArray[np.float64]) -> float:

@@ -1,7 +1,7 @@
 """Work that several threads share.
 
-numba's own parallel loops take as long to compile as all that is in them, and to begin and end some microseconds each time.
-Here Python's threads run compiled code side by side, and wait for each other inside of it.
+numba's own parallel loops take as long to compile as all that is in them, and to begin and end some microseconds each
+time. Here Python's threads run compiled code side by side, and wait for each other inside of it.
 """
 
 from __future__ import annotations
@@ -40,10 +40,8 @@ def cores() -> int:
 
 def gate_of(threads: int) -> Gate:
     """A gate for so many threads."""
-    library, name = (
-        (ctypes.WinDLL("kernel32"), "SwitchToThread") if sys.platform == "win32" else (ctypes.CDLL(None), "sched_yield")
-    )
-    return Gate(np.zeros(1, dtype=np.int64), threads, ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0)
+    idle: Any = ctypes.windll.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).sched_yield
+    return Gate(np.zeros(1, dtype=np.int64), threads, ctypes.cast(idle, ctypes.c_void_p).value or 0)
 
 
 @njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)

@@ -76,6 +76,17 @@ def probed(small_plate: Model) -> Model:
 
 
 @pytest.fixture
+def few_results(small_plate: Model, tmp_path: Path) -> Path:
+    """The database of the small plate without energies and accelerations."""
+    from pdsolve.simulation import simulate
+
+    run = msgspec.structs.replace(small_plate.settings.run, fields=("ux", "uy", "vx", "vy", "damage"))
+    settings = msgspec.structs.replace(small_plate.settings, run=run)
+    simulate(dataclasses.replace(small_plate, settings=settings), tmp_path / "few.sqlite").close()
+    return tmp_path / "few.sqlite"
+
+
+@pytest.fixture
 def small_results(small_plate: Model, tmp_path: Path) -> Path:
     """The database of the small plate."""
     from pdsolve.simulation import simulate

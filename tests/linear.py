@@ -1,14 +1,14 @@
-"""The bonds of a problem as a sparse matrix: for statics, frequencies and stiffnesses, beside the marching solver."""
+"""Statics and frequencies of a prepared system, beside the marching solver."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.sparse.linalg import cg, spsolve
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import cg, eigsh, spsolve
 
 from pdsolve.bonds import Bonds
-from pdsolve.problem import Problem
+from pdsolve.system import Prepared
 
 
 def sources(bonds: Bonds) -> NDArray[np.int64]:
@@ -16,43 +16,49 @@ def sources(bonds: Bonds) -> NDArray[np.int64]:
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
-def operator(bonds: Bonds) -> csr_matrix:
+def matrix(problem: Prepared) -> csr_array:
     """K (2n, 2n), N/m^4: minus the force densities for small displacements, node i at rows 2i and 2i + 1."""
-    i, j, n = sources(bonds), bonds.neighbour.astype(np.int64), len(bonds.start) - 1
-    length = np.hypot(*bonds.xi.T)
-    unit = bonds.xi / length[:, None]
-    rows, columns, values = [], [], []
-    for a in (0, 1):
-        for b in (0, 1):
-            k = bonds.stiffness / length * unit[:, a] * unit[:, b]
-            rows += [2 * i + a, 2 * i + a]
-            columns += [2 * i + b, 2 * j + b]
-            values += [k, -k]
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return coo_matrix(entries, shape=(2 * n, 2 * n)).tocsr()
+    rest = problem.state._replace(value=np.zeros(problem.state.value.shape))
+    return problem.system.operator.tangent(rest)
 
 
-def weighted(problem: Problem) -> csr_matrix:
+def weighted(problem: Prepared) -> csr_array:
     """K times the nodes' areas, symmetric in the conservative mode, N/m^2 (a force per unit thickness and length)."""
-    return diags(np.repeat(problem.assembly.area, 2)) @ operator(problem.assembly.bonds)
+    return diags_array(np.repeat(problem.system.area, 2)) @ matrix(problem)
 
 
-def equilibrium(problem: Problem, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def true_limit(problem: Prepared) -> float:
+    """2 / omega_max, s, of a symmetric operator: what the step must be below."""
+    mass = np.repeat(problem.system.model.rho * problem.system.area, 2)
+    K = weighted(problem)
+    scaled = diags_array(mass**-0.5) @ (K + K.T) / 2 @ diags_array(mass**-0.5)
+    start = np.random.default_rng(1).standard_normal(len(mass))
+    return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", v0=start, return_eigenvectors=False)[0]))
+
+
+def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements (n, 2) at rest under the loads of time 0, the components `held` (n, 2) being those of `at`."""
     free = ~held.ravel()
     u = np.where(held, at, 0.0).ravel()
-    symmetric = problem.options.mode == "conservative"
-    area = np.repeat(problem.assembly.area, 2)
-    K = weighted(problem) if symmetric else operator(problem.assembly.bonds)
-    rest = (problem.drive.force.ravel() * (area if symmetric else 1.0) - K @ u)[free]
+    symmetric = problem.system.operator.symmetric
+    area = np.repeat(problem.system.area, 2)
+    K = weighted(problem) if symmetric else matrix(problem)
+    rest = (problem.system.drive.force.ravel() * (area if symmetric else 1.0) - K @ u)[free]
     inner = K[free][:, free]
     if not symmetric:
         u[free] += spsolve(inner.tocsc(), rest)
         return u.reshape(-1, 2)
-    found, failed = cg(inner, rest, rtol=1e-10, maxiter=20000, M=diags(1 / inner.diagonal()))
+    found, failed = cg(inner, rest, rtol=1e-10, maxiter=20000, M=diags_array(1 / inner.diagonal()))
     assert not failed
     u[free] += found
     return u.reshape(-1, 2)
+
+
+def accelerate(problem: Prepared) -> None:
+    """Give all nodes the accelerations that belong to their small displacements."""
+    state = problem.state
+    pull = matrix(problem) @ state.value.astype(float).ravel()
+    state.second[:] = -pull.reshape(-1, 2) / problem.system.model.rho[:, None]
 
 
 def stiffness(bonds: Bonds, node: int) -> tuple[float, float, float]:

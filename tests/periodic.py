@@ -6,18 +6,20 @@ import dataclasses
 
 import numpy as np
 from scipy.spatial import cKDTree
+from systems import bonds_of
 
 from pdmesh.grid import Grid
 from pdsolve.bonds import Assembly, Bonds, Filling, Part
 from pdsolve.model import Model
-from pdsolve.problem import Problem, problem_of
+from pdsolve.system import Prepared, system_of
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
 
 
-def joined(problem: Problem, box: Box) -> Problem:
+def joined(problem: Prepared, box: Box) -> Prepared:
     """The nodes of `problem` with x0 <= x < x1 and y0 <= y < y1, their bonds led around the box."""
-    grid, bonds = problem.model.grid, problem.assembly.bonds
+    system, bonds = problem.system, bonds_of(problem)
+    grid = system.model.grid
     low, high = np.array(box[:2]), np.array(box[2:])
     x = grid.position
     inside = ((x >= low - 1e-9) & (x < high - 1e-9)).all(axis=1)
@@ -26,7 +28,7 @@ def joined(problem: Problem, box: Box) -> Problem:
     for axis in np.flatnonzero(np.isfinite(high - low)):
         wrapped[:, axis] = low[axis] + (x[:, axis] - low[axis] + 1e-9) % (high[axis] - low[axis]) - 1e-9
     distance, image = cKDTree(x[rows]).query(wrapped)
-    sub = Model(_some(grid, rows), problem.model.settings)
+    sub = Model(_some(grid, rows), system.model.settings)
     chosen = np.concatenate([np.arange(bonds.start[row], bonds.start[row + 1]) for row in rows])
     neighbour = bonds.neighbour[chosen]
     assert distance[neighbour].max() < 1e-9, "the box is not a period of the grid"
@@ -36,8 +38,9 @@ def joined(problem: Problem, box: Box) -> Problem:
         image[neighbour].astype(np.int32),
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
-    assembly = Assembly(own, problem.assembly.area[rows], problem.assembly.family[rows])
-    return problem_of(sub, problem.options, lambda _: Filling(assembly.area, lambda rows: _part(assembly, rows)))
+    assembly = Assembly(own, system.area[rows], system.family[rows])
+    scheme = system.scheme._replace(fill=lambda _: Filling(assembly.area, lambda rows: _part(assembly, rows)))
+    return system_of(sub, system.options, scheme)
 
 
 def _part(assembly: Assembly, rows: np.ndarray) -> Part:

@@ -7,8 +7,8 @@
      /------\\---> stretch            kr = s_0 / s_p
            s_p  s_0
 
-Thesis, figures 40 and 58; unloading goes straight to the origin and compression follows the same line, as the damage of a
-bond is one number. A bond that was softened to nothing has spent c xi s_p s_0 / 2.
+Thesis, figures 40 and 58; unloading goes straight to the origin and compression follows the same line, as the damage
+of a bond is one number. A bond that was softened to nothing has spent c xi s_p s_0 / 2.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from pdsolve.bonds import Bonds
 from pdsolve.laws.law import INNER, stretch_before
 from pdsolve.model import Model
+
+MEMORY = ("worst",)
 
 
 class Law(NamedTuple):

@@ -1,8 +1,8 @@
 """The brittle law: linear until a bond is stretched to its limit, then nothing, for ever.
 
-S. A. Silling, E. Askari, Comput. Struct. 83 (2005) 1526-1535. Where a bond breaks, Verlet takes exactly
-c xi s_n s_(n+1) / 2 out of the motion at that moment (s_n of the last intact step, s_(n+1) at detection), so that is what
-is booked as spent; half of it belongs to each node.
+S. A. Silling, E. Askari, Comput. Struct. 83 (2005) 1526-1535. Where a bond breaks, Verlet takes exactly c xi s_n
+s_(n+1) / 2 out of the motion at that moment (s_n of the last intact step, s_(n+1) at detection), so that is what is
+booked as spent; half of it belongs to each node.
 """
 
 from __future__ import annotations

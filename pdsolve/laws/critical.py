@@ -1,7 +1,7 @@
 """When the bonds of a material soften and break, so that a crack costs its fracture energy.
 
-The brittle law's critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput. Struct.
-83 (2005) 1526-1535.
+The brittle law's critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput.
+Struct. 83 (2005) 1526-1535.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What a law may say of one bond or one node, and how the loops find what it says.
 
-A law is a file: a NamedTuple `Law` of columns, one value a bond or a node, and some of the functions below, which see one
-bond or one node and never a loop. `bind` binds them to the tuple's type, so that one compiled loop serves every law and a
-second process finds it compiled. The loops (`pdsolve.operators.listed`) call them in this order:
+A law is a file: a NamedTuple `Law` of columns, one value a bond or a node, and some of the functions below, which see
+one bond or one node and never a loop. `bind` binds them to the tuple's type, so that one compiled loop serves every
+law and a second process finds it compiled. The loops (`pdsolve.operators.listed`) call them in this order:
 
     gather   adds what bond k says of node i's family to the node's row of `m`     (first pass; pair laws have none)
     close    turns that row into what the second pass wants                        (likewise)
@@ -14,11 +14,14 @@ Symbols, for the bond k from node i to node j:
     xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
     q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
 `now` is the state as loops know it, `m` (n, ROWS of the law) what nodes have between the two passes.
+
+A law that says nothing else has ROWS = 0, and MEMORY, the names of the columns (b,) that `age` changes, is empty; but
+for `broken`, which if it is there is the step in which a bond broke, 0 while intact.
 """
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -58,29 +61,43 @@ class Bond(NamedTuple):
     stretch: Any
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+Function = Callable[..., Any]
+
+
+def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
     """Add to m[i] what bond k says of node i's family."""
-    raise NotImplementedError
+    _said[type(law)].gather(law, bond, now, i, j, k, m)
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def close(law: Any, i: int, m: NDArray[Any]) -> None:
     """Turn m[i] into what the second pass wants."""
-    raise NotImplementedError
+    _said[type(law)].close(law, i, m)
 
 
-def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
     """Let bond k remember what it has been through; returns what node i spends on it, J/m^3."""
-    raise NotImplementedError
+    return float(_said[type(law)].age(law, bond, now, m, i, j, k))
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> None:
     """Add the force density of bond k on node i to f (w,), N/m^3."""
-    raise NotImplementedError
+    _said[type(law)].pull(law, bond, now, m, i, j, k, f)
 
 
-def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> tuple[float, float]:
     """What bond k adds to the energy density of node i, J/m^3: held, and spent on softening so far."""
-    raise NotImplementedError
+    held, spent = _said[type(law)].energy(law, bond, now, m, i, j, k)
+    return held, spent
+
+
+class _Said(NamedTuple):
+    """What a law says."""
+
+    gather: Function
+    close: Function
+    age: Function
+    pull: Function
+    energy: Function
 
 
 def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -95,35 +112,44 @@ def _remember_nothing(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-de
     return 0.0
 
 
-@cache
+_said: dict[type, _Said] = {}  # by the type of the law's columns: what Python itself looks up where nothing is compiled
+
+
 def bind(law: ModuleType) -> None:
     """Let the loops know what a law says; numba keeps it for the life of the process."""
+    kind = law.Law
+    if kind in _said:
+        return
+    said = _said[kind] = _Said(
+        getattr(law, "gather", _gather_nothing),
+        getattr(law, "close", _close_nothing),
+        getattr(law, "age", _remember_nothing),
+        law.pull,
+        law.energy,
+    )
 
-    def is_it(kind: Any) -> bool:
-        return getattr(kind, "instance_class", None) is law.Law
-
-    gathers, closes = getattr(law, "gather", _gather_nothing), getattr(law, "close", _close_nothing)
-    ages, pulls, energies = getattr(law, "age", _remember_nothing), law.pull, law.energy
+    def chosen(found: Any, function: Function) -> Function | None:
+        return function if getattr(found, "instance_class", None) is kind else None
 
     @overload(gather, jit_options=INNER)
     def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-        return gathers if is_it(law) else None
+        return chosen(law, said.gather)
 
     @overload(close, jit_options=INNER)
     def _close(law, i, m):  # type: ignore[no-untyped-def]
-        return closes if is_it(law) else None
+        return chosen(law, said.close)
 
     @overload(age, jit_options=INNER)
     def _age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return ages if is_it(law) else None
+        return chosen(law, said.age)
 
     @overload(pull, jit_options=INNER)
     def _pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-        return pulls if is_it(law) else None
+        return chosen(law, said.pull)
 
     @overload(energy, jit_options=INNER)
     def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return energies if is_it(law) else None
+        return chosen(law, said.energy)
 
 
 @njit(**INNER)
@@ -152,12 +178,12 @@ def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
     return np.sqrt(squared) / bond.length - 1
 
 
-def _reference(xi, k):  # type: ignore[no-untyped-def]
-    raise NotImplementedError
+def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
+    return tuple(component[k] for component in xi)
 
 
-def _difference(xi, value, i, j):  # type: ignore[no-untyped-def]
-    raise NotImplementedError
+def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: int) -> tuple[Any, ...]:
+    return tuple(value[j, : len(xi)] - value[i, : len(xi)])
 
 
 @overload(_reference, jit_options=INNER)

@@ -1,13 +1,13 @@
 """A linear ordinary state-based solid of any Poisson's ratio, whose bonds do not break.
 
-S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, eq. 104, with an influence of 1. In d
-dimensions, per unit thickness in the plane, the energy density of node i is
+S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, eq. 104, with an influence of 1.
+In d dimensions, per unit thickness in the plane, the energy density of node i is
 
     W = K theta^2 / 2 + alpha / 2 sum V_j (e - theta |xi| / d)^2        e = |xi + eta| - |xi|
     theta = d / m sum V_j |xi| e,  m = sum V_j |xi|^2,                  alpha = d (d + 2) mu / m
 
-with V_j the neighbour's cell as far as it is within the horizon, K the bulk modulus (in the plane E / 2 (1 - nu) for plane
-stress and lambda + mu for plane strain) and mu the shear modulus. The force density is the sum over bonds of
+with V_j the neighbour's cell as far as it is within the horizon, K the bulk modulus (in the plane E / 2 (1 - nu) for
+plane stress and lambda + mu for plane strain) and mu the shear modulus. The force density is the sum over bonds of
 (t_i + t_j) V_j along the deformed bond, t = d K theta |xi| / m + alpha (e - theta |xi| / d).
 """
 
@@ -47,8 +47,13 @@ def of_moduli(bulk: NDArray[np.float64], shear: NDArray[np.float64], bonds: Bond
     dimension, squared = bonds.xi.shape[1], (bonds.xi.astype(np.float64) ** 2).sum(axis=1)
     m = np.bincount(_sources(bonds), bonds.weight * squared, minlength=len(bonds.start) - 1)
     inverse = np.divide(1.0, m, out=np.zeros_like(m), where=m > 0)
-    per_node = dimension * bulk * inverse, dimension * (dimension + 2) * shear * inverse, dimension * inverse
-    return Law(*(column.astype(bonds.xi.dtype) for column in per_node), bonds.weight)
+    kind = bonds.xi.dtype
+    return Law(
+        bulk=(dimension * bulk * inverse).astype(kind),
+        shear=(dimension * (dimension + 2) * shear * inverse).astype(kind),
+        weighted=(dimension * inverse).astype(kind),
+        cell=bonds.weight,
+    )
 
 
 def _moduli(model: Model, material: Material) -> tuple[float, float]:

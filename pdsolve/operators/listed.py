@@ -85,7 +85,8 @@ class Listed:
         """`columns` are those of the law for these bonds."""
         bind(law)
         xi = tuple(np.ascontiguousarray(bonds.xi[:, axis]) for axis in range(bonds.xi.shape[1]))
-        self.unknowns, self.symmetric = (Unknown("u", len(xi), 2),), symmetric
+        self.unknowns: tuple[Unknown, ...] = (Unknown("u", len(xi), 2),)
+        self.symmetric = symmetric
         self.law, self.columns, self._bonds = law, columns, bonds
         self._list, self._nodes, self._threads = List(bonds.start, bonds.neighbour, xi), len(bonds.start) - 1, threads
 
@@ -131,7 +132,7 @@ class Listed:
 
     def keep(self) -> Kept:
         """As in `Operator`."""
-        kept = {}
+        kept: dict[str, NDArray[Any]] = {}
         for name in self._remembered():
             column = getattr(self.columns, name)
             which = np.flatnonzero(column)
@@ -158,7 +159,7 @@ class Listed:
 
     def _remembered(self) -> tuple[str, ...]:
         """Names of the columns that change, but for who is broken."""
-        return tuple(name for name in getattr(self.law, "MEMORY", ()) if name != "broken")
+        return getattr(self.law, "MEMORY", ())
 
     def _steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""

@@ -47,8 +47,8 @@ class Operator(Protocol):
         w i + a."""
 
     def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of both nodes of the bonds that are intact, source and target, in order; of the sources from `first`
-        to `last` - 1, or of all."""
+        """Rows (k,) of both nodes of the bonds that are intact, source and target, in order; of the sources from
+        `first` to `last` - 1, or of all."""
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""

@@ -1,7 +1,7 @@
 """Derivatives of what a law pulls with, by complex steps: exact to round-off, and no law needs to say more.
 
-J. R. R. A. Martins, P. Sturdza, J. J. Alonso, ACM Trans. Math. Softw. 29 (2003) 245-262: f'(x) = Im f(x + i h) / h has no
-difference in it, so that h may be as small as one likes.
+J. R. R. A. Martins, P. Sturdza, J. J. Alonso, ACM Trans. Math. Softw. 29 (2003) 245-262: f'(x) = Im f(x + i h) / h
+has no difference in it, so that h may be as small as one likes.
 """
 
 from __future__ import annotations

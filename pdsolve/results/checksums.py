@@ -68,7 +68,8 @@ def is_whole(table: str, row: Row) -> bool:
 def _crc(key: Row, values: Row) -> int:
     crc = zlib.crc32(_packed(key))
     for value in values:
-        crc = zlib.crc32(value if isinstance(value, bytes | memoryview) else _packed(value), crc)
+        data = memoryview(value if isinstance(value, bytes | memoryview) else _packed(value))
+        crc = zlib.crc32(data, zlib.crc32(_packed(data.nbytes), crc))
     return crc
 
 

@@ -62,7 +62,8 @@ class Tables:
         try:
             yield
         finally:
-            self.connection.execute("ROLLBACK")
+            if self.connection.in_transaction:  # an error may have ended it
+                self.connection.execute("ROLLBACK")
 
     def rows(self, query: str, values: Row = ()) -> list[Row]:
         """What a query finds, not compared with anything."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import time
 import warnings
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.files import irregular
 from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
 from pdsolve.results.errors import ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.reader import Results
@@ -23,6 +25,7 @@ from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Families, Frame, Node
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 READERS = 3.0  # s that a run waits in the end for those who read its database
 LOOK = 0.1  # s between two looks whether another program has let go of it
+LEAST_WAIT = 1.0  # s that it is waited for, even by a run that is to stop
 FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice as long, and so on
 
 
@@ -132,10 +135,11 @@ class Writer:
             self.close(status)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Leave nothing behind, as well as can be."""
         self.connection.close()
         if self.path is not None:
-            remove(self.path)
+            with suppress(ResultsError):
+                remove(self.path)
 
     @contextmanager
     def _transaction(self, new: bool = False) -> Iterator[sqlite3.Connection]:
@@ -166,7 +170,7 @@ class Writer:
                 if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY:
                     raise
             waited = time.monotonic() - since
-            if self.stop():
+            if self.stop() and waited >= LEAST_WAIT:
                 raise WriteError(
                     f"{self.path}: found it locked by another program for {waited:.0f} s, expected it to let go;"
                     " the database holds the run up to its last checkpoint"
@@ -254,6 +258,15 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 
 
 def remove(path: Path) -> None:
-    """Delete a database with what SQLite keeps beside it."""
-    for name in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
-        name.unlink(missing_ok=True)
+    """Delete a database, or the one a link leads to, with what SQLite keeps beside it.
+
+    Raises WriteError where it cannot be, or is no file.
+    """
+    try:
+        found = irregular(path)
+        if found is not None:
+            raise WriteError(f"{path}: found {found}, expected a database or nothing")
+        for beside in ("", "-wal", "-shm", "-journal"):
+            Path(f"{os.path.realpath(path)}{beside}").unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: {error.strerror}") from None

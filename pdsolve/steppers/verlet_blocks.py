@@ -1,8 +1,8 @@
 """Velocity Verlet for blocks, one sweep a step: as `verlet`, which says what is done.
 
-A block is summed, kicked and drifted on to the next step by one thread, as its neighbours look at the displacements of
-this step alone; those of three steps are kept in turn. Kick and drift are two roundings, and never contracted, so that it
-does not show where a sequence of steps was taken apart.
+A block is summed, kicked and drifted on to the next step by one thread, as its neighbours look at the displacements
+of this step alone; those of three steps are kept in turn. Kick and drift are two roundings, and never contracted, so
+that it does not show where a sequence of steps was taken apart.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, apply_loads
 from pdsolve.operators.blocks.kernel import FX, FY, INNER, LANES, across, sum_lanes
+from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.layout import aligned
 from pdsolve.operators.blocks.operator import InBlocks
-from pdsolve.operators.blocks.vectors import ROW, kick_and_drift
+from pdsolve.operators.blocks.vectors import kick_and_drift
 from pdsolve.state import State
 from pdsolve.steppers.holds import hold_component, release_component
 from pdsolve.threads import gate_of, meet, side_by_side

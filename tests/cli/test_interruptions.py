@@ -87,17 +87,17 @@ def test_what_a_library_makes_of_it(capsys: pytest.CaptureFixture[str]) -> None:
 def test_between_two_entries_of_the_ledger(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pdsolve.problem import Problem
+    from pdsolve.system import Prepared
 
-    march = Problem.march
+    march = Prepared.march
 
-    def interrupted(problem: Problem, first: int, last: int) -> None:
+    def interrupted(problem: Prepared, first: int, last: int) -> None:
         march(problem, first, last)
         if first == 33:
             signal.raise_signal(signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Problem, "march", interrupted)
+        patch.setattr(Prepared, "march", interrupted)
         assert main([str(model)]) == 130
     out, err = capsys.readouterr()
     assert out.startswith("interrupted; to go on: pdsolve --resume plate.sqlite\n")

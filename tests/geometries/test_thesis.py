@@ -10,9 +10,9 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
-from pdpost.cracks import CRACKED, damage_at
-from pdsolve.problem import Options, prepare
+from pdpost.cracked import CRACKED, damage_at
 from pdsolve.results import Results
+from pdsolve.system import Options, prepare
 
 pytest.importorskip("gmsh", exc_type=OSError)
 

@@ -10,7 +10,7 @@ import pytest
 from plates import GLASS
 
 from pdmesh.grid import Material
-from pdsolve.laws.bilinear import critical_stretch
+from pdsolve.laws.critical import critical_stretch
 from pdsolve.laws.micromodulus import micromodulus
 
 CASES = [(plane, profile) for plane in ("stress", "strain") for profile in ("constant", "conical")]

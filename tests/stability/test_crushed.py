@@ -13,7 +13,7 @@ from plates import plate, square_grid
 
 from pdmesh.grid import Run, Velocity
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 
 DELTA = 2.0**-10  # m: of a kind that sums without rounding
 
@@ -40,7 +40,7 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     assert "spent on breaking bonds, expected no less than 0" in said.err[1]
     work = prepare(pressed(1000.0, steps=200), Options(threads=1))
     work.march(1, 61)
-    gap = np.diff(work.motion.u.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
+    gap = np.diff(work.state.value.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
     assert gap.min() < 0  # measured -7.8: a column has passed its neighbour
     energy = work.books(60)
     assert np.isfinite(energy.strain)

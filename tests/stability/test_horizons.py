@@ -11,7 +11,7 @@ from linear import stiffness
 from plates import GLASS, plate, square_grid
 
 from pdsolve.lattice import calibration, full_family, lattice_ratios
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
 SIDE = 31
@@ -31,7 +31,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     families = {}
     for mode in ("thesis", "conservative"):
         problems = [prepare(plate(grid, m, material=CONSTANT), Options(mode, threads=1)) for m in (3.0, 3.015)]
-        counts = [np.unique(problem.count[inner]).tolist() for problem in problems]
+        counts = [np.unique(problem.system.count[inner]).tolist() for problem in problems]
         assert counts[0] == counts[1]
         assert np.array_equal(*(problem.assembly.bonds.neighbour for problem in problems))
         families[mode] = counts[0]

@@ -20,25 +20,25 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
 
 from pdmesh.grid import Grid, Load, Material, Run
-from pdsolve.laws.bilinear import critical_stretch
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.laws.critical import critical_stretch
 from pdsolve.simulation import plan
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
 FIRST = float(critical_stretch(GLASS, np.array([8e-3]))[0])  # stretch at which the first bonds break, the coarse ones
 
 
-def strip(mode: str, m: int, fine: int, coarse: int) -> Problem:
+def strip(mode: str, m: int, fine: int, coarse: int) -> Prepared:
     """A strip of 1 mm nodes left of x = 0 and of 2 mm ones right of it, repeating itself upwards."""
     rows = 4 * m + 8
     y0 = 2e-3 * (rows // 2)
     # the fast kernel keeps its bonds in blocks, in which a strip joined to itself would show its cut edges
-    whole = prepare(plate(interface_grid(fine, coarse, rows), m), Options(mode, threads=1, kernel="textbook"))
+    whole = prepare(plate(interface_grid(fine, coarse, rows), m), Options(mode, threads=1, kernel="listed"))
     return joined(whole, (-np.inf, y0, np.inf, y0 + 2e-3))
 
 
-def begin(problem: Problem, u: NDArray[np.float64], v: NDArray[np.float64]) -> None:
+def begin(problem: Prepared, u: NDArray[np.float64], v: NDArray[np.float64]) -> None:
     """Displacements and velocities (n,) along x, and the accelerations that belong to them."""
     motion = problem.motion
     motion.u[:, 0], motion.v[:, 0] = u, v
@@ -49,10 +49,10 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
     """Bonds that a pulse of this strain, 8 mm wide, breaks on its way from the fine nodes to the coarse ones and
     back."""
     problem = strip(mode, 4, 80, coarse)
-    problem = dataclasses.replace(problem, time_step=0.5 * problem.bound)
-    s = (problem.model.grid.position[:, 0] + 40e-3) / 8e-3
+    problem = dataclasses.replace(problem, time_step=0.5 * problem.system.bound)
+    s = (problem.system.model.grid.position[:, 0] + 40e-3) / 8e-3
     begin(problem, strain * 8e-3 * np.sqrt(np.pi) / 2 * erf(s), -SPEED * strain * np.exp(-(s**2)))
-    problem.march(1, int(60e-3 / SPEED / problem.time_step) + 1)
+    problem.march(1, int(60e-3 / SPEED / problem.system.time_step) + 1)
     return int(np.count_nonzero(problem.motion.broken))
 
 
@@ -81,7 +81,7 @@ def concentration(mode: str, m: int) -> float:
     """Largest share of a bond's limit within 5 mm of the interface, over that far from it, in slow tension across
     it."""
     problem = strip(mode, m, 60, 20)
-    x = problem.model.grid.position[:, 0]
+    x = problem.system.model.grid.position[:, 0]
     held = np.zeros((len(x), 2), dtype=bool)
     held[:, 1] = True
     held[:, 0] = (x < x.min() + 2.1e-3 * m) | (x > x.max() - 2.1e-3 * m)
@@ -161,7 +161,7 @@ def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     )
 
 
-def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Material = UNBREAKABLE) -> Problem:
+def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Material = UNBREAKABLE) -> Prepared:
     """A strip of zones, one after the other along x, whose cells tile it; mm. It repeats itself upwards."""
     widest, m = max(spacings), 3
     rows = 2 * (m + 1) + 3
@@ -175,7 +175,7 @@ def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Mater
     plain = np.zeros(nodes, dtype=bool)
     ids = np.arange(1, nodes + 1)
     grid = Grid(ids, np.concatenate(position), np.concatenate(delta), plain, ids * 0 - 1, np.empty((0, 4)))
-    whole = prepare(plate(grid, m, material=material), Options(threads=1, kernel="textbook"))
+    whole = prepare(plate(grid, m, material=material), Options(threads=1, kernel="listed"))
     y0 = 1e-3 * widest * (rows // 2)
     return joined(whole, (-np.inf, y0, np.inf, y0 + 1e-3 * widest))
 
@@ -183,14 +183,14 @@ def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Mater
 def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float) -> float:
     """Velocity sent back into the first zone over velocity sent in; the displacement is exp(-(x / width)^2)."""
     problem = layered(spacings, lengths)
-    problem = dataclasses.replace(problem, time_step=0.5 * problem.bound)
-    x, first = problem.model.grid.position[:, 0], lengths[0] * 1e-3
+    problem = dataclasses.replace(problem, time_step=0.5 * problem.system.bound)
+    x, first = problem.system.model.grid.position[:, 0], lengths[0] * 1e-3
     s = (x - first / 2) / width
     begin(problem, 1e-6 * np.exp(-(s**2)), 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2)))
-    sent = np.abs(problem.motion.v).max()
+    sent = np.abs(problem.state.rate).max()
     way = first + 2e-3 * sum(lengths[1:-1])
-    problem.march(1, round(way / SPEED / problem.time_step) + 1)
-    return float(np.abs(problem.motion.v[x < first - 10e-3, 0]).max() / sent)
+    problem.march(1, round(way / SPEED / problem.system.time_step) + 1)
+    return float(np.abs(problem.state.rate[x < first - 10e-3, 0]).max() / sent)
 
 
 def test_spacings_that_jump(failure: Callable[..., None]) -> None:

@@ -12,7 +12,7 @@ from periodic import joined
 from plates import plate, square_grid
 
 from pdmesh.grid import Load, Run
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 
 TRACTION, WIDTH, RATIO = 1e6, 12e-3, 4
 ROWS = 40
@@ -34,18 +34,18 @@ def passed_on(mode: str, rows: int) -> float:
     x0 = 10e-3
     problem = joined(whole, (x0, -np.inf, x0 + WIDTH, np.inf))
     rows_kept = np.flatnonzero((grid.position[:, 0] > x0 - 1e-6) & (grid.position[:, 0] < x0 + WIDTH - 1e-6))
-    problem.drive.force[:] = whole.drive.force[rows_kept]
-    held = np.zeros((len(problem.area), 2), dtype=bool)
+    problem.system.drive.force[:] = whole.system.drive.force[rows_kept]
+    held = np.zeros((len(problem.system.area), 2), dtype=bool)
     middle = len(held) // 2
     held[middle] = True
     u = equilibrium(problem, held, np.zeros(held.shape))
     bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
-    y = problem.model.grid.position[i, 1]
+    y = problem.system.model.grid.position[i, 1]
     crossing = (y < (ROWS / 2 - 0.5) * 1e-3) & (y + bonds.xi[:, 1] > (ROWS / 2 - 0.5) * 1e-3)
     length = np.hypot(*bonds.xi.T)
     n = bonds.xi / length[:, None]
     pull = bonds.stiffness / length * ((u[bonds.neighbour] - u[i]) * n).sum(axis=1) * n[:, 1]
-    return float((pull * problem.area[i])[crossing].sum() / (TRACTION * WIDTH))
+    return float((pull * problem.system.area[i])[crossing].sum() / (TRACTION * WIDTH))
 
 
 def balance(said: Said) -> float:

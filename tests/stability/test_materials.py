@@ -17,8 +17,8 @@ from scipy.sparse.linalg import spsolve
 
 from pdmesh.grid import Region, Run
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import plan
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows
@@ -31,9 +31,9 @@ def layers(contrast: float) -> Model:
     return plate(square_grid(32, ROWS), 3, material=UNBREAKABLE, regions=(region,), run=Run(steps=1))
 
 
-def strip(mode: str, contrast: float) -> Problem:
+def strip(mode: str, contrast: float) -> Prepared:
     """The layers without sides."""
-    whole = prepare(layers(contrast), Options(mode, threads=1, kernel="textbook"))
+    whole = prepare(layers(contrast), Options(mode, threads=1, kernel="listed"))
     return joined(whole, (10e-3, -np.inf, 22e-3, np.inf))
 
 
@@ -47,7 +47,7 @@ class Stretched(NamedTuple):
 def stretched(mode: str, contrast: float) -> Stretched:
     """In series the strain of the soft layer is `contrast` times that of the stiff one, from y = 19.5 mm on."""
     problem = strip(mode, contrast)
-    y = problem.model.grid.position[:, 1]
+    y = problem.system.model.grid.position[:, 1]
     held = np.column_stack([np.ones(len(y), dtype=bool), (y < 3.1e-3) | (y > y.max() - 3.1e-3)])
     free = ~held.ravel()
     u = np.where(held, np.column_stack([0 * y, 1e-6 * y]), 0.0).ravel()
@@ -63,8 +63,8 @@ def growth(mode: str, contrast: float) -> float:
     """Energy after 2e4 steps of 0.8 of Silling and Askari's bound over that of random velocities at the start."""
     problem = strip(mode, contrast)
     share = 0.8 if mode == "thesis" else 0.8 / np.sqrt(2)
-    problem = dataclasses.replace(problem, time_step=share * problem.bound)
-    problem.motion.v[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.motion.v.shape)
+    problem = dataclasses.replace(problem, time_step=share * problem.system.bound)
+    problem.state.rate[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.state.rate.shape)
     start = problem.books(0).kinetic
     problem.march(1, 20_001)
     books = problem.books(20_000)

@@ -12,29 +12,29 @@ from linear import operator
 from plates import GLASS, plate, two_scale_grid
 
 from pdmesh.grid import InitialVelocity, Run
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import UnstableError, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 PART = 10_000
 
 
-def free_plate(mode: str) -> Problem:
+def free_plate(mode: str) -> Prepared:
     """A free plate of two scales, 132 nodes, at random velocities of 1e-6 m/s that carry no momentum."""
     problem = prepare(plate(two_scale_grid(), 3, material=UNBREAKABLE), Options(mode, threads=1))
-    velocity = 1e-6 * np.random.default_rng(1).standard_normal(problem.motion.v.shape)
-    velocity -= (velocity * problem.area[:, None]).sum(axis=0) / problem.area.sum()
-    problem.motion.v[:] = velocity
+    velocity = 1e-6 * np.random.default_rng(1).standard_normal(problem.state.rate.shape)
+    velocity -= (velocity * problem.system.area[:, None]).sum(axis=0) / problem.system.area.sum()
+    problem.state.rate[:] = velocity
     return problem
 
 
-def frequencies(problem: Problem) -> np.ndarray:
+def frequencies(problem: Prepared) -> np.ndarray:
     """omega, 1/s: roots of the eigenvalues of M^-1 K, without those of rigid motion."""
     values = np.linalg.eigvals((operator(problem.assembly.bonds) / GLASS.rho).toarray())
     return np.sqrt(values[np.abs(values) > 1e-6 * np.abs(values).max()].astype(complex))
 
 
-def energies(problem: Problem) -> list[float]:
+def energies(problem: Prepared) -> list[float]:
     """Energy over that of the start, after each 10^4 of 10^5 steps."""
     start, found = problem.books(0), []
     for part in range(10):
@@ -97,8 +97,8 @@ def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
     drift = {}
     for mode in ("thesis", "conservative"):
         problem = prepare(plate(two_scale_grid(), run=Run(time_step=5e-8)), Options(mode, threads=1))
-        motion, mass = problem.motion, (problem.model.rho * problem.area)[:, None]
-        x = problem.model.grid.position
+        motion, mass = problem.motion, (problem.system.model.rho * problem.system.area)[:, None]
+        x = problem.system.model.grid.position
         motion.v[:, 1] = np.exp(-((x - [4e-3, 5e-3]) ** 2).sum(axis=1) / (2e-3) ** 2)
         before = (mass * motion.v).sum(axis=0)
         problem.march(1, 2001)

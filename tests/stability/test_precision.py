@@ -12,8 +12,8 @@ from plates import plate, square_grid
 
 from pdmesh.grid import InitialVelocity, Load, Run
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is
@@ -31,10 +31,10 @@ def duran(tip: float = TIP, pull: float = 3e9) -> Model:
     return plate(grid, 4, conditions=loads, run=Run(time_step=25e-9))
 
 
-def asymmetry(problem: Problem) -> tuple[float, int]:
+def asymmetry(problem: Prepared) -> tuple[float, int]:
     """Largest difference of the displacements of both halves over the largest displacement, and the nodes whose damage
     is not that of their mirror image."""
-    u = problem.motion.u.astype(float).reshape(ROWS, COLUMNS, 2)
+    u = problem.state.value.astype(float).reshape(ROWS, COLUMNS, 2)
     damage = problem.damage().reshape(ROWS, COLUMNS)
     mirrored = u[::-1] * [1, -1]
     return float(np.abs(u - mirrored).max() / np.abs(u).max()), int((damage != damage[::-1]).sum())
@@ -48,19 +48,19 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     """
     found = {}
     for precision in ("float64", "float32"):
-        problem = prepare(duran(pull=12e9), Options(precision=precision, threads=1))
+        problem = prepare(duran(pull=13e9), Options(precision=precision, threads=1))
         problem.march(1, 801)
         early = asymmetry(problem)
         problem.march(801, 1801)
         found[precision] = (early, asymmetry(problem))
     assert found["float64"][0] < (1e-14, 1)
-    assert found["float64"][1] < (1e-14, 1)  # measured 2e-15
+    assert found["float64"][1] < (1e-14, 1)  # measured 5e-15
     assert found["float64"][1][1] == 0
-    assert found["float32"][0][0] < 3e-6  # measured 1e-6
-    assert found["float32"][1][0] > 0.01  # measured 0.014
-    assert found["float32"][1][1] > 20  # measured 304
+    assert found["float32"][0][0] < 3e-6  # measured 1.1e-6
+    assert found["float32"][1][0] > 0.01  # measured 0.026
+    assert found["float32"][1][1] > 20  # measured 664
     failure(
-        fails=f"The Duran plate in float32, pulled at 12 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
+        fails=f"The Duran plate in float32, pulled at 13 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
         f"the displacement at step 800, and to {found['float32'][1][0]:.2f} at step 1800, in fragments; "
         f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes have another damage than their mirror image.",
         noticed="Not at all; both halves are cracks that noise could have made. `meta` in the database says which "
@@ -79,7 +79,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     cut = {}
     for end in (TIP - 1e-12, TIP, TIP + 1e-12):
         problem = prepare(duran(end), Options(threads=1))
-        lost = (problem.family - problem.count).reshape(ROWS, COLUMNS)
+        lost = (problem.system.family - problem.system.count).reshape(ROWS, COLUMNS)
         assert np.array_equal(lost, lost[::-1])
         cut[end] = int(lost.sum())
     assert len(set(cut.values())) == 1
@@ -101,7 +101,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     )
 
 
-def spinning(precision: str) -> Problem:
+def spinning(precision: str) -> Prepared:
     """A free plate of 13 x 8 nodes that flies at 100 m/s and turns at 2e4 rad/s."""
     grid = square_grid(13, 8)
     x, y = (grid.position - grid.position.mean(axis=0)).T
@@ -113,10 +113,10 @@ def spinning(precision: str) -> Problem:
     return prepare(model, Options(precision=precision, threads=1))
 
 
-def shape_error(problem: Problem) -> float:
+def shape_error(problem: Prepared) -> float:
     """How far nodes are, at most, from where a rigid motion would have brought them; in spacings."""
-    x = problem.model.grid.position
-    now = x + problem.motion.u
+    x = problem.system.model.grid.position
+    now = x + problem.state.value
     x, now = x - x.mean(axis=0), now - now.mean(axis=0)
     left, _, right = np.linalg.svd(x.T @ now)
     return float(np.abs(now - x @ left @ right).max() / 1e-3)

@@ -18,8 +18,8 @@ from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Scene, box
 from pdmesh.shapes import SceneError
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
 from pdsolve.simulation import plan
+from pdsolve.system import Options, prepare
 
 SIZES = (1e-9, 1e-3, 1e3)
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
@@ -43,7 +43,7 @@ def torn(delta: float) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
     """Displacements over the spacing, steps in which bonds broke, and the stable step over the spacing."""
     problem = prepare(cracked(delta), Options(threads=1))
     problem.march(1, 301)
-    return problem.motion.u / delta, problem.motion.broken, problem.bound / delta
+    return problem.state.value / delta, problem.motion.broken, problem.system.bound / delta
 
 
 def counts(x: NDArray[np.float64], slack: float) -> list[int]:
@@ -137,8 +137,10 @@ def test_millimetres_taken_for_metres(failure: Callable[..., None]) -> None:
     failure(
         fails="A drawing in millimetres is a plate a thousand times too large, with waves that take a thousand times "
         "as long.",
-        noticed="`pdmesh` refuses plates of more than 20 m (exit code 2).",
+        noticed="`pdmesh` refuses plates of more than 20 m whose unit is not said (exit code 2), and warns of those of "
+        "more than 2 m.",
         says=[str(refused.value)],
-        cure='`Units = "m"` says that it is meant: plates of 2e-8, 0.02 and 2e4 m are then the same '
+        cure='`Units = "mm"`, or `--unit mm`, says what it is, `"m"` that it is meant: plates of 2e-8, 0.02 and '
+        "2e4 m are then the same "
         f"{len(middle)} nodes and areas but for their size, to 1e-9.",
     )

@@ -19,17 +19,17 @@ from scipy.sparse.linalg import eigsh
 
 from pdmesh.grid import InitialVelocity, Material, Run
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import UnstableError, simulate
+from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ONE = Options(threads=1)
 STEPS = 10_000
 
 
-def true_limit(problem: Problem) -> float:
+def true_limit(problem: Prepared) -> float:
     """2 / omega_max, s."""
-    mass = np.repeat(problem.rho * problem.area, 2)
+    mass = np.repeat(problem.rho * problem.system.area, 2)
     K = weighted(problem)
     scaled = diags(mass**-0.5) @ (K + K.T) / 2 @ diags(mass**-0.5)
     start = np.random.default_rng(1).standard_normal(len(mass))

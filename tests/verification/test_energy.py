@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from linear import equilibrium
 from plates import GLASS, plate, square_grid, two_scale_grid
+from systems import at_step, broken
 
 from pdmesh.grid import (
     Acceleration,
@@ -21,7 +22,8 @@ from pdmesh.grid import (
     Run,
     Velocity,
 )
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.measures import books
+from pdsolve.system import Options, Prepared, prepare
 
 COLUMNS, ROWS = 31, 20
 TOP, BOTTOM = (0.0, 8.4e-3, 30e-3, 1e-2), (0.0, -1e-2, 30e-3, -8.4e-3)
@@ -58,11 +60,11 @@ ACTIONS: dict[str, tuple[AnyCondition, ...]] = {
 }
 
 
-def prepared(material: Material, action: str, share: float) -> Problem:
+def prepared(material: Material, action: str, share: float) -> Prepared:
     """A cracked plate at `share` of the bound of Silling and Askari, the root of 2 below that of symmetric bonds."""
     grid = dataclasses.replace(square_grid(COLUMNS, ROWS, y0=-9.5e-3), cracks=np.array([[0.0, 0.0, 10e-3, 0.0]]))
     problem = prepare(plate(grid, 3, material=material, conditions=ACTIONS[action]), Options(threads=1))
-    return dataclasses.replace(problem, time_step=share / np.sqrt(2) * problem.bound)
+    return at_step(problem, share / np.sqrt(2) * problem.system.bound)
 
 
 def missing(material: Material, action: str, share: float) -> tuple[float, int]:
@@ -70,15 +72,15 @@ def missing(material: Material, action: str, share: float) -> tuple[float, int]:
     return missing_of(prepared(material, action, share))
 
 
-def missing_of(problem: Problem) -> tuple[float, int]:
+def missing_of(problem: Prepared) -> tuple[float, int]:
     """The same of a problem."""
-    looks = np.rint(np.linspace(0, 7e-6, 15) / problem.time_step).astype(int)
+    looks = np.rint(np.linspace(0, 7e-6, 15) / problem.system.time_step).astype(int)
     amiss = []
     for last, step in pairwise(looks.tolist()):
         problem.march(last + 1, step + 1)
-        books = problem.books(step)
-        amiss.append(books.kinetic + books.strain + books.dissipated - books.work - problem.initial_energy)
-    return float(np.abs(amiss).max()) / max(abs(books.work), problem.initial_energy), books.broken
+        found = books(*problem, step)
+        amiss.append(found.kinetic + found.strain + found.dissipated - found.work - problem.system.initial_energy)
+    return float(np.abs(amiss).max()) / max(abs(found.work), problem.system.initial_energy), found.broken
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -97,10 +99,7 @@ def test_a_jump_of_velocity_is_of_second_order_too() -> None:
     broken."""
     flying = plate(square_grid(COLUMNS, ROWS, y0=-9.5e-3), 3, conditions=both_ways(InitialVelocity, y=5.0))
     problem = prepare(flying, Options(threads=1))
-    found = [
-        missing_of(dataclasses.replace(fresh, time_step=share / np.sqrt(2) * problem.bound))
-        for share, fresh in ((0.25, problem), (0.125, prepare(flying, Options(threads=1))))
-    ]
+    found = [missing_of(at_step(problem, share / np.sqrt(2) * problem.system.bound)) for share in (0.25, 0.125)]
     assert [broken for _, broken in found] == [0, 0]
     assert found[0][0] == pytest.approx(3.85e-3, rel=0.1)  # measured 3.85e-3
     assert found[0][0] / found[1][0] >= 3.5  # measured 4.03
@@ -113,37 +112,37 @@ def test_a_slow_pull_stores_the_work_it_takes() -> None:
     pull = tuple(Displacement(box=box, y=value, profile=rise) for box, value in ((top, 2e-6), (bottom, -2e-6)))
     model = plate(square_grid(21, 20, y0=-9.5e-3), 3, conditions=pull)
     problem = prepare(model, Options(threads=1))
-    steps = round(120e-6 / problem.time_step)
+    steps = round(120e-6 / problem.system.time_step)
     problem.march(1, steps + 1)
-    books = problem.books(steps)
+    found = books(*problem, steps)
     held, at = np.zeros((420, 2), dtype=bool), np.zeros((420, 2))
     for condition in pull:
         rows = model.selected(condition)
         held[rows, 1], at[rows, 1] = True, condition.y
     held[[10, 409], 0] = True  # no motion as a rigid body
     rest = prepare(model, Options(threads=1))
-    rest.motion.u[:] = equilibrium(rest, held, at)
-    assert books.broken == 0
-    assert books.kinetic <= 1e-4 * books.strain  # measured 3e-7
-    assert books.strain == pytest.approx(books.work, rel=1e-4)  # measured 2.7e-7
-    assert books.strain == pytest.approx(rest.books(0).strain, rel=1e-3)  # measured 3.3e-5
+    rest.state.value[:] = equilibrium(rest, held, at)
+    assert found.broken == 0
+    assert found.kinetic <= 1e-4 * found.strain  # measured 3e-7
+    assert found.strain == pytest.approx(found.work, rel=1e-4)  # measured 2.7e-7
+    assert found.strain == pytest.approx(books(*rest, 0).strain, rel=1e-3)  # measured 3.3e-5
 
 
 def test_momentum_and_angular_momentum_of_a_free_plate() -> None:
     """Random velocities in a free plate of two scales, strong enough to break bonds."""
     problem = prepare(plate(two_scale_grid(), run=Run(time_step=5e-8)), Options(threads=1))
-    motion, position = problem.motion, problem.model.grid.position
-    motion.v[:] = 8 * np.random.default_rng(2).standard_normal(motion.v.shape)
-    mass = problem.model.rho * problem.assembly.area
+    state, position = problem.state, problem.system.model.grid.position
+    state.rate[:] = 8 * np.random.default_rng(2).standard_normal(state.rate.shape)
+    mass = problem.system.model.rho * problem.system.area
 
     def momenta() -> np.ndarray:
-        x = position + motion.u
-        spin = x[:, 0] * motion.v[:, 1] - x[:, 1] * motion.v[:, 0]
-        return np.array([*(mass[:, None] * motion.v).sum(axis=0), (mass * spin).sum()])
+        x, v = position + state.value, state.rate
+        spin = x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]
+        return np.array([*(mass[:, None] * v).sum(axis=0), (mass * spin).sum()])
 
     before = momenta()
-    speed = np.hypot(*motion.v.T)
+    speed = np.hypot(*state.rate.T)
     scale = np.array([1, 1, np.hypot(*position.T).max()]) * (mass * speed).sum()
     problem.march(1, 2001)
-    assert 0 < np.count_nonzero(motion.broken) < problem.bonds
+    assert 0 < len(broken(problem).step) < problem.system.bonds
     assert np.abs((momenta() - before) / scale).max() <= 1e-12  # measured 1.3e-16

@@ -10,14 +10,14 @@ from linear import operator
 from periodic import joined
 from plates import GLASS, interface_grid, plate
 
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
 RATIO = 4
 REACH = RATIO * 1e-3
 
 
-def strip(mode: str, length: float) -> Problem:
+def strip(mode: str, length: float) -> Prepared:
     """A strip of 1 mm nodes over 2.2 `length` (m) left of x = 0 and of 2 mm ones over 0.65 to its right, repeating
     itself upwards; conical, m = 4."""
     rows = 4 * RATIO + 8
@@ -29,15 +29,15 @@ def strip(mode: str, length: float) -> Problem:
 def reflected(mode: str, width: float) -> float:
     """Velocity sent back over velocity sent in, of a P pulse whose displacement is exp(-(x / width)^2)."""
     problem = strip(mode, max(12 * width, 0.06))
-    problem = dataclasses.replace(problem, time_step=0.5 * problem.bound)
+    problem = dataclasses.replace(problem, time_step=0.5 * problem.system.bound)
     motion, start = problem.motion, -max(5 * width, 5 * REACH)
-    x = problem.model.grid.position[:, 0]
+    x = problem.system.model.grid.position[:, 0]
     s = (x - start) / width
     motion.u[:, 0] = 1e-6 * np.exp(-(s**2))
     motion.v[:, 0] = 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2))
     motion.a[:] = -(operator(problem.assembly.bonds) @ motion.u.ravel()).reshape(-1, 2) / GLASS.rho
     sent = np.abs(motion.v).max()
-    problem.march(1, round(-2 * start / SPEED / problem.time_step) + 1)
+    problem.march(1, round(-2 * start / SPEED / problem.system.time_step) + 1)
     return float(np.abs(motion.v[x < -1.5 * REACH, 0]).max() / sent)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 
 from pdmesh.grid import Material
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, micromodulus="constant")
 CONICAL = msgspec.structs.replace(UNIT, micromodulus="conical")

@@ -14,10 +14,10 @@ from plates import GLASS, plate, square_grid
 from pdmesh.grid import Material, Region
 from pdsolve.bonds import Bonds
 from pdsolve.lattice import calibration
-from pdsolve.laws.bilinear import critical_stretch, limits
+from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
 from pdsolve.schemes import average_horizon
+from pdsolve.system import Options, prepare
 
 SOFT = Material(E=20e9, rho=1200.0, G0=500.0, law="bilinear", kr=4.0)
 HALF = 12
@@ -41,7 +41,7 @@ def test_density_is_that_of_the_region() -> None:
     left = model.grid.position[:, 0] < 0
     problem = prepare(model, Options(threads=1))
     assert np.array_equal(problem.rho, np.where(left, 2235.0, 1200.0))
-    problem.motion.v[:, 0] = 2.0
+    problem.state.rate[:, 0] = 2.0
     mass = 1e-6 * 12 * HALF * (2235 + 1200)
     assert problem.books(0).kinetic == pytest.approx(mass / 2 * 4, rel=1e-14)
     assert problem.books(0).momentum_x == pytest.approx(mass * 2, rel=1e-14)

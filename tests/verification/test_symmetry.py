@@ -12,7 +12,7 @@ from plates import GLASS, interface_grid, plate, square_grid
 
 from pdmesh.grid import Grid, Load, Material, Run
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 MODES = ("thesis", "conservative")
 LAWS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=3.0)}
@@ -43,12 +43,12 @@ def cracked(turn: NDArray[np.float64], order: NDArray[np.int64] | None, material
     return plate(model_grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8))
 
 
-def run(model: Model, mode: str, steps: int = 150) -> Problem:
+def run(model: Model, mode: str, steps: int = 150) -> Prepared:
     """The problem after some steps, with bonds broken and bonds left."""
     problem = prepare(model, Options(mode, threads=1))
     problem.march(1, steps + 1)
     broken = np.count_nonzero(problem.motion.broken)
-    assert 50 < broken < problem.bonds / 2
+    assert 50 < broken < problem.system.bonds / 2
     return problem
 
 
@@ -78,8 +78,8 @@ def test_a_run_turns_with_its_plate(mode: str, law: str, turn: str, scales: int)
     """The same nodes in the same order, mirrored or turned: the same numbers to round-off, the same bonds broken."""
     plain = run(cracked(IDENTITY, None, LAWS[law], grid_of(scales)), mode)
     other = run(cracked(TURNS[turn], None, LAWS[law], grid_of(scales)), mode)
-    expected = turned(plain.motion.u, TURNS[turn])
-    assert np.abs(other.motion.u - expected).max() <= 1e-12 * np.abs(expected).max()  # measured 2e-14
+    expected = turned(plain.state.value, TURNS[turn])
+    assert np.abs(other.state.value - expected).max() <= 1e-12 * np.abs(expected).max()  # measured 2e-14
     assert all(map(np.array_equal, other.breaks_after(0), plain.breaks_after(0)))
 
 
@@ -93,7 +93,7 @@ def test_a_run_does_not_depend_on_the_numbering(mode: str, law: str, scales: int
     plain = run(cracked(IDENTITY, None, LAWS[law], grid), mode)
     other = run(cracked(IDENTITY, order, LAWS[law], grid), mode)
     assert (
-        np.abs(other.motion.u - plain.motion.u[order]).max() <= 1e-12 * np.abs(plain.motion.u).max()
+        np.abs(other.state.value - plain.state.value[order]).max() <= 1e-12 * np.abs(plain.state.value).max()
     )  # measured 2e-14
     assert np.array_equal(other.damage(), plain.damage()[order])
 
@@ -109,7 +109,7 @@ def test_a_symmetric_run_stays_symmetric(mode: str) -> None:
         for a, b in ((9.4e-3, 1.0), (-9.4e-3, -1.0))
     )
     problem = run(plate(grid, 3, conditions=loads, run=Run(time_step=4e-8)), mode)
-    u, damage = problem.motion.u.reshape(SIDE, SIDE, 2), problem.damage().reshape(SIDE, SIDE)
+    u, damage = problem.state.value.reshape(SIDE, SIDE, 2), problem.damage().reshape(SIDE, SIDE)
     assert np.abs(u[..., 0] - u[::-1, :, 0]).max() <= 1e-12 * np.abs(u).max()  # measured 4e-15
     assert np.abs(u[..., 1] + u[::-1, :, 1]).max() <= 1e-12 * np.abs(u).max()  # measured 2e-14
     assert np.array_equal(damage, damage[::-1])
@@ -132,5 +132,5 @@ def test_a_run_has_no_length_of_its_own(mode: str, law: str) -> None:
     )
     large = plate(large_grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8 * scale))
     a, b = run(small, mode), run(large, mode)
-    assert np.abs(b.motion.u / scale - a.motion.u).max() <= 1e-12 * np.abs(a.motion.u).max()  # measured 0
+    assert np.abs(b.state.value / scale - a.state.value).max() <= 1e-12 * np.abs(a.state.value).max()  # measured 0
     assert all(map(np.array_equal, a.breaks_after(0), b.breaks_after(0)))

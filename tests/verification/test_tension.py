@@ -12,7 +12,7 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.grid import Load
 from pdsolve.lattice import calibration, lattice_ratios
-from pdsolve.problem import Options, prepare
+from pdsolve.system import Options, prepare
 
 STRESS = 1.0
 

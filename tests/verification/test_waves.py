@@ -14,7 +14,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.grid import Material
 from pdsolve.lattice import calibration, hu_beta, offsets
 from pdsolve.laws.micromodulus import micromodulus
-from pdsolve.problem import Options, Problem, prepare
+from pdsolve.system import Options, Prepared, prepare
 
 UNIT = Material(E=1.0, rho=1.0, G0=1.0)
 
@@ -45,7 +45,7 @@ def test_speeds_of_long_waves(m: int, profile: str) -> None:
     assert found == pytest.approx(SPEEDS[m, profile], abs=6e-5)  # measured: all digits
 
 
-def ring(m: int, profile: str, nodes: int) -> Problem:
+def ring(m: int, profile: str, nodes: int) -> Prepared:
     """A strip of the conservative mode's lattice that repeats itself upwards every row and along x after `nodes`."""
     side = nodes + 6 * m + 8
     material = msgspec.structs.replace(GLASS, micromodulus=profile)
@@ -54,25 +54,25 @@ def ring(m: int, profile: str, nodes: int) -> Problem:
     return joined(whole, (x0, y0, x0 + 1e-3 * nodes, y0 + 1e-3))
 
 
-def frequency(problem: Problem, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
+def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
     """Angular frequency of a standing wave of `waves` in the ring, marched at `share` of the bound, and the step."""
-    nodes = len(problem.model.grid)
+    nodes = len(problem.system.model.grid)
     stiffness = operator(problem.assembly.bonds)
-    problem = dataclasses.replace(problem, time_step=share * problem.bound)
+    problem = dataclasses.replace(problem, time_step=share * problem.system.bound)
     x, motion = np.arange(nodes), problem.motion
     shape = np.cos(2 * np.pi * waves * x / nodes)
     motion.u[:, axis] = 1e-12 * shape  # small: a wave of finite size changes its own frequency
     motion.a[:] = -(stiffness @ motion.u.ravel()).reshape(-1, 2) / problem.rho[:, None]
     guess = np.sqrt(-motion.a[0, axis] / motion.u[0, axis])
     seen = []
-    steps = round(periods * 2 * np.pi / guess / problem.time_step)
+    steps = round(periods * 2 * np.pi / guess / problem.system.time_step)
     for step in range(1, steps + 1):
         problem.march(step, step + 1)
         seen.append(float(motion.u[:, axis] @ shape) / float(shape @ shape) / 1e-12)
     # cos((n + 1) w dt) + cos((n - 1) w dt) = 2 cos(w dt) cos(n w dt), by least squares
     c = np.array([1.0, *seen])
     cosine = float((c[2:] + c[:-2]) @ c[1:-1] / (2 * c[1:-1] @ c[1:-1]))
-    return float(np.arccos(cosine)) / problem.time_step, problem.time_step
+    return float(np.arccos(cosine)) / problem.system.time_step, problem.system.time_step
 
 
 @pytest.mark.parametrize(("m", "profile"), SPEEDS)
@@ -86,7 +86,7 @@ def test_dispersion(m: int, profile: str, axis: int, waves: int) -> None:
     problem = ring(m, profile, 48)
     omega, dt = frequency(problem, waves, axis, 3.0, 0.8)
     partial = profile == "constant"  # the conservative mode counts a conical family's cells in full
-    factor = calibration(m, problem.model.materials[0], partial).stiffness
+    factor = calibration(m, problem.system.model.materials[0], partial).stiffness
     rho_omega2 = factor * symbol(m, profile, (2 * np.pi * waves / 48, 0.0), partial)[axis, axis]
     lattice = np.sqrt(rho_omega2 * GLASS.E / GLASS.rho) / 1e-3
     assert omega == pytest.approx(2 / dt * np.arcsin(lattice * dt / 2), rel=1e-10)  # measured 5e-14

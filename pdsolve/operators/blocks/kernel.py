@@ -1,20 +1,21 @@
 """The sum over a node's bonds, fast: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
 
 Layout, after the sliced ELL format of sparse matrices:
-    block    64 consecutive nodes; a node's place in it is its lane
-    row      16 consecutive lanes
-    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes are
+    block    64 consecutive nodes; a node's place in it is its lane row      16 consecutive lanes slot     the bonds
+    of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes are
              consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all 16 (ids).
-    table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots: inside a
+    table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
+    inside a
              lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
              A slot gets rows of its own when its first bond breaks or softens.
-    mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what looks
+    mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what
+    looks
              at single bonds needs it.
 
 Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against.
-A lane carries an `edge`: nothing happens to its bond up to this e, that of its peak or, once it has softened, that of its
-largest stretch so far; its stiffness is the secant's. So all bonds are summed alike, and a slot is looked at lane by lane
-in the steps alone in which one of its bonds goes beyond.
+A lane carries an `edge`: nothing happens to its bond up to this e, that of its peak or, once it has softened, that of
+its largest stretch so far; its stiffness is the secant's. So all bonds are summed alike, and a slot is looked at lane
+by lane in the steps alone in which one of its bonds goes beyond.
 """
 
 from __future__ import annotations
@@ -26,9 +27,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share, spent_share
-from pdsolve.operators.blocks import vectors
+from pdsolve.operators.blocks import lanes, vectors
+from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.pull import NARROW
-from pdsolve.operators.blocks.vectors import BOUND, FAR, PULL, ROW, VECTOR, add_any, add_far, add_slots
+from pdsolve.operators.blocks.vectors import BOUND, FAR, PULL, VECTOR, add_any, add_far, add_slots
 
 LANES = 4 * ROW
 LIMITS = 7  # of a slot: row of `peak` and `limit`
@@ -39,7 +41,7 @@ INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper":
 # Where a thread's scratch has the sums of the whole block
 FX, FY, END = vectors.SCRATCH, vectors.SCRATCH + LANES, vectors.SCRATCH + 2 * LANES
 _E = vectors.E
-ACROSS = vectors.across(8)  # lanes summed at once in double precision; in single precision a row
+ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
 
 
 class Blocks(NamedTuple):
@@ -77,7 +79,8 @@ class Tracks(NamedTuple):
 def sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     """Force densities on some lanes of block b, from `lane` on, at u (2, m), N/m^3: at the beginning of `s`.
 
-    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's scratch.
+    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
+    scratch.
     """
     slots, ids, table, pull = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness
     near, edge, slot, last, own = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1], b * LANES + lane

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share
 from pdsolve.operators.blocks.kernel import END, LANES, LIMITS, Blocks
+from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.pull import NARROW
-from pdsolve.operators.blocks.vectors import BOUND, FAR, FIELDS, PULL, ROW, VECTOR
+from pdsolve.operators.blocks.vectors import BOUND, FAR, FIELDS, PULL, VECTOR
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one

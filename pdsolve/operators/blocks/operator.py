@@ -22,7 +22,7 @@ class InBlocks:
     """The bonds of n nodes on lattices under the brittle or the bilinear law; see `Operator`."""
 
     name = "blocks"
-    unknowns = (Unknown("u", 2, 2),)
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
 
     def __init__(self, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
         """`stiffest` (n,) as in `Operator`; `softens`: whether any bond does before it breaks."""
@@ -43,7 +43,8 @@ class InBlocks:
     def place(self, state: State) -> State:
         """As in `Operator`."""
         nodes, tracks = len(self._stiffest), self.tracks
-        own = State(*(array[..., :nodes].T for array in (tracks.u[0], *tracks[1:5])))
+        u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
+        own = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes])
         for values, here in zip(state, own, strict=True):
             if values.ctypes.data != here.ctypes.data:
                 here[:] = values

@@ -4,9 +4,9 @@ The force of a bond is w e g(e) (xi + eta) with e = (2 xi.eta + eta.eta) / xi.xi
 
     g(e) = 1 / (1 + e + sqrt(1 + e))
 
-which is free of cancellation. Polynomials stand for g that are as exact as a root and a division are: of degree 5 where |e|
-is at most `NARROW`, which is all that most bonds of brittle materials ever see, and of degree 10 up to `WIDE` (in single
-precision 2 and 4). They interpolate g at Chebyshev's points.
+which is free of cancellation. Polynomials stand for g that are as exact as a root and a division are: of degree 5
+where |e| is at most `NARROW`, which is all that most bonds of brittle materials ever see, and of degree 10 up to
+`WIDE` (in single precision 2 and 4). They interpolate g at Chebyshev's points.
 """
 
 from __future__ import annotations

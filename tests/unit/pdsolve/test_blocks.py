@@ -14,8 +14,8 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
 from pdsolve.kernels import layout
 from pdsolve.model import Model, ModelError
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 
@@ -60,14 +60,14 @@ def torn(grid: Grid, **settings: object) -> Model:
     )
 
 
-def both(model: Model, mode: str, precision: str = "float64") -> tuple[Problem, Problem]:
+def both(model: Model, mode: str, precision: str = "float64") -> tuple[Prepared, Prepared]:
     """The problem for the fast kernel and for the textbook loop."""
     fast, textbook = (prepare(model, Options(mode, precision, kernel=kernel)) for kernel in (None, "textbook"))
     assert (fast.kernel, textbook.kernel) == ("blocks", "textbook")
     return fast, textbook
 
 
-def bonds(problem: Problem, name: str) -> np.ndarray:
+def bonds(problem: Prepared, name: str) -> np.ndarray:
     """What the motion knows of each bond, in the order of nodes and neighbours, whatever the kernel."""
     values = getattr(problem.motion, name)
     if problem.fast is None:
@@ -90,8 +90,8 @@ def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
     fast, textbook = both(plate(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
     for problem in (fast, textbook):
         random = np.random.default_rng(3)
-        problem.motion.u[:] = 3e-7 * random.standard_normal(problem.motion.u.shape)
-        problem.motion.v[:] = 3.0 * random.standard_normal(problem.motion.u.shape)
+        problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
+        problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         problem.march(1, 2)
         problem.march(2, 3)
     assert 0 < (textbook.motion.broken > 0).mean() < 0.9
@@ -121,6 +121,45 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     assert fast.books(120)[2:] == pytest.approx(textbook.books(120)[2:], rel=1e-10, abs=1e-9)
 
 
+def stretched(problem: Prepared, strain: float) -> None:
+    """Put the plate, at rest, under this strain along x."""
+    problem.state.value[:] = 0
+    problem.state.value[:, 0] = strain * problem.system.model.grid.position[:, 0]
+    problem.state.rate[:], problem.state.second[:] = 0, 0
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> None:
+    """Far below the peak of the law again, and after a resume there: weaker than new, and the same to the last bit."""
+    model = plate(GRIDS["two scales"], material=SOFT, run=Run(time_step=1e-12))
+    fast, textbook = both(model, mode)
+    new, again = both(model, mode)[0], both(model, mode)[0]
+    flags, of_new, of_again = (problem.fast.blocks.softened for problem in (fast, new, again) if problem.fast)
+    at_rest = {name: values.copy() for name, values in new.state().items()}
+    peak = float(textbook.assembly.bonds.peak.min())
+    for problem in (fast, textbook):
+        stretched(problem, 1.2 * peak)
+        problem.march(1, 2)
+        assert not problem.motion.broken.any()
+    for problem in (fast, textbook, new):
+        stretched(problem, 0.1 * peak)
+        problem.march(2, 3)
+    assert nearly(fast.state.second, textbook.state.second, 1e-11)  # measured 2e-15
+    assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
+    assert nearly(fast.energies()[1], textbook.energies()[1], 1e-12)
+    assert fast.energies()[1].max() > 0
+    again.restore(2, {name: values.copy() for name, values in fast.state().items()}, fast.breaks_after(0))
+    assert flags.any()
+    assert np.array_equal(of_again, flags)
+    for problem in (fast, again):
+        problem.march(3, 6)
+    assert fast.state.second.tobytes() == again.state.second.tobytes()
+    fast.motion.worst[:] = 0
+    fast.restore(0, at_rest, fast.breaks_after(0))
+    assert not flags.any()
+    assert not of_new.any()
+
+
 def test_held_components() -> None:
     """Displacements, velocities and accelerations prescribed in time, and what holding them takes."""
     conditions = (
@@ -132,20 +171,20 @@ def test_held_components() -> None:
     for problem in (fast, textbook):
         problem.march(1, 30)
         problem.march(30, 61)
-    assert np.abs(textbook.motion.work).max() > 0
+    assert np.abs(textbook.state.work).max() > 0
     for field in ("u", "v", "a", "work"):
         assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-11), field
-    assert nearly(fast.drive.held_force, textbook.drive.held_force, 1e-11)
+    assert nearly(fast.system.drive.held_force, textbook.system.drive.held_force, 1e-11)
 
 
 def test_single_precision() -> None:
     fast, _ = both(plate(two_scale_grid()), "conservative", "float32")
     _, textbook = both(plate(two_scale_grid()), "conservative")
     for problem in (fast, textbook):
-        problem.motion.u[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+        problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
-    assert fast.motion.a.dtype == np.float32
-    assert nearly(fast.motion.a, textbook.motion.a, 3e-6)  # measured 3e-7
+    assert fast.state.second.dtype == np.float32
+    assert nearly(fast.state.second, textbook.state.second, 3e-6)  # measured 3e-7
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
@@ -169,11 +208,11 @@ def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
 def test_what_is_not_a_number_spreads(precision: str) -> None:
     """A displacement that is not a number reaches the node's neighbours, and no one else, in the next step."""
     problem = prepare(plate(square_grid(21, 12)), Options(precision=precision))
-    problem.motion.u[130, 0] = np.nan
+    problem.state.value[130, 0] = np.nan
     problem.march(1, 2)
     listed = problem.assembly.bonds
     near = np.append(listed.neighbour[listed.start[130] : listed.start[131]], 130)
-    assert np.array_equal(np.flatnonzero(np.isnan(problem.motion.a).any(axis=1)), np.sort(near))
+    assert np.array_equal(np.flatnonzero(np.isnan(problem.state.second).any(axis=1)), np.sort(near))
 
 
 def test_the_order_of_nodes_does_not_matter() -> None:
@@ -182,9 +221,9 @@ def test_the_order_of_nodes_does_not_matter() -> None:
     names = ("ids", "position", "delta", "border", "hole_id")
     fast, textbook = both(plate(dataclasses.replace(grid, **{n: getattr(grid, n)[shuffled] for n in names})), "thesis")
     for problem in (fast, textbook):
-        problem.motion.u[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+        problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
-    assert nearly(fast.motion.a, textbook.motion.a, 1e-12)
+    assert nearly(fast.state.second, textbook.state.second, 1e-12)
 
 
 def test_nodes_without_a_lattice_are_left_to_the_textbook() -> None:
@@ -207,7 +246,7 @@ def test_bonds_are_found_by_their_ends(name: str, mode: str) -> None:
     problem = prepare(plate(GRIDS[name]), Options(mode))
     assert problem.fast is not None
     listed = problem.assembly.bonds
-    source = np.repeat(np.arange(len(problem.count)), np.diff(listed.start))
+    source = np.repeat(np.arange(len(problem.system.count)), np.diff(listed.start))
     numbers = layout.find(problem.fast.blocks, problem.fast.whole, source, listed.neighbour.astype(np.int64))
     assert np.array_equal(np.sort(numbers), layout.there(problem.fast.whole))
     for found, expected in zip(layout.ends(problem.fast.blocks, numbers), (source, listed.neighbour), strict=True):
@@ -234,6 +273,6 @@ def test_plates_far_away_or_long(mode: str, x0: float, columns: int, rows: int, 
     grid = square_grid(columns, rows, delta, x0=x0)
     fast, textbook = both(plate(grid), mode)
     for problem in (fast, textbook):
-        problem.motion.u[:] = 1e-6 * delta * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+        problem.state.value[:] = 1e-6 * delta * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
-    assert nearly(fast.motion.a, textbook.motion.a, 1e-11)  # measured 7e-13
+    assert nearly(fast.state.second, textbook.state.second, 1e-11)  # measured 7e-13

@@ -14,8 +14,8 @@ from pdmesh.grid import Grid, Region, Run
 from pdsolve.checks import Watch, advise, closing, nearest, refuse
 from pdsolve.kernels.bond_sums import Motion
 from pdsolve.model import Model, ModelError
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.simulation import simulate
+from pdsolve.system import Options, Prepared, prepare
 
 
 def bonds(model: Model) -> np.ndarray:
@@ -65,8 +65,8 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
 
 
 def test_the_material_of_a_region_is_named() -> None:
-    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e40))
-    with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e\+40, expected 1e-30 to 1e\+30"):
+    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e-40))
+    with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e-40, expected 1e-30 to 1e\+30"):
         refuse(plate(square_grid(9, 8), regions=(region,)), True)
 
 
@@ -78,17 +78,17 @@ def test_a_probe_off_the_plate_is_told() -> None:
     assert "$.run.probes[1]: found (0.02, 0) m, off the plate; the nearest node is watched, node 9" in lines[0]
 
 
-def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> tuple[Problem, Motion]:
+def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> tuple[Prepared, Motion]:
     """A plate whose nodes are where this matrix brings them, and so far away."""
     problem = prepare(plate(square_grid(9, 8)), Options(precision=kind, threads=1))
-    x = problem.model.grid.position
-    problem.motion.u[:] = x @ np.array(matrix).T - x + away
+    x = problem.system.model.grid.position
+    problem.state.value[:] = x @ np.array(matrix).T - x + away
     return problem, problem.motion
 
 
-def seen(problem: Problem, motion: Motion, looks: int = 2) -> list[str]:
+def seen(problem: Prepared, motion: Motion, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
-    watch = Watch(problem.model)
+    watch = Watch(problem.system.model)
     with saying() as lines:
         for step in range(looks):
             watch.look(motion.u, problem.intact_neighbours, step)

@@ -13,26 +13,26 @@ from pdsolve.bonds import Bonds
 from pdsolve.conditions import Drive, drive
 from pdsolve.energy import strain_energies
 from pdsolve.kernels.bond_sums import Motion, force_on
-from pdsolve.problem import Options, Problem, prepare
 from pdsolve.steppers.verlet import advance, stability_bound
+from pdsolve.system import Options, Prepared, prepare
 
 
-def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Problem:
+def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Prepared:
     """A two-scale plate with random displacements of this size, m."""
     problem = prepare(plate(two_scale_grid(), run=Run(time_step=1e-8)), Options(mode, precision))
-    problem.motion.u[:] = size * np.random.default_rng(1).standard_normal(problem.motion.u.shape)
+    problem.state.value[:] = size * np.random.default_rng(1).standard_normal(problem.state.value.shape)
     return problem
 
 
-def forces(problem: Problem) -> np.ndarray:
+def forces(problem: Prepared) -> np.ndarray:
     """Force densities (n, 2) by the kernel."""
-    nodes = range(len(problem.model.grid))
+    nodes = range(len(problem.system.model.grid))
     return np.array([force_on(problem.assembly.bonds, problem.motion, i, 1, 1e-8) for i in nodes])
 
 
-def numpy_forces(problem: Problem) -> np.ndarray:
+def numpy_forces(problem: Prepared) -> np.ndarray:
     """The same from the definition, |xi + eta| - |xi| over |xi|."""
-    bonds, u = problem.assembly.bonds, problem.motion.u.astype(float)
+    bonds, u = problem.assembly.bonds, problem.state.value.astype(float)
     source = np.repeat(np.arange(len(u)), np.diff(bonds.start))
     reference = bonds.xi.astype(float)
     y = reference + u[bonds.neighbour] - u[source]
@@ -76,10 +76,10 @@ def test_forces_derive_from_the_energy() -> None:
 
 def test_a_translation_and_a_turn_make_no_force() -> None:
     problem = random_problem(size=0.0)
-    x = problem.model.grid.position
+    x = problem.system.model.grid.position
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     scale = np.abs(numpy_forces(random_problem(size=1e-3 * 1e-3))).max()
-    problem.motion.u[:] = x @ turn.T - x + [1e-3, 2e-3]
+    problem.state.value[:] = x @ turn.T - x + [1e-3, 2e-3]
     assert np.abs(forces(problem)).max() <= 1e-8 * scale  # measured 6e-10
 
 
@@ -126,7 +126,7 @@ def test_the_bound_of_a_full_lattice() -> None:
     rows = list(pairwise(bonds.start))
     largest = max(np.linalg.eigvalsh(np.einsum("b,bi,bj->ij", k[a:b], n[a:b], n[a:b]))[-1] for a, b in rows)
     stiffest = max(k[a:b].sum() for a, b in rows)
-    symmetric, any_bonds = (stability_bound(bonds, problem.model.rho, kind) for kind in (True, False))
+    symmetric, any_bonds = (stability_bound(bonds, problem.system.model.rho, kind) for kind in (True, False))
     assert symmetric == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)
     assert any_bonds == pytest.approx((2 * 2235.0 / stiffest) ** 0.5, rel=1e-14)
-    assert problem.time_step == problem.bound == symmetric
+    assert problem.system.time_step == problem.system.bound == symmetric

@@ -10,12 +10,14 @@ import msgspec
 import numba
 import numpy as np
 import pytest
+from plates import plate, square_grid
 from tampered import tampered
 
 from pdmesh.grid import Run
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.results import Results, ResultsError
+from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
+from pdsolve.system import CRACKED
 
 
 def with_run(model: Model, **run: object) -> Model:
@@ -98,7 +100,7 @@ def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 def test_no_time_step_takes_the_bound(small_plate: Model, mode: str) -> None:
     problem = prepare(with_run(small_plate, time_step=None), Options(mode))
-    assert problem.time_step == problem.bound
+    assert problem.system.time_step == problem.system.bound
 
 
 @pytest.mark.parametrize(
@@ -190,6 +192,25 @@ def test_a_run_stops_when_the_plate_has_split(small_plate: Model) -> None:
     assert summary["steps"] < 2000
     with simulate(with_run(small_plate, steps=summary["steps"] - 10, until="split", ledger=10)) as results:
         assert results.summary()["stopped"] is None  # not ten steps before
+
+
+@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
+    """Three columns of nodes have lost their bonds to each other, and have all those to both sides."""
+    problem = prepare(plate(square_grid(21, 12)), Options(kernel=kernel))
+    column, bonds = np.arange(21 * 12) % 21, problem.assembly.bonds
+    source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
+    between = np.abs(column - 10) <= 1
+    inside = between[source] & between[target]
+    assert problem.pieces() == 1
+    ids = problem.system.model.grid.ids
+    breaks = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
+    problem.restore(1, problem.state(), breaks)
+    assert problem.damage()[between].min() > CRACKED
+    assert problem.damage()[~between].max() == 0
+    for side in (column < 9, column > 11):
+        assert (between[source] & side[target]).sum() > 100
+    assert problem.pieces() == 2
 
 
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:
