@@ -40,7 +40,10 @@ def cores() -> int:
 
 def gate_of(threads: int) -> Gate:
     """A gate for so many threads."""
-    idle: Any = ctypes.windll.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).sched_yield
+    if sys.platform == "win32":
+        idle = ctypes.windll.kernel32.SwitchToThread
+    else:
+        idle = ctypes.CDLL(None).sched_yield
     return Gate(np.zeros(1, dtype=np.int64), threads, ctypes.cast(idle, ctypes.c_void_p).value or 0)
 
 

@@ -1,16 +1,15 @@
 """The sum over a node's bonds, fast: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
 
 Layout, after the sliced ELL format of sparse matrices:
-    block    64 consecutive nodes; a node's place in it is its lane row      16 consecutive lanes slot     the bonds
-    of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes are
-             consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all 16 (ids).
+    block    64 consecutive nodes; a node's place in it is its lane
+    row      16 consecutive lanes
+    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes
+             are consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all 16 (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
-    inside a
-             lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
+             inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
              A slot gets rows of its own when its first bond breaks or softens.
     mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what
-    looks
-             at single bonds needs it.
+             looks at single bonds needs it.
 
 Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against.
 A lane carries an `edge`: nothing happens to its bond up to this e, that of its peak or, once it has softened, that of
