@@ -4,7 +4,7 @@ Layout, after the sliced ELL format of sparse matrices:
     block    64 consecutive nodes; a node's place in it is its lane
     row      16 consecutive lanes
     slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes
-             are consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all 16 (ids).
+             are consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
              inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
              A slot gets rows of its own when its first bond breaks or softens.
