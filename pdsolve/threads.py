@@ -10,6 +10,7 @@ import ctypes
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import pairwise
 from threading import Barrier
 from typing import Any, NamedTuple
@@ -40,11 +41,17 @@ def cores() -> int:
 
 def gate_of(threads: int) -> Gate:
     """A gate for so many threads."""
+    return Gate(np.zeros(1, dtype=np.int64), threads, _idle())
+
+
+@cache
+def _idle() -> int:
+    """The address of what offers the processor to somebody else."""
     if sys.platform == "win32":
         idle = ctypes.windll.kernel32.SwitchToThread
     else:
         idle = ctypes.CDLL(None).sched_yield
-    return Gate(np.zeros(1, dtype=np.int64), threads, ctypes.cast(idle, ctypes.c_void_p).value or 0)
+    return ctypes.cast(idle, ctypes.c_void_p).value or 0
 
 
 @njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)

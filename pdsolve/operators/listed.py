@@ -119,10 +119,12 @@ class Listed:
             return tangent.of_two_passes(self._list, pulls, value)
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """As in `Operator`."""
         begin, end = self._list.start[[first, self._nodes if last is None else last]]
-        return ends(self._bonds, begin + np.flatnonzero(self._steps()[begin:end] == 0))
+        return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | start))
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""

@@ -6,6 +6,7 @@ with its broken bonds and its ledger: a killed run loses at most the last frame.
 checkpoint in full precision as well, from which a run goes on.
 """
 
+from pdsolve.results.behind import Behind, behind
 from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
@@ -14,6 +15,7 @@ from pdsolve.results.writer import Writer, remove
 
 __all__ = [
     "FIELDS",
+    "Behind",
     "Breaks",
     "BusyError",
     "DamagedError",
@@ -26,6 +28,7 @@ __all__ = [
     "ResultsWarning",
     "WriteError",
     "Writer",
+    "behind",
     "remove",
     "writing_to",
 ]

@@ -109,8 +109,8 @@ def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-un
                 continue
             if stretch > peak:
                 blocks.softened[b] = True
-                tracks.worst[slot, lane] = stretch
-                share = intact_share(stretch, peak, limit)
+                tracks.worst[slot, lane] = stretch  # whose digits are all that a checkpoint has
+                share = intact_share(np.float64(tracks.worst[slot, lane]), np.float64(peak), np.float64(limit))
                 blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
             blocks.edge[row, lane] = e
             blocks.near[row, lane] = min(e, NARROW)
@@ -193,14 +193,16 @@ def energy_densities(blocks, worst, u, held, spent):  # type: ignore[no-untyped-
 def _energies_of(blocks, u, b, slot, held):  # type: ignore[no-untyped-def]
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     x, y, inverse = vector[0], vector[1], vector[4]
-    for lane in range(LANES):
-        w, i = blocks.stiffness[blocks.slots[slot, PULL], lane], b * LANES + lane
-        if w > 0:
-            j = neighbour(blocks, slot, i, lane)
+    stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
+    for row in range(LANES // ROW):
+        first, way = b * LANES + row * ROW, blocks.slots[slot, row]
+        for k in range(ROW):
+            i = np.uint64(first + k)
+            j = np.uint64(first + way + k) if way < FAR else np.uint64(blocks.ids[way - FAR, k])
             eta_x, eta_y = u[0, j] - u[0, i], u[1, j] - u[1, i]
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
-            held[i] += w / inverse / 4 * stretch * stretch
+            held[i] += stiffness[row * ROW + k] / inverse / 4 * stretch * stretch
 
 
 @njit(**INNER)

@@ -252,7 +252,7 @@ def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
     """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
     some = np.flatnonzero(mask)
-    row, lane = np.nonzero(_bits(mask[some]))
+    row, lane = np.divmod(np.flatnonzero(_bits(mask[some])), LANES)
     return np.asarray(LANES * (first + some[row]) + lane)
 
 
@@ -307,8 +307,8 @@ def revive(
     law, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
     stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[law], blocks.edge[law]
     if len(worst):
-        peak, limit, largest = blocks.peak[law][soft], blocks.limit[law][soft], worst[torn][soft]
-        stiffness[soft] *= _intact_share(largest, peak, limit)
+        columns = worst[torn][soft], blocks.peak[law][soft], blocks.limit[law][soft]
+        stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]
         edges[soft] = edge[torn][soft]
         near[soft] = np.minimum(edges[soft], NARROW)
     stiffness[gone], near[gone], edges[gone] = 0, np.inf, np.inf

@@ -28,6 +28,8 @@ class InBlocks:
         """`stiffest` (n,) as in `Operator`; `softens`: whether any bond does before it breaks."""
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffest, self._whole = stiffest, blocks.mask.copy()
+        none = np.zeros(0, dtype=np.int64)
+        self._looked_at, self._broken = self._whole, Broken(none, none, none)  # what is known to be broken
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
         kind = blocks.scratch.dtype
         self.tracks = Tracks(
@@ -76,21 +78,29 @@ class InBlocks:
         xi, pull = layout.springs(self.blocks, numbers)
         return of_springs(*self._ends(numbers), xi, pull, state.value)
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """As in `Operator`."""
         last = len(self._stiffest) if last is None else last
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
-        source, target = self._ends(layout.there(self.blocks.mask[slots[0] : slots[1]], int(slots[0])))
+        mask = self._whole if start else self.blocks.mask
+        source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
         own = np.flatnonzero((source >= first) & (source < last))
         own = own[np.lexsort((target[own], source[own]))]
         return source[own], target[own]
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""
-        numbers = layout.there(self._whole & ~self.blocks.mask)
-        step = self.tracks.broken.ravel()[numbers]
-        new = step > after
-        return Broken(step[new].astype(np.int64), *self._ends(numbers[new]))
+        new = layout.there(self._looked_at & ~self.blocks.mask)
+        if len(new):
+            found = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
+            self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, found, strict=True)))
+            self._looked_at = self.blocks.mask.copy()
+        if after == 0:
+            return self._broken
+        later = self._broken.step > after
+        return Broken(*(column[later] for column in self._broken))
 
     def keep(self) -> Kept:
         """As in `Operator`."""
@@ -108,6 +118,7 @@ class InBlocks:
         steps[self._find(broken.source, broken.target)] = broken.step
         softened = self._find(kept["worst_source"], kept["worst_target"])
         worst[softened], edge.ravel()[softened] = kept["worst"], kept["worst_edge"]
+        self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
     def bytes(self) -> int:

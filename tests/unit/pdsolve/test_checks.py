@@ -88,7 +88,7 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
 
 def seen(problem: Prepared, motion: Motion, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
-    watch = Watch(problem.system.model)
+    watch = Watch(problem.system.model, problem.system.operator.bonds)
     with saying() as lines:
         for step in range(looks):
             watch.look(motion.u, problem.intact_neighbours, step)
