@@ -46,7 +46,7 @@ def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["msgspec", "numpy._core.multiarray", "numpy.random", "numba.core", "pdsolve.problem"]
+    "module", ["msgspec", "numpy._core.multiarray", "numpy.random", "numba.core", "pdsolve.system"]
 )
 @pytest.mark.parametrize("program", ["pdsolve", "pdpost"])
 def test_while_libraries_are_imported(here: Path, program: str, module: str) -> None:
@@ -63,7 +63,7 @@ def test_while_libraries_are_imported(here: Path, program: str, module: str) -> 
         sys.exit(main({words!r}))
     """
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    if program == "pdpost" and module in ("numba.core", "pdsolve.problem"):
+    if program == "pdpost" and module in ("numba.core", "pdsolve.system"):
         assert ran.returncode == 2  # it does without them
         return
     assert (ran.returncode, ran.stderr) == (130, f"{program}: interrupted\n")
