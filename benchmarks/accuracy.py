@@ -10,7 +10,6 @@ runs, each against a reference of its own.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import os
 import platform
@@ -36,9 +35,9 @@ from pdmesh.scene import Circle, Scene, box
 from pdpost import tradeoff
 from pdpost.tradeoff_figure import draw
 from pdsolve.model import Model
-from pdsolve.problem import Problem
 from pdsolve.results import Results
 from pdsolve.simulation import run
+from pdsolve.system import Prepared
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))
@@ -112,7 +111,7 @@ def fronts(rows: list[Row]) -> dict[str, list[str]]:
     return found
 
 
-def marched(problem: Problem, steps: int) -> float:
+def marched(problem: Prepared, steps: int) -> float:
     """Seconds that so many steps take, by some of them."""
     problem.march(1, 3)
     began, taken = time.perf_counter(), 0
@@ -138,16 +137,16 @@ def kirsch() -> Iterator[Row]:
         if variant.ratio > 1:
             scene = scene.zone(box(-FINE_ZONE, -FINE_ZONE, FINE_ZONE, FINE_ZONE), spacing, grown=False)
         grid, settings, _ = build_grid(scene)
-        problem = variant.problem(Model(grid, settings))
+        problem = variant.prepared(Model(grid, settings))
         exact = classical(grid.position)
         layer = (variant.m + 0.5) * grid.delta
         outer = np.abs(grid.position).max(axis=1) > HALF - layer
         found = equilibrium(problem, np.column_stack([outer, outer]), exact)
         inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
-        error = relative(found[inside], exact[inside], problem.area[inside])
+        error = relative(found[inside], exact[inside], problem.system.area[inside])
         edge = np.hypot(*grid.position.T) < RADIUS + grid.delta
         largest = float(np.hypot(*found[edge].T).max() / np.hypot(*exact[edge].T).max() - 1)
-        steps = round(TRANSITS * 2 * HALF / np.sqrt(1.125) / problem.time_step)
+        steps = round(TRANSITS * 2 * HALF / np.sqrt(1.125) / problem.system.time_step)
         errors = {"displacement": error, "at the hole": abs(largest)}
         yield row_of("hole in tension", variant, problem, steps, marched(problem, steps), error, errors)
 
@@ -158,12 +157,12 @@ def relative(found: NDArray[np.float64], exact: NDArray[np.float64], area: NDArr
 
 
 def row_of(
-    name: str, variant: Variant, problem: Problem, steps: int, wall: float, error: float, errors: dict[str, float]
+    name: str, variant: Variant, problem: Prepared, steps: int, wall: float, error: float, errors: dict[str, float]
 ) -> Row:
     """The row of a variant that takes so many steps."""
-    nodes = len(problem.model.grid)
-    updates = float(problem.bonds) * steps
-    return Row(name, variant.name, nodes, problem.bonds, updates, wall, error, errors, error, error)
+    nodes = len(problem.system.model.grid)
+    updates = float(problem.system.bonds) * steps
+    return Row(name, variant.name, nodes, problem.system.bonds, updates, wall, error, errors, error, error)
 
 
 # (b) A pulse through a change of spacing
@@ -192,7 +191,7 @@ def strip(delta: float, ratio: int, m: float, length: float) -> tuple[Grid, floa
 
 def pulse() -> Iterator[Row]:
     """A P pulse from far left of x = 0 to as far right of it, in a strip that repeats itself upwards."""
-    from linear import operator
+    from linear import accelerate
     from periodic import joined
     from plates import GLASS
 
@@ -202,27 +201,28 @@ def pulse() -> Iterator[Row]:
         grid, period = strip(variant.fine * 1e-3, variant.ratio, variant.m, 2.2 * way)
         settings = Settings(material=GLASS, run=Run(time_step=1e-9, steps=1))
         y0 = period * int(np.ceil(variant.m + 1))
-        whole = variant.problem(Model(grid, settings))
-        time_step = whole.time_step
-        problem = dataclasses.replace(joined(whole, (-np.inf, y0, np.inf, y0 + period)), time_step=time_step)
-        x, motion = problem.model.grid.position[:, 0], problem.motion
+        whole = variant.prepared(Model(grid, settings))
+        time_step = whole.system.time_step
+        problem = joined(whole, (-np.inf, y0, np.inf, y0 + period))
+        x, state = problem.system.model.grid.position[:, 0], problem.state
         s = (x + way) / WIDTH
-        motion.u[:, 0] = 1e-6 * np.exp(-(s**2))
-        motion.v[:, 0] = 1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2))
-        acceleration = -(operator(problem.assembly.bonds) @ motion.u.astype(float).ravel()).reshape(-1, 2)
-        motion.a[:] = acceleration / GLASS.rho
-        sent = float(np.abs(motion.v).max())
+        state.value[:, 0] = 1e-6 * np.exp(-(s**2))
+        state.rate[:, 0] = 1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2))
+        accelerate(problem)
+        sent = float(np.abs(state.rate).max())
         steps = round(2 * way / speed / time_step)
         share = 2e-3 / period  # of the strip, so that all are of one height
         problem.march(1, steps + 1)
         s = (x + way - speed * steps * time_step) / WIDTH
         exact = np.column_stack([1e-6 * speed * 2 * s / WIDTH * np.exp(-(s**2)), np.zeros(len(x))])
         errors = {
-            "velocity": relative(motion.v.astype(float), exact, problem.area),
-            "sent back": float(np.abs(motion.v[x < -way / 3, 0]).max()) / sent,
+            "velocity": relative(state.rate.astype(float), exact, problem.system.area),
+            "sent back": float(np.abs(state.rate[x < -way / 3, 0]).max()) / sent,
         }
         row = row_of("pulse", variant, problem, steps, marched(whole, steps), errors["sent back"], errors)
-        yield row._replace(updates=share * row.updates, wall=row.wall * share * problem.bonds / whole.bonds)
+        yield row._replace(
+            updates=share * row.updates, wall=row.wall * share * problem.system.bonds / whole.system.bonds
+        )
 
 
 # (c) and (d) Cracks
@@ -237,7 +237,7 @@ def cracks(
     """
     with tempfile.TemporaryDirectory() as folder:
 
-        def solved(variant: Variant, number: int) -> tuple[Path, Problem]:
+        def solved(variant: Variant, number: int) -> tuple[Path, Prepared]:
             fine = variant.fine * finest
             parameters = (("Zones/fine/Spacing", f"{fine:g}"), ("Zones/coarse/Spacing", f"{variant.ratio * fine:g}"))
             if scene == "duran50.geo":  # the same strip of the edge carries the load
@@ -245,9 +245,9 @@ def cracks(
                 parameters += (("Loads/top/Rows", rows), ("Loads/bottom/Rows", rows))
             case = Case(f"{name} {variant.ratio} {variant.fine} {variant.m}", "", scene, (), parameters=parameters)
             shorter = variant._replace(step=variant.step * (1 - SHORTER * number))
-            problem = shorter.problem(built(case, Path(folder)))
+            problem = shorter.prepared(built(case, Path(folder)))
             path = Path(folder) / f"{variant.name} {number}.sqlite"
-            run(problem, path).close()
+            run(*problem, path).close()
             return path, problem
 
         finer = Variant("reference", ratio=1, fine=reference_spacing, m=4.0)
@@ -269,8 +269,8 @@ def cracks(
             yield Row(
                 name,
                 variant.name,
-                len(problem.model.grid),
-                problem.bonds,
+                len(problem.system.model.grid),
+                problem.system.bonds,
                 costs[0].bond_updates,
                 min(cost.wall_time for cost in costs),
                 float(np.median(shown)),

@@ -15,37 +15,34 @@ from numpy.typing import NDArray
 
 from benchmarks.claims import Case
 from benchmarks.runs import built
-from pdsolve.kernels.blocks import LANES
-from pdsolve.kernels.layout import ends, there
 from pdsolve.system import Options, Prepared, prepare
 
+BLOCK = 64  # nodes
 SCENES = ("kalthoff_winkler.geo", "figure_19.py")
 
 
 def quiet_share(problem: Prepared) -> float:
-    """Share of the slots of a whole run that sum nothing but zeros: their block and its neighbours are at rest."""
-    assert problem.fast is not None
-    blocks, tracks, whole = problem.fast
-    count, steps = len(blocks.softened), problem.system.model.settings.run.steps
-    source, target = ends(blocks, there(whole))
-    pairs = np.unique((source // LANES) * count + target // LANES)
-    slots, share = np.diff(blocks.start), 0.0
+    """Share of the bond sums of a whole run that sum nothing but zeros: their block and its neighbours are at rest."""
+    system, state = problem
+    count, steps = -(-len(system.count) // BLOCK), system.model.settings.run.steps
+    source, target = (rows // BLOCK for rows in system.operator.bonds())
+    pairs, bonds, share = np.unique(source * count + target), np.bincount(source, minlength=count), 0.0
+    loaded = np.bincount(system.drive.loads.node // BLOCK, minlength=count) > 0
     for step in range(1, steps + 1):
-        moving = ((tracks.u[0, :, : tracks.v.shape[1]] != 0) | (tracks.v != 0) | (tracks.a != 0)).any(axis=0)
-        moves = moving.reshape(count, LANES).any(axis=1) | tracks.loaded
+        moving = ((state.value != 0) | (state.rate != 0) | (state.second != 0)).any(axis=1)
+        moves = loaded | (np.bincount(np.flatnonzero(moving) // BLOCK, minlength=count) > 0)
         awake = moves | (np.bincount(pairs // count, moves[pairs % count], minlength=count) > 0)
         if awake.all():
             break
-        share += float(slots[~awake].sum() / slots.sum()) / steps
+        share += float(bonds[~awake].sum() / system.bonds) / steps
         problem.march(step, step + 1)
     return share
 
 
 def coarse_share(problem: Prepared) -> float:
     """Share of all bond sums left out if nodes far from others' spacings stepped as seldom as theirs allows."""
-    bonds, delta = problem.assembly.bonds, problem.system.model.grid.delta
-    source = np.repeat(np.arange(len(delta)), np.diff(bonds.start))
-    alone = np.bincount(source, delta[bonds.neighbour] != delta[source], minlength=len(delta)) == 0
+    delta, (source, target) = problem.system.model.grid.delta, problem.system.operator.bonds()
+    alone = np.bincount(source, delta[target] != delta[source], minlength=len(delta)) == 0
     seldom = np.where(alone, np.floor(delta / delta.min() * (1 + 1e-9)), 1.0)
     return 1 - float(np.sum(problem.system.count / seldom) / problem.system.bonds)
 
@@ -73,15 +70,15 @@ def wave_test(width: float, share: float) -> dict[str, tuple[float, float]]:
     """What comes back of a pulse, and the largest change of energy over its energy, for plain and for halved steps."""
     sys.path.append(str(Path(__file__).parent.parent / "tests"))
     sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))
-    from linear import operator, weighted
+    from linear import matrix, weighted
     from plates import GLASS
     from test_interface_waves import REACH, SPEED, strip
 
     problem = strip("conservative", max(12 * width, 0.06))
     x, delta = problem.system.model.grid.position[:, 0], problem.system.model.grid.delta
     start, dt = -max(5 * width, 5 * REACH), share * problem.system.bound
-    K, A = operator(problem.assembly.bonds) / GLASS.rho, weighted(problem)
-    mass = np.repeat(GLASS.rho * problem.assembly.area, 2)
+    K, A = matrix(problem) / GLASS.rho, weighted(problem)
+    mass = np.repeat(GLASS.rho * problem.system.area, 2)
     s = (x - start) / width
     u, v = np.zeros((2, len(x), 2))
     u[:, 0], v[:, 0] = 1e-6 * np.exp(-(s**2)), 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2))

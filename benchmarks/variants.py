@@ -8,11 +8,11 @@ from typing import NamedTuple
 import msgspec
 
 from pdmesh.grid import Horizon
-from pdsolve.bonds import Filling
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, problem_of
-from pdsolve.schemes import average_horizon, one_sided
+from pdsolve.schemes import SCHEMES, average_horizon
 from pdsolve.schemes.average_horizon import ALL, Corrections
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.system import Options, Prepared, system_of
 
 
 class Variant(NamedTuple):
@@ -28,22 +28,25 @@ class Variant(NamedTuple):
     precision: str = "float64"
     step: float = 1.0  # over the surely stable one
 
-    def fill(self, model: Model) -> Filling:
-        """The model's bonds."""
-        return one_sided.fill(model) if self.mode == "thesis" else average_horizon.fill(model, self.corrections)
+    def scheme(self) -> Scheme:
+        """How bonds are filled."""
+        usual = SCHEMES[self.mode]
+        if self.corrections == ALL:
+            return usual
+        return usual._replace(fill=lambda model: average_horizon.fill(model, self.corrections))
 
-    def problem(self, model: Model) -> Problem:
-        """The model's problem, solved this way."""
+    def prepared(self, model: Model) -> Prepared:
+        """The model, prepared for being solved this way."""
         assert model.settings.material is not None
         material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
         settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
         model = dataclasses.replace(model, settings=settings)
-        made = problem_of(model, Options(self.mode, self.precision), self.fill)
-        steps = round(settings.run.steps * (settings.run.time_step or 0) / (self.step * made.bound))
-        time_step, every = self.step * made.bound, max(1, steps // 20)
-        wanted = msgspec.structs.replace(settings.run, steps=steps, every=every, time_step=time_step)
+        options, scheme = Options(self.mode, self.precision), self.scheme()
+        time_step = self.step * system_of(model, options, scheme).system.bound
+        steps = round(settings.run.steps * (settings.run.time_step or 0) / time_step)
+        wanted = msgspec.structs.replace(settings.run, steps=steps, every=max(1, steps // 20), time_step=time_step)
         model = dataclasses.replace(model, settings=msgspec.structs.replace(settings, run=wanted))
-        return dataclasses.replace(made, model=model, time_step=time_step)
+        return system_of(model, options, scheme)
 
 
 BASE = Variant("the defaults")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds, in_precision
 from pdsolve.model import ModelWarning
+from pdsolve.notes import checkpoint
 from pdsolve.state import Broken
 from pdsolve.system import Prepared, system_of
 
@@ -39,6 +41,11 @@ def worst(problem: Prepared) -> NDArray[np.floating]:
     """The largest stretches that softened bonds remember, in the order of sources and targets."""
     kept = problem.system.operator.keep()
     return kept["worst"][np.lexsort((kept["worst_target"], kept["worst_source"]))] if "worst" in kept else np.zeros(0)
+
+
+def kept(problem: Prepared) -> dict[str, NDArray[Any]]:
+    """A copy of what a checkpoint has."""
+    return {name: values.copy() for name, values in checkpoint(*problem).items()}
 
 
 def at_step(problem: Prepared, dt: float) -> Prepared:

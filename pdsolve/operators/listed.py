@@ -1,4 +1,4 @@
-"""Any law over a list of bonds: the textbook loop, in the plane and in space, in one pass or two.
+"""Any law over a list of bonds, one by one: the reference, in the plane and in space, in one pass or two.
 
 A row is summed by one thread in the order of its neighbours: the result does not depend on the number of threads.
 """

@@ -1,6 +1,6 @@
-"""Velocity Verlet: thesis, eq. 15 to 17. Explicit, second order, the time loop inside compiled code.
+"""Velocity Verlet: thesis, eq. 15 to 17. Explicit, second order.
 
-Within a step from n to n + 1, `motion.v` is the mean velocity v_(n+1/2) from the drift to the kick. The work of
+Within a step from n to n + 1, `state.rate` is the mean velocity v_(n+1/2) from the drift to the kick. The work of
 loads and holds is booked with the trapezoidal rule that Verlet itself follows, so that the balance of energy is
 that of the scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u_n), and no more.
 """

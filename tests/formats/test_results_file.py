@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plates import square_grid
+from systems import bonds_of
 from whole import contents
 
 from pdmesh.grid import document_of, write_file
@@ -120,8 +121,8 @@ def test_the_families_are_inside(small_results: Path, small_plate: Model) -> Non
         start, neighbour = results.families()
         nodes = results.nodes()
     problem = prepare(small_plate, Options())
-    assert np.array_equal(start, problem.assembly.bonds.start)
-    assert np.array_equal(neighbour, problem.assembly.bonds.neighbour)
+    assert np.array_equal(start, bonds_of(problem).start)
+    assert np.array_equal(neighbour, bonds_of(problem).neighbour)
     assert np.array_equal(np.diff(start), nodes.family - nodes.cut)
 
 

@@ -11,7 +11,8 @@ from plates import GLASS
 
 from pdmesh.grid import Material
 from pdsolve.lattice import lattice_ratios, offsets
-from pdsolve.laws.critical import critical_stretch, intact_share, limits, spent_share
+from pdsolve.laws.bilinear import intact_share, spent_share
+from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.laws.micromodulus import micromodulus
 
 MARAGING = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)

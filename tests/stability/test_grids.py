@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 from failures import Said, saying
-from linear import operator, sources
+from linear import matrix, sources
 from plates import GLASS, plate, square_grid
+from systems import bonds_of
 
 from pdmesh.grid import Load, Material, Run
 from pdmesh.lattice import build_grid
@@ -34,7 +35,7 @@ def warned(model: object) -> list[str]:
 
 def free_motions(problem: Prepared) -> int:
     """How many motions nothing resists: zero eigenvalues of K, three of them rigid."""
-    values = np.abs(np.linalg.eigvals(operator(problem.assembly.bonds).toarray()))
+    values = np.abs(np.linalg.eigvals(matrix(problem).toarray()))
     return int((values < 1e-9 * values.max()).sum())
 
 
@@ -47,8 +48,12 @@ def modulus(columns: int, rows: int, ratio: float) -> float:
         for end, pull in zip(ends, (1.0, -1.0), strict=True)
     )
     problem = prepare(plate(grid, ratio, material=CONSTANT, conditions=loads), ONE)
-    K = operator(problem.assembly.bonds).toarray()
-    u = np.linalg.lstsq(K, problem.system.drive.force.ravel(), rcond=1e-10)[0].reshape(rows, columns, 2)[..., 0].mean(axis=0)
+    K = matrix(problem).toarray()
+    u = (
+        np.linalg.lstsq(K, problem.system.drive.force.ravel(), rcond=1e-10)[0]
+        .reshape(rows, columns, 2)[..., 0]
+        .mean(axis=0)
+    )
     first, last = columns // 4, columns - 1 - columns // 4
     return float((last - first) * 1e-3 / (u[last] - u[first]) / GLASS.E)
 
@@ -60,12 +65,12 @@ def cut_energy(height: float) -> tuple[float, int]:
     whole = prepare(plate(grid, 3, material=CONSTANT), ONE)
     cracked = plate(dataclasses.replace(grid, cracks=np.array([[-1.0, height, 1.0, height]])), 3, material=CONSTANT)
     left = prepare(cracked, ONE)
-    bonds, i = whole.assembly.bonds, sources(whole.assembly.bonds)
-    keys = [sources(own) * len(grid) + own.neighbour for own in (bonds, left.assembly.bonds)]
+    bonds, i = bonds_of(whole), sources(bonds_of(whole))
+    keys = [sources(own) * len(grid) + own.neighbour for own in (bonds, bonds_of(left))]
     middle = (grid.position[:, 0] > 9.5e-3) & (grid.position[:, 0] < 19.5e-3)
     cut = middle[i] & ~np.isin(*keys)
-    spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * whole.area[i]
-    lonely = int((left.count == 0).sum())
+    spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * whole.system.area[i]
+    lonely = int((left.system.count == 0).sum())
     return float(spent[cut].sum()) / (GLASS.G0 * 10e-3), lonely
 
 
@@ -118,7 +123,7 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
         grid.position[5] = grid.position[6] - [apart, 0.0]
         try:
             model = plate(grid, run=Run(steps=1))
-            steps[apart] = prepare(model, ONE).bound
+            steps[apart] = prepare(model, ONE).system.bound
             said += warned(model)
         except ModelError as error:
             said.append(str(error))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from linear import stiffness
 from plates import GLASS, plate, square_grid
+from systems import bonds_of
 
 from pdsolve.lattice import calibration, full_family, lattice_ratios
 from pdsolve.system import Options, prepare
@@ -33,7 +34,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
         problems = [prepare(plate(grid, m, material=CONSTANT), Options(mode, threads=1)) for m in (3.0, 3.015)]
         counts = [np.unique(problem.system.count[inner]).tolist() for problem in problems]
         assert counts[0] == counts[1]
-        assert np.array_equal(*(problem.assembly.bonds.neighbour for problem in problems))
+        assert np.array_equal(*(bonds_of(problem).neighbour for problem in problems))
         families[mode] = counts[0]
     assert families == {"thesis": [28], "conservative": [36]}
     few = sum(1 for count in ((distance <= 3e-3).sum(axis=1) - 1)[inner] if count < 28) / inner.sum()
@@ -61,7 +62,7 @@ def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
             plate(square_grid(SIDE, SIDE), m, material=CONSTANT),
             Options(threads=1),
         )
-        c11, c22, c66 = stiffness(problem.assembly.bonds, SIDE * SIDE // 2)
+        c11, c22, c66 = stiffness(bonds_of(problem), SIDE * SIDE // 2)
         assert c11 == pytest.approx(c22, rel=1e-12)
         assert c11 / (1.125 * GLASS.E) == pytest.approx(factor.stiffness * found.c11, rel=1e-12)
         ratio = c11 / c66 / 3  # 1 if isotropic

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from plates import STEEL, struck_plate
 
 from pdmesh.grid import Material
-from pdsolve.problem import Options, prepare
+from pdsolve.notes import breaks
+from pdsolve.system import Options, prepare
 
 DURATION = 50e-6  # s
 NOTCH, MIDDLE = 75.5e-3, 100e-3  # m from an end of the plate
@@ -33,16 +34,16 @@ class Torn(NamedTuple):
 def torn(clamped: bool, material: Material = STEEL) -> dict[str, Torn]:
     """Solve the struck plate and look at each of PLACES."""
     problem = prepare(struck_plate(clamped=clamped, material=material), Options(threads=1))
-    problem.march(1, round(DURATION / problem.time_step) + 1)
-    breaks = problem.breaks_after(0)
-    x, y = problem.model.grid.position[breaks.node - 1].T
+    problem.march(1, round(DURATION / problem.system.time_step) + 1)
+    broke = breaks(problem.system, 0)
+    x, y = problem.system.model.grid.position[broke.node - 1].T
     off = np.abs(y - MIDDLE)
 
     def at(there: NDArray[np.bool_]) -> Torn:
         if not there.any():
             return Torn(0, float("inf"), float("inf"))
         detour = np.hypot(x[there][0], NOTCH + MIDDLE - off[there][0])
-        return Torn(int(there.sum()), float(breaks.step[there][0]) * problem.time_step, float(detour))
+        return Torn(int(there.sum()), float(broke.step[there][0]) * problem.system.time_step, float(detour))
 
     return {
         name: at((x > left) & (x < right) & (off >= near) & (off < far))

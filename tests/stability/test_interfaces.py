@@ -13,14 +13,16 @@ import msgspec
 import numpy as np
 import pytest
 from failures import saying
-from linear import equilibrium, operator, sources
+from linear import accelerate, equilibrium, sources
 from numpy.typing import NDArray
 from periodic import joined
 from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
+from systems import at_step, bonds_of, broken
 
 from pdmesh.grid import Grid, Load, Material, Run
 from pdsolve.laws.critical import critical_stretch
+from pdsolve.measures import damage
 from pdsolve.simulation import plan
 from pdsolve.system import Options, Prepared, prepare
 
@@ -40,20 +42,19 @@ def strip(mode: str, m: int, fine: int, coarse: int) -> Prepared:
 
 def begin(problem: Prepared, u: NDArray[np.float64], v: NDArray[np.float64]) -> None:
     """Displacements and velocities (n,) along x, and the accelerations that belong to them."""
-    motion = problem.motion
-    motion.u[:, 0], motion.v[:, 0] = u, v
-    motion.a[:] = -(operator(problem.assembly.bonds) @ motion.u.ravel()).reshape(-1, 2) / GLASS.rho
+    problem.state.value[:, 0], problem.state.rate[:, 0] = u, v
+    accelerate(problem)
 
 
 def torn(mode: str, strain: float, coarse: int = 30) -> int:
     """Bonds that a pulse of this strain, 8 mm wide, breaks on its way from the fine nodes to the coarse ones and
     back."""
     problem = strip(mode, 4, 80, coarse)
-    problem = dataclasses.replace(problem, time_step=0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.bound)
     s = (problem.system.model.grid.position[:, 0] + 40e-3) / 8e-3
     begin(problem, strain * 8e-3 * np.sqrt(np.pi) / 2 * erf(s), -SPEED * strain * np.exp(-(s**2)))
     problem.march(1, int(60e-3 / SPEED / problem.system.time_step) + 1)
-    return int(np.count_nonzero(problem.motion.broken))
+    return len(broken(problem).step)
 
 
 def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
@@ -86,7 +87,7 @@ def concentration(mode: str, m: int) -> float:
     held[:, 1] = True
     held[:, 0] = (x < x.min() + 2.1e-3 * m) | (x > x.max() - 2.1e-3 * m)
     u = equilibrium(problem, held, np.column_stack([1e-4 * x, 0 * x]))
-    bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
+    bonds, i = bonds_of(problem), sources(bonds_of(problem))
     share = ((u[bonds.neighbour] - u[i]) * bonds.xi).sum(axis=1) / (bonds.xi**2).sum(axis=1) / bonds.limit
     near, far = np.abs(x[i] - 0.75e-3) < 5e-3, np.abs(np.abs(x[i]) - 20e-3) < 5e-3
     return float(share[near].max() / share[far].max())
@@ -133,10 +134,9 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
     problem.march(1, 1201)
     x, y = grid.position.T
     off = np.abs(y - middle)
-    on_path = (problem.damage() > 0.35) & (off < 3e-3)
+    on_path = (damage(problem.system) > 0.35) & (off < 3e-3)
     stray = (np.abs(x - 0.75e-3) < 5e-3) & (off > 5e-3) & (y > 8e-3) & (y < height - 9e-3)
-    source, _ = problem.ends(problem.broken())
-    return Crossing(float(x[on_path].max()), int(stray[source].sum()))
+    return Crossing(float(x[on_path].max()), int(stray[broken(problem).source].sum()))
 
 
 def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
@@ -183,7 +183,7 @@ def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Mater
 def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float) -> float:
     """Velocity sent back into the first zone over velocity sent in; the displacement is exp(-(x / width)^2)."""
     problem = layered(spacings, lengths)
-    problem = dataclasses.replace(problem, time_step=0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.bound)
     x, first = problem.system.model.grid.position[:, 0], lengths[0] * 1e-3
     s = (x - first / 2) / width
     begin(problem, 1e-6 * np.exp(-(s**2)), 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2)))
@@ -207,7 +207,7 @@ def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     says = {}
     for spacings, lengths in (((1, 2), (40, 40)), ((1, 4), (40, 40)), ((1, 2, 4, 8), (40, 24, 48, 80))):
         with saying() as says[spacings]:
-            plan(layered(spacings, lengths).model, Options(threads=1))
+            plan(layered(spacings, lengths).system.model, Options(threads=1))
     assert [len(lines) for lines in says.values()] == [0, 1, 0]
     assert "found spacings of" in says[1, 4][0]
     failure(

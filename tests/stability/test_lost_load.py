@@ -10,6 +10,7 @@ from failures import Said
 from linear import equilibrium, sources
 from periodic import joined
 from plates import plate, square_grid
+from systems import bonds_of
 
 from pdmesh.grid import Load, Run
 from pdsolve.system import Options, prepare
@@ -39,7 +40,7 @@ def passed_on(mode: str, rows: int) -> float:
     middle = len(held) // 2
     held[middle] = True
     u = equilibrium(problem, held, np.zeros(held.shape))
-    bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
+    bonds, i = bonds_of(problem), sources(bonds_of(problem))
     y = problem.system.model.grid.position[i, 1]
     crossing = (y < (ROWS / 2 - 0.5) * 1e-3) & (y + bonds.xi[:, 1] > (ROWS / 2 - 0.5) * 1e-3)
     length = np.hypot(*bonds.xi.T)

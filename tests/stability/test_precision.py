@@ -11,6 +11,7 @@ from failures import saying
 from plates import plate, square_grid
 
 from pdmesh.grid import InitialVelocity, Load, Run
+from pdsolve.measures import books, damage
 from pdsolve.model import Model
 from pdsolve.simulation import simulate
 from pdsolve.system import Options, Prepared, prepare
@@ -35,9 +36,9 @@ def asymmetry(problem: Prepared) -> tuple[float, int]:
     """Largest difference of the displacements of both halves over the largest displacement, and the nodes whose damage
     is not that of their mirror image."""
     u = problem.state.value.astype(float).reshape(ROWS, COLUMNS, 2)
-    damage = problem.damage().reshape(ROWS, COLUMNS)
+    damaged = damage(problem.system).reshape(ROWS, COLUMNS)
     mirrored = u[::-1] * [1, -1]
-    return float(np.abs(u - mirrored).max() / np.abs(u).max()), int((damage != damage[::-1]).sum())
+    return float(np.abs(u - mirrored).max() / np.abs(u).max()), int((damaged != damaged[::-1]).sum())
 
 
 def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
@@ -85,7 +86,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     assert len(set(cut.values())) == 1
     monkeypatch.setattr("pdmesh.visibility.SLACK", 0.0)
     exact = prepare(duran(), Options(threads=1))
-    lost = (exact.family - exact.count).reshape(ROWS, COLUMNS)
+    lost = (exact.system.family - exact.system.count).reshape(ROWS, COLUMNS)
     nodes = int((lost != lost[::-1]).sum())
     assert nodes == 4
     exact.march(1, 1801)
@@ -129,14 +130,14 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     """
     flying = spinning("float64")
     flying.march(1, 100_001)
-    books = flying.books(100_000)
-    assert books.broken == 0
-    error, balance = shape_error(flying), abs(books.balance(flying.initial_energy))
+    found = books(*flying, 100_000)
+    assert found.broken == 0
+    error, balance = shape_error(flying), abs(found.balance(flying.system.initial_energy))
     assert error < 0.003  # measured 0.0016: the plate breathes, being stretched by its turning
     assert balance < 1e-6  # measured 8e-7
-    momentum = books.momentum_x / float(flying.rho.sum() * flying.area[0] * 100) - 1
+    momentum = found.momentum_x / float(flying.system.model.rho.sum() * flying.system.area[0] * 100) - 1
     assert abs(momentum) < 1e-10
-    model = flying.model
+    model = flying.system.model
     with saying() as says, simulate(model, options=Options(precision="float32", threads=1)) as results:
         broken = results.summary()["broken_bonds"]
         first = int(results.breaks().step.min())
@@ -149,7 +150,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     assert silent == []
     failure(
         fails="A spinning fragment in float32, 1.1 m and 18 turns in 1e5 steps: the first bond breaks at step "
-        f"{first}, of round-off, and {broken} of {flying.bonds} directed bonds until the end.",
+        f"{first}, of round-off, and {broken} of {flying.system.bonds} directed bonds until the end.",
         noticed="A warning as soon as displacements are known to no better than 0.5 % of what breaks a bond, before "
         "the first one does.",
         says=says,

@@ -12,6 +12,7 @@ import pytest
 from failures import saying
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
+from systems import broken
 
 from pdmesh.grid import Load, Run
 from pdmesh.lattice import build_grid
@@ -19,6 +20,7 @@ from pdmesh.scene import Circle, Scene, box
 from pdmesh.shapes import SceneError
 from pdsolve.model import Model
 from pdsolve.simulation import plan
+from pdsolve.state import Broken
 from pdsolve.system import Options, prepare
 
 SIZES = (1e-9, 1e-3, 1e3)
@@ -39,11 +41,11 @@ def cracked(delta: float) -> Model:
     return plate(grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8 * size))
 
 
-def torn(delta: float) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Displacements over the spacing, steps in which bonds broke, and the stable step over the spacing."""
+def torn(delta: float) -> tuple[NDArray[np.float64], Broken, float]:
+    """Displacements over the spacing, bonds that broke, and the stable step over the spacing."""
     problem = prepare(cracked(delta), Options(threads=1))
     problem.march(1, 301)
-    return problem.state.value / delta, problem.motion.broken, problem.system.bound / delta
+    return problem.state.value / delta, broken(problem), problem.system.bound / delta
 
 
 def counts(x: NDArray[np.float64], slack: float) -> list[int]:
@@ -58,12 +60,12 @@ def test_from_nanometres_to_kilometres(failure: Callable[..., None]) -> None:
 
     What is compared with a length of its own, such as a slack in metres, works at one size only.
     """
-    (small, small_broken, small_bound), (u, broken, bound), (large, large_broken, large_bound) = map(torn, SIZES)
-    assert np.count_nonzero(broken) > 500  # 810 directed bonds
+    (small, small_broken, small_bound), (u, middle, bound), (large, large_broken, large_bound) = map(torn, SIZES)
+    assert len(middle.step) > 500  # 810 directed bonds
     differ = max(np.abs(small - u).max(), np.abs(large - u).max()) / np.abs(u).max()
     assert differ < 1e-12  # measured 1.4e-15
-    assert np.array_equal(small_broken, broken)
-    assert np.array_equal(large_broken, broken)
+    for other in (small_broken, large_broken):
+        assert all(map(np.array_equal, other, middle))
     assert (small_bound, large_bound) == pytest.approx((bound, bound), rel=1e-12)
     wrong = {delta: counts(square_grid(12, 12, delta).position, 1e-9) for delta in SIZES}
     assert (wrong[1e-9][-1], wrong[1e-3], wrong[1e3]) == (48, [28], [28])
@@ -90,7 +92,7 @@ def test_far_from_the_origin(failure: Callable[..., None]) -> None:
     for away in (0.0, 1.0):
         grid = square_grid(30, 30, 1e-9, x0=away)
         model = plate(grid, 3, material=CONSTANT, run=Run(steps=1))
-        families = prepare(model, Options("thesis", threads=1)).count.reshape(30, 30)[4:-4, 4:-4]
+        families = prepare(model, Options("thesis", threads=1)).system.count.reshape(30, 30)[4:-4, 4:-4]
         with saying() as says:
             plan(model, Options(threads=1))
         found[away] = (np.unique(families).tolist(), says)

@@ -19,10 +19,11 @@ from plates import plate, struck_plate
 from pdmesh.grid import Grid, Load, Material, Run
 from pdpost.cracks import cracked_since, directions
 from pdsolve.model import Model
-from pdsolve.problem import Options, prepare
 from pdsolve.results import Results
 from pdsolve.simulation import run
+from pdsolve.system import Options, prepare
 
+ONE = Options(threads=1)
 LENGTH, HEIGHT, TIP, DELTA = 100e-3, 40e-3, 50e-3, 0.5e-3  # m, of the Duran plate
 DURATION = 42.5e-6  # s
 TRUNK = (53e-3, 63e-3)  # m, where the crack runs straight
@@ -53,11 +54,10 @@ def lattice(turned: float, place: tuple[float, float]) -> NDArray[np.float64]:
 
 def solved(model: Model, duration: float, share: float) -> Results:
     """A model's results at this share of the surely stable step."""
-    problem = prepare(model, Options(threads=1))
-    step = share * problem.bound
+    step = share * prepare(model, ONE).system.bound
     steps = round(duration / step)
     settings = msgspec.structs.replace(model.settings, run=Run(time_step=step, steps=steps, every=steps))
-    return run(dataclasses.replace(problem, time_step=step, model=dataclasses.replace(model, settings=settings)))
+    return run(*prepare(dataclasses.replace(model, settings=settings), ONE))
 
 
 def duran(turned: float = 0.0, place: tuple[float, float] = (0.0, 0.0), up: float = 0.0, share: float = 1.0) -> Outcome:

@@ -11,12 +11,14 @@ import pytest
 from linear import equilibrium, sources
 from numpy.typing import NDArray
 from plates import GEOMETRIES, GLASS, plate, square_grid
+from systems import bonds_of
 
 from pdmesh.grid import Grid
 from pdsolve.bonds import Filling, Part
 from pdsolve.model import Model
-from pdsolve.problem import Options, Problem, prepare, problem_of
-from pdsolve.schemes import average_horizon
+from pdsolve.notes import breaks
+from pdsolve.schemes import SCHEMES, average_horizon
+from pdsolve.system import Options, Prepared, prepare, system_of
 
 ONE = Options(threads=1)
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1.0)
@@ -45,9 +47,14 @@ def filled(model: Model, faces: Faces, tip: tuple[float, float] = (0.0, 0.0)) ->
     return corrected._replace(part=part)
 
 
-def energies(problem: Problem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_faces(model: Model, faces: Faces) -> Prepared:
+    """The model with such bonds."""
+    return system_of(model, ONE, SCHEMES["conservative"]._replace(fill=lambda model: filled(model, faces)))
+
+
+def energies(problem: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Densities (n,) of energy of small displacements (n, 2)."""
-    bonds, i = problem.assembly.bonds, sources(problem.assembly.bonds)
+    bonds, i = bonds_of(problem), sources(bonds_of(problem))
     stretch = ((u[bonds.neighbour] - u[i]) * bonds.xi).sum(axis=1) / (bonds.xi**2).sum(axis=1)
     return np.bincount(i, bonds.stiffness * np.hypot(*bonds.xi.T) * stretch**2 / 4, minlength=len(u))
 
@@ -65,7 +72,7 @@ def beside(m: int, profile: str, faces: Faces) -> Beside:
     grid = square_grid(columns, rows, x0=-40e-3, y0=-19.5e-3)
     grid = dataclasses.replace(grid, cracks=np.array([[-1.0, 0.0, 1.0, 0.0]]))
     model = plate(grid, m, material=msgspec.structs.replace(UNIT, micromodulus=profile))
-    problem = problem_of(model, ONE, lambda model: filled(model, faces))
+    problem = with_faces(model, faces)
     x, y = grid.position.T
     ends = np.abs(x) > 36.5e-3
     narrowed = np.column_stack([x, -NU * (y - 10e-3 * np.sign(y))])
@@ -105,7 +112,7 @@ def test_beside_a_crack_it_is_as_at_an_edge() -> None:
     cracked = dataclasses.replace(model.grid, cracks=np.array([[-1.0, 0.0, 1.0, 0.0]]))
     one = prepare(dataclasses.replace(model, grid=cracked), ONE)
     other = prepare(plate(square_grid(20, 12, y0=0.5e-3), 3), ONE)
-    both = [energies(problem, problem.model.grid.position**2) for problem in (one, other)]
+    both = [energies(problem, problem.system.model.grid.position**2) for problem in (one, other)]
     assert both[0][12 * 20 :] == pytest.approx(both[1], rel=1e-12)  # measured 1e-15
 
 
@@ -124,14 +131,14 @@ def field(position: NDArray[np.float64], mode: Literal[1, 2]) -> NDArray[np.floa
 
 def around_a_tip(
     fineness: int, m: int, faces: Faces, mode: Literal[1, 2], ahead: int = 0
-) -> tuple[Problem, NDArray[np.float64]]:
+) -> tuple[Prepared, NDArray[np.float64]]:
     """A square with a crack to its middle, or `ahead` spacings further, the classical displacements held in an outer
     layer: the problem, and what is at rest."""
     delta, side = 1 / fineness, int(2 * HALF * fineness)
     grid = square_grid(side, side, delta, x0=-HALF + delta / 2, y0=-HALF + delta / 2)
     ring = HALF * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
     grid: Grid = dataclasses.replace(grid, cracks=np.array([[-2 * HALF, 0, ahead * delta, 0]]), outline=(ring,))
-    problem = problem_of(plate(grid, m, material=UNIT), ONE, lambda model: filled(model, faces))
+    problem = with_faces(plate(grid, m, material=UNIT), faces)
     outer = np.abs(grid.position).max(axis=1) > HALF - (m + 1) * delta
     return problem, equilibrium(problem, np.column_stack([outer, outer]), field(grid.position, mode))
 
@@ -139,7 +146,7 @@ def around_a_tip(
 def off(fineness: int, m: int, faces: Faces, mode: Literal[1, 2]) -> float:
     """Relative L2 error of the displacements around a tip, where they are not held."""
     problem, u = around_a_tip(fineness, m, faces, mode)
-    position = problem.model.grid.position
+    position = problem.system.model.grid.position
     free, exact = np.abs(position).max(axis=1) < HALF - (m + 1) / fineness, field(position, mode)
     return float(np.linalg.norm((u - exact)[free]) / np.linalg.norm(exact[free]))
 
@@ -149,7 +156,7 @@ def released(fineness: int, m: int, faces: Faces, mode: Literal[1, 2]) -> float:
     stored = []
     for ahead in (-1, 1):
         problem, u = around_a_tip(fineness, m, faces, mode, ahead)
-        stored.append(float((energies(problem, u) * problem.area).sum()))
+        stored.append(float((energies(problem, u) * problem.system.area).sum()))
     return (stored[0] - stored[1]) * fineness / 2
 
 
@@ -197,11 +204,11 @@ def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) ->
     from pdmesh.lattice import build_grid
 
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
-    problem = problem_of(Model(grid, settings), ONE, lambda model: filled(model, faces))
-    problem.march(1, round(22e-6 / problem.time_step))
-    breaks = problem.breaks_after(0)
-    x, y = (1e3 * grid.position[np.searchsorted(grid.ids, breaks.node)]).T
-    time = breaks.step * problem.time_step
+    problem = with_faces(Model(grid, settings), faces)
+    problem.march(1, round(22e-6 / problem.system.time_step))
+    broke = breaks(problem.system, 0)
+    x, y = (1e3 * grid.position[np.searchsorted(grid.ids, broke.node)]).T
+    time = broke.step * problem.system.time_step
     near = np.minimum(np.abs(y - 75.5), np.abs(y - 124.5)) < 3
     assert time[near & (x < 47)].min() == pytest.approx(first, abs=0.2e-6)
     assert time[near & (np.abs(x - 50) < 3)].min() == pytest.approx(11e-6, abs=0.2e-6)  # measured 10.9 and 11.1

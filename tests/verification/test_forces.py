@@ -52,7 +52,9 @@ def test_forces_derive_from_the_energy(law: str, profile: str, plane: str) -> No
             u[node, axis] = at - step
             slope = (above - energy()) / (2 * step)
             u[node, axis] = at
-            assert -slope == pytest.approx(area[node] * force[node, axis], abs=1e-7 * scale)  # measured 1e-9 of the force
+            assert -slope == pytest.approx(
+                area[node] * force[node, axis], abs=1e-7 * scale
+            )  # measured 1e-9 of the force
 
 
 @pytest.mark.parametrize("law", LAWS)

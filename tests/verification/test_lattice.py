@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from linear import stiffness
 from plates import GLASS, plate, square_grid
+from systems import bonds_of
 
 from pdsolve.lattice import calibration, full_family, lattice_ratios
 from pdsolve.system import Options, prepare
@@ -93,8 +94,8 @@ def inner_node(mode: str, m: int, profile: str) -> tuple[tuple[float, float, flo
     material = msgspec.structs.replace(GLASS, micromodulus=profile)
     problem = prepare(plate(square_grid(side, side), m, material=material), Options(mode))
     middle = (side * side - 1) // 2
-    c11, c22, c66 = stiffness(problem.assembly.bonds, middle)
-    E, start = material.E, problem.assembly.bonds.start
+    c11, c22, c66 = stiffness(bonds_of(problem), middle)
+    E, start = material.E, bonds_of(problem).start
     return (c11 / (1.125 * E), c22 / (1.125 * E), c66 / (0.375 * E)), int(start[middle + 1] - start[middle])
 
 
@@ -145,7 +146,7 @@ def test_families_do_not_depend_on_round_off(mode: str, profile: str, m: float) 
         m,
         material=msgspec.structs.replace(GLASS, micromodulus=profile),
     )
-    family = prepare(model, Options(mode)).assembly.family.reshape(side, side)
+    family = prepare(model, Options(mode)).system.family.reshape(side, side)
     deep = int(m) + 1
     assert len(np.unique(family[deep:-deep, deep:-deep])) == 1
     for turned in (family.T, family[::-1], family[:, ::-1]):

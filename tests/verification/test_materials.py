@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium, operator, sources
+from linear import equilibrium, matrix, sources
 from periodic import joined
 from plates import GLASS, plate, square_grid
+from systems import bonds_of
 
 from pdmesh.grid import Material, Region
 from pdsolve.bonds import Bonds
 from pdsolve.lattice import calibration
+from pdsolve.laws import brittle, law_of
 from pdsolve.laws.critical import critical_stretch, limits
+from pdsolve.measures import books
 from pdsolve.model import Model
 from pdsolve.schemes import average_horizon
 from pdsolve.system import Options, prepare
@@ -40,25 +41,19 @@ def test_density_is_that_of_the_region() -> None:
     model = layered()
     left = model.grid.position[:, 0] < 0
     problem = prepare(model, Options(threads=1))
-    assert np.array_equal(problem.rho, np.where(left, 2235.0, 1200.0))
+    assert np.array_equal(problem.system.model.rho, np.where(left, 2235.0, 1200.0))
     problem.state.rate[:, 0] = 2.0
     mass = 1e-6 * 12 * HALF * (2235 + 1200)
-    assert problem.books(0).kinetic == pytest.approx(mass / 2 * 4, rel=1e-14)
-    assert problem.books(0).momentum_x == pytest.approx(mass * 2, rel=1e-14)
+    assert books(*problem, 0).kinetic == pytest.approx(mass / 2 * 4, rel=1e-14)
+    assert books(*problem, 0).momentum_x == pytest.approx(mass * 2, rel=1e-14)
 
 
 def test_the_conservative_rule_at_an_interface() -> None:
     """Each end brings half its stiffness; peak and limit keep the mean energy up to the peak and of the whole."""
     model = layered(height=25, columns=40)
-    bonds = prepare(model, Options(threads=1)).assembly.bonds
+    bonds = bonds_of(prepare(model, Options(threads=1)))
     left, right = 12 * 40 + 19, 12 * 40 + 20  # across the interface, in the middle of the plate
-    pure = [
-        prepare(
-            dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, regions=(), material=m)),
-            Options(threads=1),
-        ).assembly.bonds
-        for m in (GLASS, SOFT)
-    ]
+    pure = [bonds_of(prepare(plate(model.grid, 3, material=m), Options(threads=1))) for m in (GLASS, SOFT)]
     k = [between(b, left, right) for b in pure]
     c = [b.stiffness[i] for b, i in zip(pure, k, strict=True)]
     peak, limit = ([getattr(b, name)[i] for b, i in zip(pure, k, strict=True)] for name in ("peak", "limit"))
@@ -77,7 +72,7 @@ def test_the_conservative_rule_at_an_interface() -> None:
 
 def test_the_conservative_rule_gives_equal_pairs() -> None:
     """c_ij = c_ji, s_p and s_0 alike both ways: momentum is kept, and a bond breaks as one."""
-    bonds = prepare(layered(), Options(threads=1)).assembly.bonds
+    bonds = bonds_of(prepare(layered(), Options(threads=1)))
     n = len(bonds.start) - 1
     table = np.zeros((3, n, n))
     for layer, column in enumerate((bonds.stiffness, bonds.peak, bonds.limit)):
@@ -89,7 +84,7 @@ def test_the_conservative_rule_gives_equal_pairs() -> None:
 def test_the_thesis_rule_at_an_interface() -> None:
     """A bond has the constants of its own node's material: two halves that differ."""
     model = layered(height=25, columns=40)
-    bonds = prepare(model, Options("thesis", threads=1)).assembly.bonds
+    bonds = bonds_of(prepare(model, Options("thesis", threads=1)))
     left, right = 12 * 40 + 19, 12 * 40 + 20
     there, back = between(bonds, left, right), between(bonds, right, left)
     assert bonds.stiffness[there] / bonds.stiffness[back] == pytest.approx(65 / 20, rel=1e-12)
@@ -104,7 +99,7 @@ def test_far_from_the_interface_each_material_is_itself() -> None:
     problem = prepare(model, Options(threads=1))
     for material, node in ((GLASS, 12 * 60 + 12), (SOFT, 12 * 60 + 47)):
         alone = plate(model.grid, 3, material=material)
-        one, two = (p.assembly.bonds for p in (problem, prepare(alone, Options(threads=1))))
+        one, two = (bonds_of(p) for p in (problem, prepare(alone, Options(threads=1))))
         own = slice(one.start[node], one.start[node + 1]), slice(two.start[node], two.start[node + 1])
         for name in ("stiffness", "peak", "limit"):
             assert getattr(one, name)[own[0]] == pytest.approx(getattr(two, name)[own[1]], rel=1e-12)
@@ -118,7 +113,7 @@ def test_a_bar_of_two_halves_stretches_as_springs_in_series() -> None:
     model = layered(height=25, columns=columns, soft=msgspec.structs.replace(SOFT, law="brittle"))
     whole = prepare(model, Options(threads=1))
     strip = joined(whole, (-np.inf, 12e-3, np.inf, 13e-3))
-    x = strip.model.grid.position[:, 0]
+    x = strip.system.model.grid.position[:, 0]
     held, at = np.zeros((columns, 2), dtype=bool), np.zeros((columns, 2))
     held[:, 1] = True
     ends = np.abs(x) > 36.9e-3
@@ -134,7 +129,7 @@ def test_a_bar_of_two_halves_stretches_as_springs_in_series() -> None:
     classical = 2e-6 / (37e-3 / 65e9 + 37e-3 / 20e9)
     assert stress["stiff"] == pytest.approx(classical, rel=0.05)  # measured 1.6e-2
     assert (
-        np.abs(operator(strip.assembly.bonds) @ np.column_stack([u, 0 * u]).ravel()).reshape(-1, 2)[~ends, 0].max()
+        np.abs(matrix(strip) @ np.column_stack([u, 0 * u]).ravel()).reshape(-1, 2)[~ends, 0].max()
         < 1e-6 * 65e9 * 1e-6 / 1e-3
     )
 
@@ -144,4 +139,4 @@ def test_bonds_between_two_brittle_materials_are_brittle() -> None:
     model = layered(soft=msgspec.structs.replace(SOFT, law="brittle", E=6e9, G0=20.0))
     bonds = average_horizon.fill(model).whole().bonds
     assert np.array_equal(bonds.peak, bonds.limit)
-    assert not len(prepare(model, Options()).motion.worst)
+    assert law_of(model) is brittle

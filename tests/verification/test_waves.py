@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import msgspec
 import numpy as np
 import pytest
-from linear import operator
+from linear import accelerate
 from periodic import joined
 from plates import GLASS, plate, square_grid
+from systems import at_step
 
 from pdmesh.grid import Material
 from pdsolve.lattice import calibration, hu_beta, offsets
@@ -57,18 +56,17 @@ def ring(m: int, profile: str, nodes: int) -> Prepared:
 def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
     """Angular frequency of a standing wave of `waves` in the ring, marched at `share` of the bound, and the step."""
     nodes = len(problem.system.model.grid)
-    stiffness = operator(problem.assembly.bonds)
-    problem = dataclasses.replace(problem, time_step=share * problem.system.bound)
-    x, motion = np.arange(nodes), problem.motion
+    problem = at_step(problem, share * problem.system.bound)
+    x, state = np.arange(nodes), problem.state
     shape = np.cos(2 * np.pi * waves * x / nodes)
-    motion.u[:, axis] = 1e-12 * shape  # small: a wave of finite size changes its own frequency
-    motion.a[:] = -(stiffness @ motion.u.ravel()).reshape(-1, 2) / problem.rho[:, None]
-    guess = np.sqrt(-motion.a[0, axis] / motion.u[0, axis])
+    state.value[:, axis] = 1e-12 * shape  # small: a wave of finite size changes its own frequency
+    accelerate(problem)
+    guess = np.sqrt(-state.second[0, axis] / state.value[0, axis])
     seen = []
     steps = round(periods * 2 * np.pi / guess / problem.system.time_step)
     for step in range(1, steps + 1):
         problem.march(step, step + 1)
-        seen.append(float(motion.u[:, axis] @ shape) / float(shape @ shape) / 1e-12)
+        seen.append(float(state.value[:, axis] @ shape) / float(shape @ shape) / 1e-12)
     # cos((n + 1) w dt) + cos((n - 1) w dt) = 2 cos(w dt) cos(n w dt), by least squares
     c = np.array([1.0, *seen])
     cosine = float((c[2:] + c[:-2]) @ c[1:-1] / (2 * c[1:-1] @ c[1:-1]))

@@ -1,4 +1,4 @@
-"""The fast kernel against the textbook loop: the same forces, the same broken bonds, the same energies."""
+"""The fast kernel against the listed one: the same forces, the same broken bonds, the same energies."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ import numba
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
+from systems import bonds_of, broken, kept, worst
 
 from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
-from pdsolve.kernels import layout
+from pdsolve.measures import books
 from pdsolve.model import Model, ModelError
+from pdsolve.notes import breaks, restore
+from pdsolve.operators.blocks import layout
+from pdsolve.operators.blocks.kernel import Blocks
+from pdsolve.operators.blocks.operator import InBlocks
 from pdsolve.simulation import simulate
 from pdsolve.system import Options, Prepared, prepare
 
@@ -61,20 +66,10 @@ def torn(grid: Grid, **settings: object) -> Model:
 
 
 def both(model: Model, mode: str, precision: str = "float64") -> tuple[Prepared, Prepared]:
-    """The problem for the fast kernel and for the textbook loop."""
-    fast, textbook = (prepare(model, Options(mode, precision, kernel=kernel)) for kernel in (None, "textbook"))
-    assert (fast.kernel, textbook.kernel) == ("blocks", "textbook")
-    return fast, textbook
-
-
-def bonds(problem: Prepared, name: str) -> np.ndarray:
-    """What the motion knows of each bond, in the order of nodes and neighbours, whatever the kernel."""
-    values = getattr(problem.motion, name)
-    if problem.fast is None:
-        return np.asarray(values)
-    there = layout.there(problem.fast.whole)
-    source, target = layout.ends(problem.fast.blocks, there)
-    return np.asarray(values[there][np.lexsort((target, source))])
+    """The problem for the fast kernel and for the listed one."""
+    fast, listed = (prepare(model, Options(mode, precision, kernel=kernel)) for kernel in (None, "listed"))
+    assert (fast.system.operator.name, listed.system.operator.name) == ("blocks", "listed")
+    return fast, listed
 
 
 def nearly(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
@@ -87,21 +82,23 @@ def nearly(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
 @pytest.mark.parametrize("name", GRIDS)
 def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
     """Large random displacements: accelerations, broken bonds, what breaking and softening spent, energies."""
-    fast, textbook = both(plate(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
-    for problem in (fast, textbook):
+    fast, listed = both(plate(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
+    for problem in (fast, listed):
         random = np.random.default_rng(3)
         problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         problem.march(1, 2)
         problem.march(2, 3)
-    assert 0 < (textbook.motion.broken > 0).mean() < 0.9
-    assert np.array_equal(bonds(fast, "broken"), bonds(textbook, "broken"))
-    assert (textbook.motion.worst.max(initial=0.0) > 0) == (law == "bilinear")
-    for field in ("u", "v", "a", "dissipated"):
-        assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-12), field  # measured 1e-14
-    if len(textbook.motion.worst):
-        assert nearly(bonds(fast, "worst"), bonds(textbook, "worst"), 1e-12)
-    for found, expected in zip(fast.energies(), textbook.energies(), strict=True):
+    assert 0 < len(broken(listed).step) < 0.9 * listed.system.bonds
+    assert all(map(np.array_equal, broken(fast), broken(listed)))
+    assert (worst(listed).max(initial=0.0) > 0) == (law == "bilinear")
+    for field in ("value", "rate", "second", "dissipated"):
+        assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-12), field  # measured 1e-14
+    if law == "bilinear":
+        assert nearly(worst(fast), worst(listed), 1e-12)
+    for found, expected in zip(
+        fast.system.operator.energies(fast.state), listed.system.operator.energies(listed.state), strict=True
+    ):
         assert nearly(found, expected, 1e-12)
 
 
@@ -110,15 +107,21 @@ def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
 @pytest.mark.parametrize("name", GRIDS)
 def test_a_whole_run(name: str, mode: str, law: str) -> None:
     """A plate torn to pieces: the same bonds break in the same steps, and the books agree."""
-    fast, textbook = both(torn(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
-    for problem in (fast, textbook):
+    fast, listed = both(torn(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
+    for problem in (fast, listed):
         for first in range(1, 121, 8):
             problem.march(first, first + 8)
-    assert (textbook.motion.broken > 0).any()
-    assert np.array_equal(bonds(fast, "broken"), bonds(textbook, "broken"))
-    for field in ("u", "v", "work"):
-        assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-10), field
-    assert fast.books(120)[2:] == pytest.approx(textbook.books(120)[2:], rel=1e-10, abs=1e-9)
+    assert len(broken(listed).step) > 0
+    assert all(map(np.array_equal, broken(fast), broken(listed)))
+    for field in ("value", "rate", "work"):
+        assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-10), field
+    assert books(*fast, 120)[2:] == pytest.approx(books(*listed, 120)[2:], rel=1e-10, abs=1e-9)
+
+
+def blocks_of(problem: Prepared) -> Blocks:
+    """The arrays of the fast kernel."""
+    assert isinstance(problem.system.operator, InBlocks)
+    return problem.system.operator.blocks
 
 
 def stretched(problem: Prepared, strain: float) -> None:
@@ -132,30 +135,29 @@ def stretched(problem: Prepared, strain: float) -> None:
 def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> None:
     """Far below the peak of the law again, and after a resume there: weaker than new, and the same to the last bit."""
     model = plate(GRIDS["two scales"], material=SOFT, run=Run(time_step=1e-12))
-    fast, textbook = both(model, mode)
+    fast, listed = both(model, mode)
     new, again = both(model, mode)[0], both(model, mode)[0]
-    flags, of_new, of_again = (problem.fast.blocks.softened for problem in (fast, new, again) if problem.fast)
-    at_rest = {name: values.copy() for name, values in new.state().items()}
-    peak = float(textbook.assembly.bonds.peak.min())
-    for problem in (fast, textbook):
+    flags, of_new, of_again = (blocks_of(problem).softened for problem in (fast, new, again))
+    at_rest = kept(new)
+    peak = float(bonds_of(listed).peak.min())
+    for problem in (fast, listed):
         stretched(problem, 1.2 * peak)
         problem.march(1, 2)
-        assert not problem.motion.broken.any()
-    for problem in (fast, textbook, new):
+        assert not len(broken(problem).step)
+    for problem in (fast, listed, new):
         stretched(problem, 0.1 * peak)
         problem.march(2, 3)
-    assert nearly(fast.state.second, textbook.state.second, 1e-11)  # measured 2e-15
+    assert nearly(fast.state.second, listed.state.second, 1e-11)  # measured 2e-15
     assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
-    assert nearly(fast.energies()[1], textbook.energies()[1], 1e-12)
-    assert fast.energies()[1].max() > 0
-    again.restore(2, {name: values.copy() for name, values in fast.state().items()}, fast.breaks_after(0))
+    assert nearly(fast.system.operator.energies(fast.state)[1], listed.system.operator.energies(listed.state)[1], 1e-12)
+    assert fast.system.operator.energies(fast.state)[1].max() > 0
+    restore(*again, 2, kept(fast), breaks(fast.system, 0))
     assert flags.any()
     assert np.array_equal(of_again, flags)
     for problem in (fast, again):
         problem.march(3, 6)
     assert fast.state.second.tobytes() == again.state.second.tobytes()
-    fast.motion.worst[:] = 0
-    fast.restore(0, at_rest, fast.breaks_after(0))
+    restore(*fast, 0, at_rest, breaks(fast.system, 0))
     assert not flags.any()
     assert not of_new.any()
 
@@ -167,24 +169,24 @@ def test_held_components() -> None:
         Velocity(box=(0.0, 10e-3, 9e-3, 11e-3), y=2.0, profile=((0.0, 1.0), (2e-6, 0.0))),
         Acceleration(box=(15e-3, 10e-3, 20e-3, 11e-3), x=1e6),
     )
-    fast, textbook = both(torn(GRIDS["one scale"], conditions=conditions), "conservative")
-    for problem in (fast, textbook):
+    fast, listed = both(torn(GRIDS["one scale"], conditions=conditions), "conservative")
+    for problem in (fast, listed):
         problem.march(1, 30)
         problem.march(30, 61)
-    assert np.abs(textbook.state.work).max() > 0
-    for field in ("u", "v", "a", "work"):
-        assert nearly(getattr(fast.motion, field), getattr(textbook.motion, field), 1e-11), field
-    assert nearly(fast.system.drive.held_force, textbook.system.drive.held_force, 1e-11)
+    assert np.abs(listed.state.work).max() > 0
+    for field in ("value", "rate", "second", "work"):
+        assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-11), field
+    assert nearly(fast.system.drive.held_force, listed.system.drive.held_force, 1e-11)
 
 
 def test_single_precision() -> None:
     fast, _ = both(plate(two_scale_grid()), "conservative", "float32")
-    _, textbook = both(plate(two_scale_grid()), "conservative")
-    for problem in (fast, textbook):
+    _, listed = both(plate(two_scale_grid()), "conservative")
+    for problem in (fast, listed):
         problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
     assert fast.state.second.dtype == np.float32
-    assert nearly(fast.state.second, textbook.state.second, 3e-6)  # measured 3e-7
+    assert nearly(fast.state.second, listed.state.second, 3e-6)  # measured 3e-7
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
@@ -198,10 +200,10 @@ def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
         for first, last in itertools.pairwise(parts):
             problem.march(first, last)
         problems.append(problem)
-    assert (problems[0].motion.broken > 0).any()
-    for other in problems[1:]:
-        for field in ("u", "v", "a", "broken", "worst", "dissipated", "work"):
-            assert getattr(other.motion, field).tobytes() == getattr(problems[0].motion, field).tobytes(), field
+    first, *others = ([column.tobytes() for column in (*p.state, *broken(p), worst(p))] for p in problems)
+    assert len(broken(problems[0]).step) > 0
+    assert len(worst(problems[0])) > 0
+    assert all(other == first for other in others)
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -210,8 +212,8 @@ def test_what_is_not_a_number_spreads(precision: str) -> None:
     problem = prepare(plate(square_grid(21, 12)), Options(precision=precision))
     problem.state.value[130, 0] = np.nan
     problem.march(1, 2)
-    listed = problem.assembly.bonds
-    near = np.append(listed.neighbour[listed.start[130] : listed.start[131]], 130)
+    bonds = bonds_of(problem)
+    near = np.append(bonds.neighbour[bonds.start[130] : bonds.start[131]], 130)
     assert np.array_equal(np.flatnonzero(np.isnan(problem.state.second).any(axis=1)), np.sort(near))
 
 
@@ -219,17 +221,17 @@ def test_the_order_of_nodes_does_not_matter() -> None:
     grid, random = square_grid(21, 12), np.random.default_rng(0)
     shuffled = random.permutation(len(grid))
     names = ("ids", "position", "delta", "border", "hole_id")
-    fast, textbook = both(plate(dataclasses.replace(grid, **{n: getattr(grid, n)[shuffled] for n in names})), "thesis")
-    for problem in (fast, textbook):
+    fast, listed = both(plate(dataclasses.replace(grid, **{n: getattr(grid, n)[shuffled] for n in names})), "thesis")
+    for problem in (fast, listed):
         problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
-    assert nearly(fast.state.second, textbook.state.second, 1e-12)
+    assert nearly(fast.state.second, listed.state.second, 1e-12)
 
 
-def test_nodes_without_a_lattice_are_left_to_the_textbook() -> None:
+def test_nodes_without_a_lattice_are_listed() -> None:
     grid = square_grid(21, 12)
     scattered = dataclasses.replace(grid, position=grid.position + 1e-5 * np.random.default_rng(0).random((252, 2)))
-    assert prepare(plate(scattered), Options()).kernel == "textbook"
+    assert prepare(plate(scattered), Options()).system.operator.name == "listed"
     with pytest.raises(ModelError, match="kernel: found nodes without a lattice"):
         prepare(plate(scattered), Options(kernel="blocks"))
 
@@ -244,12 +246,12 @@ def test_the_results_say_which_kernel() -> None:
 def test_bonds_are_found_by_their_ends(name: str, mode: str) -> None:
     """All bonds of the list are in the blocks, each once, and every one is found again."""
     problem = prepare(plate(GRIDS[name]), Options(mode))
-    assert problem.fast is not None
-    listed = problem.assembly.bonds
-    source = np.repeat(np.arange(len(problem.system.count)), np.diff(listed.start))
-    numbers = layout.find(problem.fast.blocks, problem.fast.whole, source, listed.neighbour.astype(np.int64))
-    assert np.array_equal(np.sort(numbers), layout.there(problem.fast.whole))
-    for found, expected in zip(layout.ends(problem.fast.blocks, numbers), (source, listed.neighbour), strict=True):
+    blocks = blocks_of(problem)
+    bonds = bonds_of(problem)
+    source = np.repeat(np.arange(len(problem.system.count)), np.diff(bonds.start))
+    numbers = layout.find(blocks, blocks.mask, source, bonds.neighbour.astype(np.int64))
+    assert np.array_equal(np.sort(numbers), layout.there(blocks.mask))
+    for found, expected in zip(layout.ends(blocks, numbers), (source, bonds.neighbour), strict=True):
         assert np.array_equal(found, expected)
 
 
@@ -271,8 +273,8 @@ def test_values_that_differ_by_round_off_stay_near_their_own() -> None:
 def test_plates_far_away_or_long(mode: str, x0: float, columns: int, rows: int, delta: float) -> None:
     """Round-off of positions makes all stiffnesses different; the blocks' are still the list's."""
     grid = square_grid(columns, rows, delta, x0=x0)
-    fast, textbook = both(plate(grid), mode)
-    for problem in (fast, textbook):
+    fast, listed = both(plate(grid), mode)
+    for problem in (fast, listed):
         problem.state.value[:] = 1e-6 * delta * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.march(1, 2)
-    assert nearly(fast.state.second, textbook.state.second, 1e-11)  # measured 7e-13
+    assert nearly(fast.state.second, listed.state.second, 1e-11)  # measured 7e-13

@@ -47,7 +47,7 @@ def stopped_at(path: Path, model: Model, stops: list[int], options: Options) -> 
     resume(path).close()
 
 
-@pytest.mark.parametrize("options", [Options(), Options("thesis"), Options(kernel="textbook", precision="float32")])
+@pytest.mark.parametrize("options", [Options(), Options("thesis"), Options(kernel="listed", precision="float32")])
 def test_interrupted_anywhere(driven: Model, tmp_path: Path, options: Options) -> None:
     """Between two frames, between two entries of the ledger, at either, twice in a row."""
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
@@ -78,7 +78,7 @@ def test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped(
     driven: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames, broken bonds, ledger, probes and reactions: copied from under a run with a checkpoint at step 0 only."""
-    monkeypatch.setattr("pdsolve.simulation.KEPT", 1e9)
+    monkeypatch.setattr("pdsolve.notes.KEPT", 1e9)
     path, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
 
     def kill(progress: Progress) -> bool:

@@ -1,4 +1,4 @@
-"""The compiled loop against a few lines of numpy, and the books of a breaking bond."""
+"""Forces against a few lines of numpy, and the books of a breaking bond."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from plates import plate, square_grid, two_scale_grid
+from systems import bonds_of, forces
 
 from pdmesh.grid import Run
-from pdsolve.bonds import Bonds
-from pdsolve.conditions import Drive, drive
-from pdsolve.energy import strain_energies
-from pdsolve.kernels.bond_sums import Motion, force_on
-from pdsolve.steppers.verlet import advance, stability_bound
+from pdsolve.bonds import Bonds, stiffest
+from pdsolve.conditions import drive
+from pdsolve.laws import brittle
+from pdsolve.operators.listed import Listed
+from pdsolve.state import State
+from pdsolve.steppers.verlet import Verlet
 from pdsolve.system import Options, Prepared, prepare
 
 
@@ -24,15 +26,9 @@ def random_problem(mode: str = "conservative", precision: str = "float64", size:
     return problem
 
 
-def forces(problem: Prepared) -> np.ndarray:
-    """Force densities (n, 2) by the kernel."""
-    nodes = range(len(problem.system.model.grid))
-    return np.array([force_on(problem.assembly.bonds, problem.motion, i, 1, 1e-8) for i in nodes])
-
-
 def numpy_forces(problem: Prepared) -> np.ndarray:
     """The same from the definition, |xi + eta| - |xi| over |xi|."""
-    bonds, u = problem.assembly.bonds, problem.state.value.astype(float)
+    bonds, u = bonds_of(problem), problem.state.value.astype(float)
     source = np.repeat(np.arange(len(u)), np.diff(bonds.start))
     reference = bonds.xi.astype(float)
     y = reference + u[bonds.neighbour] - u[source]
@@ -54,26 +50,6 @@ def test_single_precision_loses_nothing_to_cancellation() -> None:
     assert np.abs(forces(problem) - expected).max() <= 3e-6 * np.abs(expected).max()  # measured 4e-7
 
 
-def test_forces_derive_from_the_energy() -> None:
-    """Conservative mode: area * force = - dE/du, by central differences."""
-    problem = random_problem(size=1e-6)
-    area, motion = problem.assembly.area, problem.motion
-
-    def energy() -> float:
-        return float(np.sum(area * strain_energies(problem.assembly.bonds, motion)[0]))
-
-    force, h = forces(problem), 1e-9
-    for node in (0, 40, 100, 110, 131):
-        for axis in (0, 1):
-            at = motion.u[node, axis]
-            motion.u[node, axis] = at + h
-            above = energy()
-            motion.u[node, axis] = at - h
-            slope = (above - energy()) / (2 * h)
-            motion.u[node, axis] = at
-            assert -slope == pytest.approx(area[node] * force[node, axis], rel=1e-5)  # measured 1e-8
-
-
 def test_a_translation_and_a_turn_make_no_force() -> None:
     problem = random_problem(size=0.0)
     x = problem.system.model.grid.position
@@ -83,50 +59,53 @@ def test_a_translation_and_a_turn_make_no_force() -> None:
     assert np.abs(forces(problem)).max() <= 1e-8 * scale  # measured 6e-10
 
 
-def two_nodes(stiffness: float, peak: float = 1e-3) -> tuple[Bonds, Motion, Drive]:
+def two_nodes(stiffness: float, dt: float) -> tuple[Listed, Verlet, State]:
     """Two nodes 1 mm apart with a bond each way that is gone at a stretch of 1e-3, flying apart; no loads."""
+    limits = np.full(2, 1e-3)
     bonds = Bonds(
         start=np.array([0, 1, 2]),
         neighbour=np.array([1, 0], dtype=np.int32),
         xi=np.array([[1e-3, 0.0], [-1e-3, 0.0]]),
         stiffness=np.full(2, stiffness),
-        peak=np.full(2, peak),
-        limit=np.full(2, 1e-3),
+        peak=limits,
+        limit=limits,
+        weight=np.ones(2),
     )
+    model = plate(square_grid(2, 1))
+    operator = Listed(brittle, brittle.columns(model, bonds), bonds, symmetric=True)
     v = np.array([[-1.0, 0.0], [1.0, 0.0]])
-    rest, broken, worst = np.zeros((2, 2)), np.zeros(2, dtype=np.int32), np.zeros(2 if peak < 1e-3 else 0)
-    motion = Motion(rest, v, rest.copy(), broken, worst, np.zeros(2), np.zeros(2))
-    return bonds, motion, drive(plate(square_grid(2, 1)), np.ones(2), True, np.float64)
+    state = State(np.zeros((2, 2)), v, np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+    return operator, Verlet(operator, drive(model, np.ones(2), True, np.float64), np.full(2, 1e3), dt), state
 
 
 @pytest.mark.parametrize("dt", [4e-8, 2e-8, 1e-8])
 def test_a_breaking_bond_takes_its_energy_along(dt: float) -> None:
     """Booked as c xi s_n s_(n+1) / 2, what a bond takes is what the motion loses, whatever the time step."""
-    bonds, motion, nothing = two_nodes(stiffness=1e12)
-    start = 1e3 / 2 * float((motion.v**2).sum())
-    advance(bonds, motion, nothing, np.full(2, 1e3), dt, 1, round(4e-6 / dt) + 1)
-    assert motion.broken[0] == motion.broken[1] > 0
-    spent = float(motion.dissipated.sum())
+    operator, verlet, state = two_nodes(1e12, dt)
+    start = 1e3 / 2 * float((state.rate**2).sum())
+    verlet.march(state, 1, round(4e-6 / dt) + 1)
+    assert len(set(operator.broken().step)) == 1
+    spent = float(state.dissipated.sum())
     assert spent > 0.4 * start
-    assert 1e3 / 2 * float((motion.v**2).sum()) + spent == pytest.approx(start, rel=1e-12)  # measured 1e-13
+    assert 1e3 / 2 * float((state.rate**2).sum()) + spent == pytest.approx(start, rel=1e-12)  # measured 1e-13
 
 
 def test_a_bond_breaks_in_the_first_step_over_its_limit() -> None:
-    bonds, motion, nothing = two_nodes(stiffness=0.0)
-    advance(bonds, motion, nothing, np.full(2, 1e3), 0.95e-7, 1, 20)
-    assert motion.broken.tolist() == [6, 6]  # the stretch grows by 1.9e-4 a step
+    operator, verlet, state = two_nodes(0.0, 0.95e-7)
+    verlet.march(state, 1, 20)
+    assert operator.broken().step.tolist() == [6, 6]  # the stretch grows by 1.9e-4 a step
 
 
 def test_the_bound_of_a_full_lattice() -> None:
     """By hand: the largest eigenvalue of sum k n n^T, and Silling and Askari's sum k, of the worst node."""
     problem = prepare(plate(two_scale_grid()), Options())
-    bonds = problem.assembly.bonds
+    bonds = bonds_of(problem)
     length = np.hypot(*bonds.xi.T)
     k, n = bonds.stiffness / length, bonds.xi / length[:, None]
     rows = list(pairwise(bonds.start))
     largest = max(np.linalg.eigvalsh(np.einsum("b,bi,bj->ij", k[a:b], n[a:b], n[a:b]))[-1] for a, b in rows)
-    stiffest = max(k[a:b].sum() for a, b in rows)
-    symmetric, any_bonds = (stability_bound(bonds, problem.system.model.rho, kind) for kind in (True, False))
-    assert symmetric == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)
-    assert any_bonds == pytest.approx((2 * 2235.0 / stiffest) ** 0.5, rel=1e-14)
-    assert problem.system.time_step == problem.system.bound == symmetric
+    sum_of_all = max(k[a:b].sum() for a, b in rows)
+    symmetric, any_bonds = (stiffest(bonds, bonds.stiffness, kind).max() for kind in (True, False))
+    assert symmetric == pytest.approx(largest, rel=1e-14)
+    assert any_bonds == pytest.approx(sum_of_all, rel=1e-14)
+    assert problem.system.time_step == problem.system.bound == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)

@@ -11,13 +11,15 @@ import numba
 import numpy as np
 import pytest
 from plates import plate, square_grid
+from systems import bonds_of, kept
 from tampered import tampered
 
 from pdmesh.grid import Run
+from pdsolve.measures import CRACKED, damage, pieces
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.notes import breaks, restore
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
-from pdsolve.system import CRACKED
 
 
 def with_run(model: Model, **run: object) -> Model:
@@ -43,7 +45,7 @@ def test_a_run_in_memory_breaks_bonds_and_ends(small_plate: Model, mode: str, pr
         summary = results.summary()
     assert summary["steps"] == 60
     assert summary["broken_bonds"] > 0
-    assert summary["bonds"] == len(prepare(small_plate, Options(mode)).assembly.bonds.neighbour)
+    assert summary["bonds"] == len(bonds_of(prepare(small_plate, Options(mode))).neighbour)
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
@@ -63,7 +65,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Pa
     model = with_run(small_plate, every=15)
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patch:  # look at the watcher every seven steps
-        bonds = len(prepare(model, options).assembly.bonds.neighbour)
+        bonds = prepare(model, options).system.bonds
         patch.setattr("pdsolve.simulation.PATIENCE", 7.0 * bonds)
         with simulate(model, path, options, watch=lambda progress: progress.step >= 36) as results:
             assert results.meta()["status"] == "interrupted"
@@ -83,7 +85,7 @@ def test_a_watcher_sees_progress(small_plate: Model) -> None:
 
 
 def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path) -> None:
-    bound = prepare(small_plate, Options()).bound
+    bound = prepare(small_plate, Options()).system.bound
     model = with_run(small_plate, time_step=3 * bound, steps=400, every=20)
     path = tmp_path / "unstable.sqlite"
     with (
@@ -131,27 +133,26 @@ def bilinear(model: Model) -> Model:
 def test_a_softening_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path) -> None:
     model, path = bilinear(small_plate), tmp_path / "softening.sqlite"
     with simulate(model, path, watch=lambda progress: progress.step >= 40) as results:
-        assert results.checkpoint()[1]["softened_bond"].size > 0
+        assert results.checkpoint()[1]["worst"].size > 0
     with resume(path) as resumed, simulate(model) as whole:
         assert everything(resumed) == everything(whole)
         assert resumed.breaks().step.size > 0
 
 
-@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+@pytest.mark.parametrize("kernel", ["blocks", "listed"])
 def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
     problem = prepare(bilinear(small_plate), Options(kernel=kernel))
     problem.march(1, 41)
-    state, breaks = {name: values.copy() for name, values in problem.state().items()}, problem.breaks_after(0)
+    before, broke = kept(problem), breaks(problem.system, 0)
     problem.march(41, 61)
-    after = problem.state()["u"].copy(), problem.breaks_after(0)
-    assert 0 < len(breaks.step) < len(after[1].step)
-    problem.motion.broken[:], problem.motion.worst[:] = 0, 0
-    problem.restore(40, state, breaks)
-    assert problem.breaks_after(0).step.tolist() == breaks.step.tolist()
+    after = problem.state.value.copy(), breaks(problem.system, 0)
+    assert 0 < len(broke.step) < len(after[1].step)
+    restore(*problem, 40, before, broke)
+    assert breaks(problem.system, 0).step.tolist() == broke.step.tolist()
     problem.march(41, 61)
-    assert np.array_equal(problem.state()["u"], after[0])
-    assert all(np.array_equal(*columns) for columns in zip(problem.breaks_after(0), after[1], strict=True))
+    assert np.array_equal(problem.state.value, after[0])
+    assert all(np.array_equal(*columns) for columns in zip(breaks(problem.system, 0), after[1], strict=True))
 
 
 def test_probes_follow_the_node_nearest_to_them(small_plate: Model) -> None:
@@ -194,23 +195,23 @@ def test_a_run_stops_when_the_plate_has_split(small_plate: Model) -> None:
         assert results.summary()["stopped"] is None  # not ten steps before
 
 
-@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+@pytest.mark.parametrize("kernel", ["blocks", "listed"])
 def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     """Three columns of nodes have lost their bonds to each other, and have all those to both sides."""
     problem = prepare(plate(square_grid(21, 12)), Options(kernel=kernel))
-    column, bonds = np.arange(21 * 12) % 21, problem.assembly.bonds
+    column, bonds = np.arange(21 * 12) % 21, bonds_of(problem)
     source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
     between = np.abs(column - 10) <= 1
     inside = between[source] & between[target]
-    assert problem.pieces() == 1
+    assert pieces(problem.system) == 1
     ids = problem.system.model.grid.ids
-    breaks = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
-    problem.restore(1, problem.state(), breaks)
-    assert problem.damage()[between].min() > CRACKED
-    assert problem.damage()[~between].max() == 0
+    broke = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
+    restore(*problem, 1, kept(problem), broke)
+    assert damage(problem.system)[between].min() > CRACKED
+    assert damage(problem.system)[~between].max() == 0
     for side in (column < 9, column > 11):
         assert (between[source] & side[target]).sum() > 100
-    assert problem.pieces() == 2
+    assert pieces(problem.system) == 2
 
 
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from pdsolve.kernels.stale import drop_stale
+from pdsolve.stale import drop_stale
 
 
 def test_what_is_older_than_any_source_goes_and_the_rest_stays(tmp_path: Path) -> None:
