@@ -47,8 +47,9 @@ class Behind:
     def abandon(self, status: str) -> None:
         """After an error: keep the frames there are, if there are any, with this status."""
         self._stopping = True
-        with suppress(BaseException):  # the error is what is to be told
-            self._wait()
+        while self._pending is not None and not self._pending.done():
+            with suppress(KeyboardInterrupt):  # it does not take long, and nobody else may write meanwhile
+                wait_for([self._pending])
         if self._writer is not None and self._new:
             self._writer.discard()
         elif self._writer is not None:
