@@ -67,11 +67,19 @@ class _Distinct:
         return self._order[at], self._near(values, ordered[at])
 
     def _add(self, ordered: NDArray[np.float64]) -> None:
-        new, at = [], 0
-        while at < len(ordered):  # each is as near to the first of its group as the tolerance, not to the next one only
-            new.append(float(ordered[at]))
-            at = max(int(np.searchsorted(ordered, ordered[at] + 0.99 * self._tolerance, side="right")), at + 1)
-        self.values = np.append(self.values, new)
+        within = 0.99 * self._tolerance
+        with np.errstate(invalid="ignore"):  # infinite less infinite
+            first = np.flatnonzero(np.append(True, np.diff(ordered) > within))
+            last = np.append(first[1:], len(ordered)) - 1
+            new = [ordered[first]]
+            for chain in np.flatnonzero(ordered[last] - ordered[first] > within):
+                at, end = first[chain], last[chain] + 1
+                while True:  # each is as near to the first of its group as the tolerance, not to the next one only
+                    at += np.searchsorted(ordered[at:end], ordered[at] + within, side="right")
+                    if at == end:
+                        break
+                    new.append(ordered[at : at + 1])
+        self.values = np.concatenate([self.values, *new])
         self._order = np.argsort(self.values).astype(np.int32)
 
 
