@@ -43,8 +43,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     E: Positive  # Young's modulus, Pa
     rho: Positive  # density, kg/m^3
     G0: Positive  # fracture energy, J/m^2
-    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; bonds have 1/3 or 1/4 by `plane`
-    law: Literal["brittle", "bilinear"] = "brittle"
+    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; springs have 1/3 or 1/4
+    law: str = "brittle"  # one of those that the solver knows
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"

@@ -62,7 +62,7 @@ def refuse(model: Model, partial_cells: bool) -> None:
     `partial_cells` says whether the family reaches half a spacing beyond the horizon.
     """
     for number, material in enumerate(model.materials):
-        place = f"{model.name}: $.material" if number == 0 else f"{model.name}: $.regions[{number - 1}].material"
+        place = model.place_of(number)
         for name in ("E", "rho", "G0"):
             value = getattr(material, name)
             if value < LEAST:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +36,6 @@ from pdmesh.grid import read_document as parse_document
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 MOST = 1e30  # of any number; beyond, products of them leave what a number can hold
-BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
 
 
 class ModelWarning(UserWarning):
@@ -73,14 +71,6 @@ class Model:
             at = int(same.argmax())
             first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
             raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
-        for material in self.materials:
-            fixed = BOND_BASED_NU[material.plane]
-            if material.nu is not None and abs(material.nu - fixed) > 0.01:
-                warnings.warn(
-                    f"{self.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
-                    ModelWarning,
-                    stacklevel=2,
-                )
         for number, condition in enumerate(self.settings.conditions):
             self._check_condition(condition, f"{self.name}: $.conditions[{number}]")
         for number, region in enumerate(self.settings.regions):
@@ -113,6 +103,10 @@ class Model:
         """The plate's material, then those of its regions."""
         assert self.settings.material is not None
         return (self.settings.material, *(region.material for region in self.settings.regions))
+
+    def place_of(self, number: int) -> str:
+        """Where the material of this number is, in the words of messages."""
+        return f"{self.name}: $.material" if number == 0 else f"{self.name}: $.regions[{number - 1}].material"
 
     @cached_property
     def material_of(self) -> NDArray[np.int64]:

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+import warnings
 from types import ModuleType
 
 from pdsolve.laws import bilinear, brittle, ordinary
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear, "ordinary": ordinary}
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
+NU_OF_PAIRS = {"stress": 1 / 3, "strain": 1 / 4}  # of bonds that are springs, by `plane`
 
 
 def law_of(model: Model) -> ModuleType:
-    """The law of a model's bonds. Raises ModelError for one that is not known, and for several that do not mix."""
-    found = {material.law: number for number, material in enumerate(model.materials)}
-    for name, number in found.items():
-        if name not in LAWS:
-            place = "$.material" if number == 0 else f"$.regions[{number - 1}].material"
-            raise ModelError(f"{model.name}: {place}.law: found '{name}', expected one of {', '.join(LAWS)}")
-    laws = [LAWS[name] for name in found]
-    if len(laws) > 1 and any(law not in PAIRS for law in laws):
-        raise ModelError(f"{model.name}: law: found {' and '.join(found)} in one plate, expected one of them")
-    return bilinear if len(laws) > 1 else laws[0]  # a bilinear bond whose peak is its limit is brittle
+    """The law of a model's bonds.
+
+    Raises ModelError for one that is not known, and for several that do not mix; warns where a material was measured
+    to have a Poisson's ratio that its law does not have.
+    """
+    laws: dict[str, ModuleType] = {}
+    for number, material in enumerate(model.materials):
+        if material.law not in LAWS:
+            expected = ", ".join(LAWS)
+            raise ModelError(f"{model.place_of(number)}.law: found '{material.law}', expected one of {expected}")
+        law = laws[material.law] = LAWS[material.law]
+        fixed = NU_OF_PAIRS[material.plane]
+        if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
+            warnings.warn(
+                f"{model.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
+                ModelWarning,
+                stacklevel=2,
+            )
+    first, *others = laws.values()
+    if others and any(law not in PAIRS for law in laws.values()):
+        raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
+    return bilinear if others else first  # a bilinear bond whose peak is its limit is brittle

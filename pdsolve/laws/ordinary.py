@@ -37,8 +37,9 @@ class Law(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> Law:
-    """The law of these bonds (b,) and their nodes. Raises ModelError where a material has no Poisson's ratio."""
-    moduli = np.array([_moduli(model, material) for material in model.materials])[model.material_of]
+    """The law of these bonds (b,) and their nodes. Raises ModelError where a material has none such."""
+    moduli = np.array([_moduli(material, model.place_of(k)) for k, material in enumerate(model.materials)])
+    moduli = moduli[model.material_of]
     return of_moduli(moduli[:, 0], moduli[:, 1], bonds)
 
 
@@ -56,10 +57,12 @@ def of_moduli(bulk: NDArray[np.float64], shear: NDArray[np.float64], bonds: Bond
     )
 
 
-def _moduli(model: Model, material: Material) -> tuple[float, float]:
+def _moduli(material: Material, place: str) -> tuple[float, float]:
     """K and mu of a material, Pa."""
-    if material.nu is None:
-        raise ModelError(f"{model.name}: $.material.nu: found none, expected Poisson's ratio for the ordinary law")
+    most = 1.0 if material.plane == "stress" else 0.5
+    if material.nu is None or material.nu >= most:
+        found = "none" if material.nu is None else f"{material.nu:g}"
+        raise ModelError(f"{place}.nu: found {found}, expected Poisson's ratio below {most:g} for the ordinary law")
     shear = material.E / (2 * (1 + material.nu))
     if material.plane == "stress":
         return material.E / (2 * (1 - material.nu)), shear

@@ -19,6 +19,8 @@ from pdsolve.__main__ import main
 from pdsolve.model import Model
 from pdsolve.results import Results, Writer
 from pdsolve.simulation import simulate
+from pdsolve.state import State
+from pdsolve.system import Options, Stepper, prepare
 
 
 @pytest.fixture(autouse=True)
@@ -87,17 +89,16 @@ def test_what_a_library_makes_of_it(capsys: pytest.CaptureFixture[str]) -> None:
 def test_between_two_entries_of_the_ledger(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pdsolve.system import Prepared
+    stepper = type(prepare(probed, Options()).system.stepper)
+    march = stepper.march
 
-    march = Prepared.march
-
-    def interrupted(problem: Prepared, first: int, last: int) -> None:
-        march(problem, first, last)
+    def interrupted(own: Stepper, state: State, first: int, last: int) -> None:
+        march(own, state, first, last)
         if first == 33:
             signal.raise_signal(signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Prepared, "march", interrupted)
+        patch.setattr(stepper, "march", interrupted)
         assert main([str(model)]) == 130
     out, err = capsys.readouterr()
     assert out.startswith("interrupted; to go on: pdsolve --resume plate.sqlite\n")

@@ -246,7 +246,6 @@ BAD = {
     "number for a word": ([], {"Material/Force law": 3.0}, "Force law': found 3.0, expected a word"),
     "nan": ([], {"Material/E": float("nan")}, "Material/E': found nan, expected a finite number"),
     "negative E": ([], {"Material/E": -1.0}, r"Peridynamics/Material: Expected `float` > 0.0 - at `\$.E`"),
-    "unknown law": ([], {"Material/Force law": "elastic"}, "Invalid enum value 'elastic'"),
     "half a row": ([], {"Loads/top/Rows": 1.5}, "Rows': found 1.5, expected a whole number"),
     "neither 0 nor 1": ([], {"Loads/top/Breakable": 2.0}, "Breakable': found 2, expected 0 or 1"),
     "a box and a group": ([], {"Loads/top/Box": "0 0 1 1"}, "Box': found a group 'load:top' too"),

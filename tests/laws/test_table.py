@@ -1,0 +1,54 @@
+"""Which law a model's bonds have, and what is said of one that they cannot have."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+from plates import GLASS, plate, square_grid
+
+from pdmesh.grid import Material, Region
+from pdsolve.laws import bilinear, brittle, law_of, ordinary
+from pdsolve.model import Model, ModelError
+from pdsolve.system import Options, prepare
+
+SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
+STATE_BASED = msgspec.structs.replace(GLASS, law="ordinary", nu=0.2)
+
+
+def of(material: Material, other: Material | None = None) -> Model:
+    """A plate, its right half of another material."""
+    regions = (Region(box=(4.1e-3, -1.0, 1.0, 1.0), material=other),) if other else ()
+    return plate(square_grid(9, 8), material=material, regions=regions)
+
+
+def test_springs_mix_and_have_the_law_that_both_follow() -> None:
+    assert law_of(of(GLASS)) is brittle
+    assert law_of(of(SOFT)) is bilinear
+    assert law_of(of(GLASS, SOFT)) is bilinear
+    assert law_of(of(STATE_BASED)) is ordinary
+    assert prepare(of(STATE_BASED), Options()).system.operator.name == "listed"
+
+
+@pytest.mark.parametrize(
+    ("material", "other", "says"),
+    [
+        ({"law": "elastic"}, None, r"\$\.material\.law: found 'elastic', expected one of brittle, bilinear, ordinary"),
+        ({}, {"law": "elastic"}, r"\$\.regions\[0\]\.material\.law: found 'elastic', expected one of"),
+        ({}, {"law": "ordinary", "nu": 0.2}, "law: found brittle and ordinary in one plate, expected one of them"),
+        ({"law": "ordinary"}, None, r"\$\.material\.nu: found none, expected Poisson's ratio below 1 for the ordinary"),
+        (
+            {"law": "ordinary", "nu": 0.5, "plane": "strain"},
+            None,
+            r"\$\.material\.nu: found 0\.5, expected .* below 0\.5",
+        ),
+    ],
+)
+def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dict[str, object], says: str) -> None:
+    made = [None if given is None else msgspec.structs.replace(GLASS, **given) for given in (material, other)]
+    with pytest.raises(ModelError, match=says):
+        prepare(of(*made), Options())  # type: ignore[arg-type]
+
+
+def test_the_fast_kernel_is_for_springs() -> None:
+    with pytest.raises(ModelError, match=r"kernel: found .* a law that is no pair's"):
+        prepare(of(STATE_BASED), Options(kernel="blocks"))
