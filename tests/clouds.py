@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.spatial import cKDTree
 
-from pdmesh.grid import Run
+from pdmesh.grid import Material, Run
 from pdsolve.bonds import Bonds, in_precision
 from pdsolve.conditions import Drive, drive
-from pdsolve.laws import LAWS, ordinary
+from pdsolve.laws import LAWS
 from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
@@ -21,12 +21,11 @@ from pdsolve.steppers.verlet import Verlet
 from pdsolve.system import Options, prepare
 
 DELTA, LIMIT = 1e-3, 1e-3  # m; stretch at which a bond in space breaks, in the plane it is 1.3e-3
-MATERIALS = {
-    "brittle": GLASS,
-    "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=3.0),
-    "ordinary": msgspec.structs.replace(GLASS, law="ordinary", nu=0.2),
-}
-MODEL = plate(square_grid(2, 1))
+
+
+def glass(law: str) -> Material:
+    """Glass of this law."""
+    return msgspec.structs.replace(GLASS, law=law, kr=3.0, nu=1 / 3)
 
 
 class Case(NamedTuple):
@@ -41,6 +40,16 @@ class Case(NamedTuple):
     def single(self) -> bool:
         """Whether in single precision."""
         return self.precision == "float32"
+
+    @property
+    def breaks(self) -> bool:
+        """Whether its bonds do."""
+        return "broken" in LAWS[self.law].Law._fields
+
+    @property
+    def softens(self) -> bool:
+        """Whether bonds remember how far they were stretched."""
+        return "worst" in getattr(LAWS[self.law], "MEMORY", ())
 
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"
@@ -91,7 +100,7 @@ class Cloud(NamedTuple):
 
 def idle(nodes: int, dimension: int) -> Drive:
     """Nothing that acts on so many nodes."""
-    nothing = drive(MODEL, np.ones(2), True, np.float64)
+    nothing = drive(plate(square_grid(2, 1)), np.ones(2), True, np.float64)
     return nothing._replace(force=np.zeros((nodes, dimension)), before=np.zeros((nodes, dimension)))
 
 
@@ -105,7 +114,7 @@ def in_the_plane(case: Case, side: int, order: NDArray[np.int64] | None, threads
     grid = square_grid(side, side)
     if order is not None:
         grid.position[:] = grid.position[order]
-    model = plate(grid, 3, material=MATERIALS[case.law], run=Run(time_step=1e-9))
+    model = plate(grid, 3, material=glass(case.law), run=Run(time_step=1e-9))
     system, state = prepare(model, Options("conservative", case.precision, threads, case.operator))
     assert system.operator.name == case.operator
     rho = model.rho.astype(case.precision)
@@ -133,10 +142,8 @@ def in_space(case: Case, side: int, order: NDArray[np.int64] | None, threads: in
         weight=cell * every,
     )
     bonds = in_precision(exact, case.precision)
-    law = LAWS[case.law]
-    moduli = np.full(nodes, GLASS.E / 1.8), np.full(nodes, GLASS.E / 2.4)  # K and mu of nu = 0.2
-    columns: Any = ordinary.of_moduli(*moduli, bonds) if law is ordinary else law.columns(MODEL, bonds)
-    operator = Listed(law, columns, bonds, symmetric=True, threads=threads)
+    law, model = LAWS[case.law], plate(square_grid(nodes, 1), material=glass(case.law))
+    operator = Listed(law, law.columns(model, bonds), bonds, symmetric=True, threads=threads)
     zeros = (np.zeros((nodes, 3), dtype=case.precision) for _ in range(3))
     state = State(*zeros, dissipated=np.zeros(nodes), work=np.zeros(nodes))
     rho = np.full(nodes, GLASS.rho, dtype=case.precision)
