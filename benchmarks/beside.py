@@ -93,8 +93,7 @@ def _frames(job: Job) -> Callable[[], float]:
 def _prepared(job: Job) -> Any:
     from pdsolve.simulation import prepare
 
-    made = prepare(_model(job), _options(job))
-    return made
+    return prepare(_model(job), _options(job))
 
 
 def _model(job: Job) -> Any:
@@ -193,14 +192,17 @@ def jobs(folder: Path) -> Iterator[Job]:
     for name, law in (("duran50", "brittle"), ("kalthoff_winkler", "bilinear")):
         scene = built(Case(name, "", f"{name}.geo", ()), folder)
         assert scene.settings.material is not None
-        material = msgspec.structs.replace(scene.settings.material, law=law, **({"kr": 2.0} if law != "brittle" else {}))
+        material = msgspec.structs.replace(
+            scene.settings.material, law=law, **({"kr": 2.0} if law != "brittle" else {})
+        )
         run = msgspec.structs.replace(scene.settings.run, every=max(1, scene.settings.run.steps // FRAMES))
         settings = msgspec.structs.replace(scene.settings, material=material, run=run)
         model = written(dataclasses.replace(scene, settings=settings), f"{name}-{law}")
         yield Job(f"{name}, {law}, the march", model, kind="whole")
         yield Job(f"{name}, {law}, with {FRAMES} frames", model, kind="frames")
     run = Run(time_step=2e-8, steps=1000, every=50)
-    model = written(Model(square(*PLATES["64k"]), Settings(material=GLASS, horizon=Horizon(3.0), run=run)), "64k-frames")
+    settings = Settings(material=GLASS, horizon=Horizon(3.0), run=run)
+    model = written(Model(square(*PLATES["64k"]), settings), "64k-frames")
     yield Job("64k, 1000 steps, the march", model, kind="whole")
     yield Job(f"64k, 1000 steps, with {FRAMES} frames", model, kind="frames")
 

@@ -9,6 +9,7 @@ SI units throughout; the model is plane, per unit thickness.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +50,9 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "law", sys.intern(self.law))  # defaults are left out of files by identity
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -109,7 +109,11 @@ def _is_finished(output: Path) -> bool:
 def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results:
     with Results.open(output) as results:
         results.verify()
-        meta, known = results.meta(), results.nodes()
+        meta, known, (step, kept) = results.meta(), results.nodes(), results.checkpoint()
+        if not kept.keys() >= set(State._fields):
+            raise ResultsError(
+                f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
+            )
         model = model_of(results.model(), str(output))
         system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
@@ -118,7 +122,6 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
                 f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
                 f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
             )
-        step, kept = results.checkpoint()
         restore(system, state, step, kept, results.breaks())
     notes = Notes(system, state, step, float(meta.get("wall_time", 0.0)))
     return _finish(system, state, partial(Writer.reopen, output), output, notes, watch)

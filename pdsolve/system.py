@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Filling, Part, in_precision, listed, stiffest
+from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
@@ -90,6 +90,8 @@ def prepare(model: Model, options: Options) -> Prepared:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
+    if options.kernel not in (None, "blocks", "listed"):
+        raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     settle(advance_blocks, energy_densities, add_rows)
@@ -207,5 +209,5 @@ def _operator(
             "kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks"
         )
     survey = _Survey(filling, scheme.symmetric)
-    bonds = in_precision(listed(survey.parts(), filling.area).bonds, options.precision)
-    return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, threads), survey
+    bonds = listed(survey.parts(), filling.area).bonds
+    return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

@@ -1,0 +1,160 @@
+"""Clouds of nodes in the plane and in space, and an operator for each law on them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from plates import GLASS, plate, square_grid
+from scipy.spatial import cKDTree
+
+from pdmesh.grid import Material, Run
+from pdsolve.bonds import Bonds
+from pdsolve.conditions import Drive, drive
+from pdsolve.laws import LAWS
+from pdsolve.operators.listed import Listed
+from pdsolve.operators.operator import Operator
+from pdsolve.state import State
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.system import Options, prepare
+
+DELTA, LIMIT = 1e-3, 1e-3  # m; stretch at which a bond in space breaks, in the plane it is 1.3e-3
+
+
+def glass(law: str) -> Material:
+    """Glass of this law."""
+    return msgspec.structs.replace(GLASS, law=law, kr=3.0, nu=1 / 3)
+
+
+class Case(NamedTuple):
+    """A law under an operator."""
+
+    law: str
+    operator: str
+    dimension: int
+    precision: str
+
+    @property
+    def single(self) -> bool:
+        """Whether in single precision."""
+        return self.precision == "float32"
+
+    @property
+    def breaks(self) -> bool:
+        """Whether its bonds do."""
+        return "broken" in LAWS[self.law].Law._fields
+
+    @property
+    def softens(self) -> bool:
+        """Whether bonds remember how far they were stretched."""
+        return "worst" in getattr(LAWS[self.law], "MEMORY", ())
+
+    def __str__(self) -> str:
+        return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"
+
+
+CASES = [
+    *(Case(law, "listed", d, kind) for law in LAWS for d in (2, 3) for kind in ("float64", "float32")),
+    *(Case(law, "blocks", 2, kind) for law in ("brittle", "bilinear") for kind in ("float64", "float32")),
+]
+
+
+class Cloud(NamedTuple):
+    """n nodes of a square or cubic lattice and what pulls at them."""
+
+    operator: Operator
+    state: State  # at rest
+    position: NDArray[np.float64]  # (n, d) m
+    cell: NDArray[np.float64]  # (n,) m^d
+    rho: NDArray[np.floating]  # (n,) kg/m^3
+    bound: float  # s
+
+    def forces(self, step: int = 2, dt: float = 1e-12) -> NDArray[np.float64]:
+        """Force densities (n, d) of the state as it is."""
+        out = np.zeros(self.position.shape)
+        self.operator.add(self.state, out, step, dt)
+        return out
+
+    def energy(self) -> float:
+        """Held by all bonds, J."""
+        return float(np.sum(self.cell * self.operator.energies(self.state)[0]))
+
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1 at half the bound, free of loads."""
+        nodes, dimension = self.position.shape
+        Verlet(self.operator, idle(nodes, dimension), self.rho, self.bound / 2).march(self.state, first, last)
+
+    def shake(self, size: float, seed: int = 3) -> None:
+        """Random displacements of this size, m, at rest."""
+        self.state.value[:] = size * np.random.default_rng(seed).standard_normal(self.position.shape)
+        self.state.rate[:] = 0
+
+    def tear(self) -> None:
+        """Some bonds broken, others softened where they do, and then all let go to less than half the way."""
+        self.shake(1.2e-6)
+        self.forces(1)
+        self.state.value[:] *= 0.4
+
+
+def idle(nodes: int, dimension: int) -> Drive:
+    """Nothing that acts on so many nodes."""
+    nothing = drive(plate(square_grid(2, 1)), np.ones(2), True, np.float64)
+    return nothing._replace(force=np.zeros((nodes, dimension)), before=np.zeros((nodes, dimension)))
+
+
+def cloud(case: Case, side: int, order: NDArray[np.int64] | None = None, threads: int = 1) -> Cloud:
+    """A lattice of side^d nodes in this order; row by row if None."""
+    return in_the_plane(case, side, order, threads) if case.dimension == 2 else in_space(case, side, order, threads)
+
+
+def in_the_plane(case: Case, side: int, order: NDArray[np.int64] | None, threads: int) -> Cloud:
+    """A plate of the conservative mode, m = 3."""
+    grid = square_grid(side, side)
+    if order is not None:
+        grid.position[:] = grid.position[order]
+    model = plate(grid, 3, material=glass(case.law), run=Run(time_step=1e-9))
+    system, state = prepare(model, Options("conservative", case.precision, threads, case.operator))
+    assert system.operator.name == case.operator
+    rho = model.rho.astype(case.precision)
+    return Cloud(system.operator, state, grid.position, system.area, rho, system.bound)
+
+
+def in_space(case: Case, side: int, order: NDArray[np.int64] | None, threads: int) -> Cloud:
+    """A cube, m = 2."""
+    position = DELTA * np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    position = position if order is None else position[order]
+    nodes = len(position)
+    pairs = cKDTree(position).query_pairs(2.001 * DELTA, output_type="ndarray")
+    source, target = np.concatenate([pairs, pairs[:, ::-1]]).T
+    at = np.lexsort((target, source))
+    source, target = source[at], target[at]
+    every, cell = np.ones(len(source)), DELTA**3
+    limit = LIMIT * every
+    exact = Bonds(
+        start=np.searchsorted(source, np.arange(nodes + 1)),
+        neighbour=target.astype(np.int32),
+        xi=position[target] - position[source],
+        stiffness=6 * GLASS.E / (np.pi * (2 * DELTA) ** 4) * cell * every,
+        peak=limit if case.law == "brittle" else limit / 3,
+        limit=limit,
+        weight=cell * every,
+    )
+    model = plate(square_grid(nodes, 1), material=glass(case.law))
+    operator = Listed(LAWS[case.law], model, exact, True, case.precision, threads)
+    zeros = (np.zeros((nodes, 3), dtype=case.precision) for _ in range(3))
+    state = State(*zeros, dissipated=np.zeros(nodes), work=np.zeros(nodes))
+    rho = np.full(nodes, GLASS.rho, dtype=case.precision)
+    bound = float(np.sqrt(2 * GLASS.rho / operator.stiffest().max()))
+    return Cloud(operator, state, position, np.full(nodes, cell), rho, bound)
+
+
+def turn(dimension: int, degrees: float = 40.0) -> NDArray[np.float64]:
+    """A rotation (d, d); in space around an axis that is none of the lattice's."""
+    angle = np.radians(degrees)
+    if dimension == 2:
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    x, y, z = np.array([1.0, 2.0, 3.0]) / np.sqrt(14)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)

@@ -1,0 +1,164 @@
+"""The protocol admits more than bonds: springs to the ground, and two operators on one cloud, marched by Verlet."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from clouds import idle
+from numpy.typing import NDArray
+from plates import GLASS, plate, square_grid
+from scipy.sparse import csr_array, diags_array
+
+from pdmesh.grid import InitialVelocity
+from pdsolve.measures import books, damage, pieces
+from pdsolve.operators.operator import Kept, Operator
+from pdsolve.state import Broken, State, Unknown
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.system import Options, Prepared, prepare
+
+NOTHING = np.zeros(0, dtype=np.int64)
+
+
+class Grounded:
+    """Every node hangs on a spring of its own; it holds k |u|^2 / 2 and never breaks."""
+
+    name = "grounded"
+    symmetric = True
+
+    def __init__(self, stiffness: NDArray[np.float64], width: int) -> None:
+        """`stiffness` (n,) N/m^4, in `width` components."""
+        self.unknowns: tuple[Unknown, ...] = (Unknown("u", width, 2),)
+        self._stiffness = stiffness[:, None]
+
+    def place(self, state: State) -> State:
+        return state
+
+    def add(self, state: State, out: NDArray[np.float64], step: int, dt: float) -> None:
+        out -= self._stiffness * state.value
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        held = (self._stiffness * state.value**2).sum(axis=1) / 2
+        return held, np.zeros_like(held)
+
+    def stiffest(self) -> NDArray[np.float64]:
+        return self._stiffness[:, 0] / 2  # omega^2 = k / rho, and a step is stable up to 2 / omega
+
+    def tangent(self, state: State) -> csr_array:
+        return diags_array(np.repeat(self._stiffness[:, 0], state.value.shape[1])).tocsr()
+
+    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return NOTHING, NOTHING
+
+    def broken(self, after: int = 0) -> Broken:
+        return Broken(NOTHING, NOTHING, NOTHING)
+
+    def keep(self) -> Kept:
+        return {}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        assert not len(broken.step)
+
+    def bytes(self) -> int:
+        return self._stiffness.nbytes
+
+
+class Both:
+    """Bonds and springs to the ground; what is broken, kept and bonded is for the bonds to say."""
+
+    name = "both"
+
+    def __init__(self, bonds: Operator, ground: Grounded) -> None:
+        self._bonds, self._ground = bonds, ground
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._bonds, name)
+
+    def add(self, state: State, out: NDArray[np.float64], step: int, dt: float) -> None:
+        for part in (self._bonds, self._ground):
+            part.add(state, out, step, dt)
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        one, other = self._bonds.energies(state), self._ground.energies(state)
+        return one[0] + other[0], one[1] + other[1]
+
+    def stiffest(self) -> NDArray[np.float64]:
+        return self._bonds.stiffest() + self._ground.stiffest()
+
+    def tangent(self, state: State) -> csr_array:
+        return self._bonds.tangent(state) + self._ground.tangent(state)
+
+    def bytes(self) -> int:
+        return self._bonds.bytes() + self._ground.bytes()
+
+
+def seen(march: Callable[[int, int], None], value: Callable[[], float], steps: int) -> float:
+    """omega dt of what swings as a cosine, by cos((n + 1) w) + cos((n - 1) w) = 2 cos(w) cos(n w)."""
+    found = [value()]
+    for step in range(1, steps + 1):
+        march(step, step + 1)
+        found.append(value())
+    c = np.array(found)
+    return float(np.arccos((c[2:] + c[:-2]) @ c[1:-1] / (2 * c[1:-1] @ c[1:-1])))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nodes_on_springs_swing_as_verlet_has_it(dimension: int) -> None:
+    """sin(omega dt / 2) is the oscillator's own half angle: each node at its own pace, in the plane and in space."""
+    stiffness, rho, dt = np.array([1e12, 4e12, 9e12]), np.full(3, 1e3), 2e-5
+    operator = Grounded(stiffness, dimension)
+    state = State(*(np.zeros((3, dimension)) for _ in range(3)), dissipated=np.zeros(3), work=np.zeros(3))
+    state.value[:] = 1e-3
+    state.second[:] = -(stiffness / rho)[:, None] * state.value
+    verlet = Verlet(operator, idle(3, dimension), rho, dt)
+    for node in range(3):
+        state.value[:], state.rate[:], state.second[:] = 1e-3, 0, -(stiffness / rho)[:, None] * 1e-3
+        found = seen(lambda first, last: verlet.march(state, first, last), lambda i=node: float(state.value[i, 0]), 200)
+        expected = 2 * np.arcsin(np.sqrt(stiffness[node] / 1e3) * dt / 2)
+        assert found == pytest.approx(expected, rel=1e-12)  # measured 4e-16
+
+
+def on_the_ground(kernel: str, share: float) -> Prepared:
+    """A glass plate that flies off its ground at 1 m/s, the ground `share` times as stiff as its bonds."""
+    start = InitialVelocity(box=(-1.0, -1.0, 1.0, 1.0), x=1.0)
+    system, state = prepare(plate(square_grid(12, 9), conditions=(start,)), Options(kernel=kernel, threads=1))
+    ground = Grounded(share * system.operator.stiffest(), 2)
+    both = Both(system.operator, ground)
+    dt = 0.5 * float(np.sqrt(2 * GLASS.rho / both.stiffest().max()))
+    stepper = Verlet(both, system.drive, system.model.rho, dt)
+    return Prepared(dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.place(state))
+
+
+@pytest.mark.parametrize("kernel", ["listed", "blocks"])
+def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
+    """Bonds are not stretched where all of it moves alike: the frequency is the ground's, to round-off."""
+    system, state = prepare(plate(square_grid(12, 9)), Options(kernel=kernel, threads=1))
+    pull = 1e-3 * float(system.operator.stiffest().max())
+    both = Both(system.operator, Grounded(np.full(len(system.area), pull), 2))
+    dt = 0.5 * system.bound
+    verlet = Verlet(both, system.drive, system.model.rho, dt)
+    state.value[:] = 1e-6
+    state.second[:] = -pull / GLASS.rho * state.value
+    found = seen(lambda first, last: verlet.march(state, first, last), lambda: float(state.value[50, 1]), 300)
+    assert found == pytest.approx(2 * np.arcsin(np.sqrt(pull / GLASS.rho) * dt / 2), rel=1e-10)  # measured 4e-13
+
+
+@pytest.mark.parametrize("kernel", ["listed", "blocks"])
+def test_measures_take_two_operators_for_one(kernel: str) -> None:
+    """Energy is kept by both together; tangent, bound and bonds are those of the sum."""
+    prepared = on_the_ground(kernel, 0.3)
+    system, state = prepared
+    start = books(system, state, 0)
+    prepared.march(1, 401)
+    end = books(system, state, 400)
+    assert end.kinetic < 0.9 * start.kinetic  # measured 0.67
+    assert end.kinetic + end.strain + end.dissipated == pytest.approx(
+        start.kinetic, rel=0.02
+    )  # measured 1e-2, Verlet's own
+    assert (damage(system).max(), pieces(system)) == (0, 1)
+    K = system.operator.tangent(state._replace(value=np.zeros_like(state.value))).toarray()
+    largest = float(np.abs(np.linalg.eigvals(K)).max())
+    assert 1 < largest / system.operator.stiffest().max() <= 2  # measured 1.55

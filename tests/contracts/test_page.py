@@ -1,0 +1,72 @@
+"""docs/add_a_law.md, done word for word on a copy of the packages."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from plates import ROOT
+
+PAGE = (ROOT / "docs" / "add_a_law.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The packages and the tests with the page's file and its entry."""
+    folder = tmp_path_factory.mktemp("copy")
+    for name in ("pdmesh", "pdsolve", "tests"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    (name,) = re.findall(r"^`(pdsolve/laws/\w+\.py)`", PAGE, re.MULTILINE)
+    (folder / name).write_text(blocks("python")[0])
+    (entry,) = blocks("diff")
+    table = folder / "pdsolve" / "laws" / "__init__.py"
+    text = table.read_text()
+    lines = entry.splitlines()
+    for before, after in zip(lines[::2], lines[1::2], strict=True):
+        assert (before[0], after[0]) == ("-", "+")
+        assert text.count(before[1:] + "\n") == 1
+        text = text.replace(before[1:], after[1:])
+    table.write_text(text)
+    return folder
+
+
+def blocks(language: str) -> list[str]:
+    """The page's blocks of code in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def python(folder: Path, *arguments: str) -> str:
+    """What Python says in this folder, which has to go well."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    ran = subprocess.run([sys.executable, *arguments], cwd=folder, capture_output=True, text=True, env=environment)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout
+
+
+def test_the_run_breaks_bonds_and_keeps_energy(copy: Path) -> None:
+    said = python(copy, "-W", "error", "-c", blocks("python")[1])
+    bonds, balance = re.findall(r"(\d+) bonds broken, energy kept to (\S+)", said)[0]
+    assert int(bonds) > 100  # measured 3610
+    assert abs(float(balance)) < 1e-3  # measured 3e-5
+
+
+def test_the_contracts_hold(copy: Path) -> None:
+    """In the plane in double precision, to save time: the page's law is no worse than those that are there."""
+    said = python(
+        copy,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "tests/contracts/test_laws.py",
+        "-k",
+        "saturating and 2D and 64",
+    )
+    assert " passed" in said
