@@ -75,7 +75,7 @@ bench: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -W ignore -m benchmarks.planning --check
 
 bench-speed: gmsh-libraries
-	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json
+	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json $(if $(AGAINST),--against $(AGAINST))
 	$(BIN)/python -m benchmarks.savings
 
 bench-quick: $(VENV)/install.done

@@ -1,6 +1,6 @@
 """This checkout and another one side by side: how much longer the other takes, each a ratio of one interleaved run.
 
-`python -m benchmarks.beside DIR` measures intact steps, whole runs, runs with twenty frames, the first and later starts;
+`python -m benchmarks.beside DIR` measures intact steps, whole runs, runs with twenty frames, first and later starts.
 DIR has the other checkout. Each has a process of its own, and they take turns.
 """
 
@@ -217,6 +217,12 @@ def compared(other: Path, rounds: int = ROUNDS) -> Iterator[dict[str, Any]]:
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
 
 
+def tell(found: dict[str, Any]) -> None:
+    """A row as a line."""
+    told = f"{found['ratio']:.2f} ({found['other']:.3g} and {found['here']:.3g} {found['unit']})"
+    print(f"{found['what']}: {told}", flush=True)
+
+
 def main() -> int:
     """Measure, or serve who measures; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.beside", description=__doc__)
@@ -227,8 +233,7 @@ def main() -> int:
         serve(Job(*json.loads(args.serve)))
         return 0
     for found in compared(args.other):
-        print(f"{found['what']}: {found['ratio']:.2f} ({found['other']:.3g} and {found['here']:.3g} {found['unit']})")
-        sys.stdout.flush()
+        tell(found)
     return 0
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -199,14 +200,16 @@ def _operator(
 ) -> tuple[Operator, _Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
     law, kind = law_of(model), np.dtype(options.precision).type
-    if law in PAIRS and options.kernel != "listed":
+    compiled = not numba.config.DISABLE_JIT  # blocks are nothing but compiled code
+    if law in PAIRS and options.kernel != "listed" and compiled:
         survey = _Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads)
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
     if options.kernel == "blocks":
         raise ModelError(
-            "kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks"
+            "kernel: found nodes without a lattice, a law that is no pair's, or code that is not compiled, expected"
+            " others for blocks"
         )
     survey = _Survey(filling, scheme.symmetric)
     bonds = listed(survey.parts(), filling.area).bonds

@@ -236,6 +236,14 @@ def test_nodes_without_a_lattice_are_listed() -> None:
         prepare(plate(scattered), Options(kernel="blocks"))
 
 
+def test_without_a_compiler_all_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
+    model = plate(square_grid(21, 12))
+    assert prepare(model, Options()).system.operator.name == "listed"
+    with pytest.raises(ModelError, match="code that is not compiled, expected others for blocks"):
+        prepare(model, Options(kernel="blocks"))
+
+
 def test_the_results_say_which_kernel() -> None:
     with simulate(torn(square_grid(9, 6), run=Run(time_step=1e-8, steps=1))) as results:
         assert results.meta()["kernel"] == results.summary()["kernel"] == "blocks"
