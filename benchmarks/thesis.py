@@ -24,8 +24,8 @@ from tqdm import tqdm
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
-from pdpost import figures
-from pdpost.style import STYLE, save
+from pdpost.figures import field_figure
+from pdpost.figures.style import STYLE, save
 from pdsolve.lattice import full_family
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.problem import Options, prepare
@@ -92,7 +92,7 @@ def _section(case: Case, folder: Path, cache: Path) -> tuple[str, list[str]]:
             for step in case.pictures:
                 name = f"{case.name}.{mode}.{step}.png"
                 with matplotlib.rc_context({**STYLE, "savefig.dpi": 80}):
-                    save(figures.draw(results, "damage", step), folder / name)
+                    save(field_figure.draw(results, "damage", step), folder / name)
                 pictures.append((step, mode, name))
     rows = []
     for claim, thesis, conservative in zip(case.claims, *values, strict=True):
@@ -170,7 +170,7 @@ def _waves(folder: Path, cache: Path) -> str:
             with Results.open(first_steps(_case(name), mode, cache, WAVE_STEPS)) as results:
                 style = {**STYLE, "savefig.dpi": 60}
                 with matplotlib.rc_context(style):
-                    save(figures.draw(results, "acceleration", step, largest=1e6), folder / picture)
+                    save(field_figure.draw(results, "acceleration", step, largest=1e6), folder / picture)
             row.append(f"![]({picture})")
         rows.append(row)
     header = ["", "two scales, thesis mode", "two scales, conservative mode", "one scale, thesis mode"]

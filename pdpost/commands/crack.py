@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import numbers
+from pdpost.commands import delivery
 from pdpost.commands.shared import add_csv, add_results, add_window, check_window
 
 if TYPE_CHECKING:
@@ -47,11 +47,11 @@ def add(commands: Commands) -> None:
 def _crack(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import style
+    from pdpost.figures import style
     from pdsolve.results import Results
 
     threshold = _threshold(args)
-    path = numbers.picture_path(args, ".compare.png" if args.compare else ".crack.png")
+    path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = style.styled({name: value for name, value in args.assignments if name != "cracked"})
     with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         if args.compare is None:
@@ -61,7 +61,8 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, crack_summary, style
+    from pdpost.figures import crack_figure, style
+    from pdpost.measures import crack_summary
 
     check_window(results, args)
     found = crack_summary.summary(results, _step(args, results), threshold, args.along)
@@ -69,12 +70,13 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
-    return numbers.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+    return delivery.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, cracks, paths, style
-    from pdpost.comparison import compare
+    from pdpost.figures import crack_figure, style
+    from pdpost.measures import cracks, paths
+    from pdpost.measures.comparison import compare
 
     check_window(one, args)
     steps = _step(args, one), _step(args, other)
@@ -98,7 +100,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         for point in line
     ]
     result = found._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
-    return numbers.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
+    return delivery.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:
@@ -114,7 +116,7 @@ def _step(args: argparse.Namespace, results: Results) -> int:
 
 
 def _threshold(args: argparse.Namespace) -> float:
-    from pdpost.cracked import CRACKED
+    from pdpost.measures.cracked import CRACKED
 
     threshold = CRACKED
     for name, value in args.assignments:

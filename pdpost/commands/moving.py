@@ -60,7 +60,7 @@ def _animate(args: argparse.Namespace) -> int:
     import matplotlib
 
     from pdmesh.files import write_atomically
-    from pdpost import animation, style
+    from pdpost.figures import animation, style
     from pdsolve.results import Results, ResultsError
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.gif", args.force)
@@ -96,7 +96,9 @@ def _animate(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import fields, figures, style, watching
+    from pdpost.figures import field_figure, style
+    from pdpost.measures import fields
+    from pdpost.reading import watching
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.png", args.force)
@@ -111,7 +113,7 @@ def _watch(args: argparse.Namespace) -> int:
                 time = step * float(results.meta()["time_step"])
                 check_window(results, args)
                 how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
-                figure = figures.draw(results, args.field, step, part=part or None, **how)
+                figure = field_figure.draw(results, args.field, step, part=part or None, **how)
             style.save(figure, Path(path))
         drawn += 1
         commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)

@@ -28,8 +28,8 @@ def _report(args: argparse.Namespace) -> int:
     import matplotlib
 
     from pdmesh.files import write_atomically
-    from pdpost import style
-    from pdpost.report import report
+    from pdpost.figures import style
+    from pdpost.figures.page import report
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".report.html", args.force)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdpost.figures import Shown
+    from pdpost.figures.field_figure import Shown
     from pdsolve.results import Results
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -78,7 +78,7 @@ def _scale(text: str) -> float | None:
 
 def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
     """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none."""
-    from pdpost.sheets import chosen_scale
+    from pdpost.figures.sheets import chosen_scale
 
     if args.scale is not None:
         return float(args.scale)
@@ -113,7 +113,7 @@ def _window(text: str) -> tuple[float, float, float, float]:
 
 def check_window(results: Results, args: argparse.Namespace) -> None:
     """Raises ResultsError where there is no plate to be seen."""
-    from pdpost.plates import plate
+    from pdpost.measures.plates import plate
     from pdsolve.results import ResultsError
 
     if args.window is None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import numbers
+from pdpost.commands import delivery
 from pdpost.commands.shared import add_csv, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.tradeoff import Point
+    from pdpost.measures.tradeoff import Point
 
 COSTS = ("wall_time", "bond_updates", "bytes")
 ERRORS = ("displacement", "path", "start", "branching", "energy")
@@ -51,8 +51,9 @@ def _tradeoff(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdmesh.files import write_atomically
-    from pdpost import style, tradeoff
-    from pdpost.tradeoff_figure import tradeoff as chart
+    from pdpost.figures import style
+    from pdpost.figures.tradeoff_figure import tradeoff as chart
+    from pdpost.measures import tradeoff
     from pdsolve.results import Results
 
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
@@ -96,7 +97,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     with matplotlib.rc_context(rc=look):
         shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
         style.save(chart(points, args.cost, shown, args.within), picture)
-    write_atomically(table, json.dumps(numbers.finite(found), indent=1, allow_nan=False).encode() + b"\n")
+    write_atomically(table, json.dumps(delivery.finite(found), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
         (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
@@ -106,7 +107,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     if args.within is not None:
         name = "none of them" if chosen is None else points[chosen].name
         lines.append(f"the cheapest within {args.within:.3g}: {name}")
-    return numbers.deliver(args, found, lines, header, rows, picture)
+    return delivery.deliver(args, found, lines, header, rows, picture)
 
 
 def _worst(point: Point, kinds: list[str]) -> float:

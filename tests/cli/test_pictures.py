@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from tampered import tampered
 
-from pdpost import style
 from pdpost.__main__ import main
 from pdpost.commands import moving, pictures
-from pdpost.fields import FIELDS
+from pdpost.figures import style
+from pdpost.measures.fields import FIELDS
 from pdsolve.results import Families, Nodes, Results, Writer
 
 PICTURES = ("damage", "displacement", "velocity", "strain", "stress", "nodes", "bonds")

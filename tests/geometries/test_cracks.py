@@ -12,8 +12,8 @@ from mirrors import mirrored
 from plates import GEOMETRIES
 
 from pdmesh.sources import build
-from pdpost.crack_summary import Summary, sentences, summary
-from pdpost.paths import LONG
+from pdpost.measures.crack_summary import Summary, sentences, summary
+from pdpost.measures.paths import LONG
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import Options, simulate

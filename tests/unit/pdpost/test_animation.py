@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pdpost import animation
-from pdpost.style import FigureError
+from pdpost.figures import animation
+from pdpost.figures.style import FigureError
 from pdsolve.results import Results
 
 

@@ -9,9 +9,9 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.grid import InitialVelocity, Load, Run, Velocity
-from pdpost import charts
-from pdpost.balance import balance
-from pdpost.reactions import chosen, reactions
+from pdpost.figures import charts
+from pdpost.measures.balance import balance
+from pdpost.measures.forces import chosen, reactions
 from pdsolve.results import Results, ResultsError
 from pdsolve.simulation import simulate
 

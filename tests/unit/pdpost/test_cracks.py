@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from drawn import alone, at, lattice, run
 
-from pdpost.cracked import cracked_since, damage_at
-from pdpost.cracks import branch_place, clusters, directions, growth, is_split
+from pdpost.measures.cracked import cracked_since, damage_at
+from pdpost.measures.cracks import branch_place, clusters, directions, growth, is_split
 from pdsolve.results import Breaks, Frame, Nodes, Results, Writer
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from tampered import tampered
 
-from pdpost import export
-from pdpost.export import ExportError
+from pdpost.exports import frame_files
+from pdpost.exports.frame_files import ExportError
 from pdsolve.results import Results, ResultsError
 
 
@@ -25,7 +25,7 @@ def moved(results: Results, step: int) -> np.ndarray:
 
 def test_a_frame_as_vtu(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        export.vtu(results, 40, tmp_path / "a.vtu", also=("strain", "stress"))
+        frame_files.vtu(results, 40, tmp_path / "a.vtu", also=("strain", "stress"))
         nodes = results.nodes()
         u, damage = moved(results, 40), results.field("damage", 40)
     mesh = meshio.read(tmp_path / "a.vtu")
@@ -42,7 +42,7 @@ def test_a_frame_as_vtu(small_results: Path, tmp_path: Path) -> None:
 
 def test_squares_carry_their_nodes_numbers(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        export.vtu(results, 60, tmp_path / "a.vtu", squares=True)
+        frame_files.vtu(results, 60, tmp_path / "a.vtu", squares=True)
         nodes = results.nodes()
     mesh = meshio.read(tmp_path / "a.vtu")
     corners = mesh.points[mesh.cells_dict["quad"]]
@@ -53,7 +53,7 @@ def test_squares_carry_their_nodes_numbers(small_results: Path, tmp_path: Path) 
 def test_a_series_as_pvd(small_results: Path, tmp_path: Path) -> None:
     """Each frame with its time, the files beside the list."""
     with Results.open(small_results) as results:
-        export.pvd(results, tmp_path / "a.pvd", [0, 20, 60])
+        frame_files.pvd(results, tmp_path / "a.pvd", [0, 20, 60])
         u = moved(results, 20)
     entries = ElementTree.parse(tmp_path / "a.pvd").getroot().findall("Collection/DataSet")
     assert [float(entry.attrib["timestep"]) for entry in entries] == pytest.approx([0.0, 1e-6, 3e-6])
@@ -74,7 +74,7 @@ def number_of(item: ElementTree.Element, folder: Path) -> np.ndarray:
 def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
     """Each frame with its time, places, cells and fields, bit for bit; what stays is written once."""
     with Results.open(small_results) as results:
-        export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60], also=("stress",))
+        frame_files.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60], also=("stress",))
         u, nodes = moved(results, 60), results.nodes()
     names = sorted(path.name for path in tmp_path.iterdir() if path.name.startswith(("a.", ".")))
     assert names == ["a.bin", "a.xdmf"]
@@ -99,9 +99,9 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
 def test_a_series_is_about_as_large_as_its_pvd(solved: Callable[[str], Path], tmp_path: Path) -> None:
     """As text it was six times as large."""
     with Results.open(solved("conservative")) as results:
-        steps = export.chosen(results)
-        export.pvd(results, tmp_path / "a.pvd", steps)
-        export.xdmf(results, tmp_path / "b.xdmf", steps)
+        steps = frame_files.chosen(results)
+        frame_files.pvd(results, tmp_path / "a.pvd", steps)
+        frame_files.xdmf(results, tmp_path / "b.xdmf", steps)
     sizes = [sum(file.stat().st_size for file in tmp_path.rglob(name)) for name in ("a*", "b.*")]
     assert 0.5 < sizes[1] / sizes[0] < 1.5  # measured 1.15
 
@@ -114,13 +114,13 @@ def test_what_fails_leaves_no_half_of_a_series(small_results: Path, tmp_path: Pa
         Results.open(small_results) as results,
         pytest.raises(ResultsError, match="found no field 'ux'"),
     ):
-        export.xdmf(results, tmp_path / "a.xdmf", [0, 20, 40], also=("strain",))
+        frame_files.xdmf(results, tmp_path / "a.xdmf", [0, 20, 40], also=("strain",))
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(("a.", "."))] == []
 
 
 def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        export.table(results, 60, tmp_path / "a.csv")
+        frame_files.table(results, 60, tmp_path / "a.csv")
         nodes, uy = results.nodes(), results.field("uy", 60)
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -136,14 +136,14 @@ def test_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: s
         with Results.open(small_results) as results:
             (tmp_path / name).mkdir()
             path = tmp_path / name / f"a{suffix}"
-            export.vtu(results, 60, path) if suffix == ".vtu" else export.xdmf(results, path, [0, 60])
+            frame_files.vtu(results, 60, path) if suffix == ".vtu" else frame_files.xdmf(results, path, [0, 60])
             written.append([file.read_bytes() for file in sorted(path.parent.iterdir())])
     assert written[0] == written[1]
 
 
 def test_formats_there_are_none_of() -> None:
     with pytest.raises(ExportError, match=r"a\.foo: found suffix '\.foo', expected one of \.vtu, \.pvd, \.xdmf, \.csv"):
-        export.check_suffix(Path("a.foo"))
+        frame_files.check_suffix(Path("a.foo"))
 
 
 def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
     with Results.open(small_results) as results:
-        export.vtu(results, 60, tmp_path / "a.vtu", also=("stress",))
+        frame_files.vtu(results, 60, tmp_path / "a.vtu", also=("stress",))
         nodes, u, damage = results.nodes(), moved(results, 60), results.field("damage", 60)
     reader = vtkXMLUnstructuredGridReader()
     reader.SetFileName(str(tmp_path / "a.vtu"))
@@ -172,7 +172,7 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     with Results.open(small_results) as results:
-        export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
+        frame_files.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
         u, nodes = moved(results, 60), results.nodes()
     reader = vtk.vtkXdmfReader()
     reader.SetFileName(str(tmp_path / "a.xdmf"))

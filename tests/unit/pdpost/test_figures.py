@@ -16,17 +16,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from plates import ROOT
 
-from pdpost import bonds, figures, levels, plates, sheets, style, tradeoff_figure
-from pdpost.fields import FIELDS, FieldError
-from pdpost.sheets import prefixed
-from pdpost.style import FigureError
+from pdpost.figures import bond_figure, field_figure, level_figure, sheets, style, tradeoff_figure
+from pdpost.figures.sheets import prefixed
+from pdpost.figures.style import FigureError
+from pdpost.measures import plates
+from pdpost.measures.fields import FIELDS, FieldError
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
-    "damage": lambda results: figures.draw(results, "damage", 60),
-    "stress": lambda results: figures.draw(results, "stress", 60, scale=2.0),
-    "nodes": lambda results: levels.draw(results, 60, 1.0),
-    "bonds": lambda results: bonds.draw(results, 60, 0.0),
+    "damage": lambda results: field_figure.draw(results, "damage", 60),
+    "stress": lambda results: field_figure.draw(results, "stress", 60, scale=2.0),
+    "nodes": lambda results: level_figure.draw(results, 60, 1.0),
+    "bonds": lambda results: bond_figure.draw(results, 60, 0.0),
 }
 
 
@@ -45,7 +46,7 @@ def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: P
 def test_the_damage_picture(small_results: Path) -> None:
     """A cell of each node's size and value, equal axes, colours from 0 to 1, the time in the title."""
     with Results.open(small_results) as results:
-        figure = figures.draw(results, "damage", 40)
+        figure = field_figure.draw(results, "damage", 40)
         nodes, values = results.nodes(), results.field("damage", 40)
     axes = figure.axes[0]
     cells = axes.collections[0]
@@ -61,7 +62,7 @@ def test_the_damage_picture(small_results: Path) -> None:
 @pytest.mark.parametrize(("name", "letter"), [("displacement", "u"), ("velocity", "v")])
 def test_sizes_of_vectors_in_handy_units(small_results: Path, name: str, letter: str) -> None:
     with Results.open(small_results) as results:
-        figure = figures.draw(results, name, 60)
+        figure = field_figure.draw(results, name, 60)
         size = np.hypot(results.field(f"{letter}x", 60).astype(float), results.field(f"{letter}y", 60))
     scale, prefix = prefixed(float(size.max()))
     cells = figure.axes[0].collections[0]
@@ -80,12 +81,12 @@ def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
 
 def test_fields_that_were_not_stored_are_named(few_results: Path) -> None:
     with Results.open(few_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
-        figures.draw(results, "energy", 60)
+        field_figure.draw(results, "energy", 60)
 
 
 def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        figure = figures.draw(results, "damage", 0)
+        figure = field_figure.draw(results, "damage", 0)
     with pytest.raises(FigureError, match=r"x\.foo: found suffix '\.foo', expected one of .*\.png"):
         style.save(figure, tmp_path / "x.foo")
     with pytest.raises(FigureError, match="--set fontsize: found no such matplotlib setting"):
@@ -97,13 +98,13 @@ def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path)
 
 def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        figure = figures.draw(results, "velocity", 60, part="y")
+        figure = field_figure.draw(results, "velocity", 60, part="y")
         largest = float(np.abs(results.field("vy", 60)).max())
-        narrow = figures.draw(results, "velocity", 60, part="y", largest=2.0)
+        narrow = field_figure.draw(results, "velocity", 60, part="y", largest=2.0)
         with pytest.raises(FieldError, match="velocity: found no component 'xx', expected one of magnitude, x, y"):
-            figures.draw(results, "velocity", 60, part="xx")
+            field_figure.draw(results, "velocity", 60, part="xx")
         with pytest.raises(FieldError, match="damage: found no component 'x', expected none, it is a scalar"):
-            figures.draw(results, "damage", 60, part="x")
+            field_figure.draw(results, "damage", 60, part="x")
     cells = figure.axes[0].collections[0]
     factor, _ = prefixed(largest)
     assert cells.get_clim() == pytest.approx((-largest * factor, largest * factor))
@@ -113,16 +114,16 @@ def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -
 def test_colours_end_at_the_usual_largest() -> None:
     """One value in a thousand that is far above all others does not make the others all alike."""
     values = np.full(1000, 2.0)
-    assert figures.usual(values) == 2.0
+    assert field_figure.usual(values) == 2.0
     values[7] = -3.9
-    assert figures.usual(values) == 3.9
+    assert field_figure.usual(values) == 3.9
     values[7] = -100.0
-    assert figures.usual(values) == 2.0
-    shown = figures.colours("stress", "xx", values)
+    assert field_figure.usual(values) == 2.0
+    shown = field_figure.colours("stress", "xx", values)
     assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
-    assert figures.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
-    assert figures.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
-    assert figures.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
+    assert field_figure.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
+    assert field_figure.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
+    assert field_figure.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
 
 
 def torn_plate() -> tuple[Results, NDArray[np.float64]]:
@@ -154,12 +155,12 @@ def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
     """Two nodes with damage above 0.35 are light grey, said to be left out, and do not widen the colours."""
     results, torn = torn_plate()
     for name, few in (("strain", 0.02), ("stress", 1e9)):
-        shown = figures.values_of(results, name, 1, "xy")
+        shown = field_figure.values_of(results, name, 1, "xy")
         assert np.flatnonzero(shown.torn).tolist() == (torn - 1).tolist()
         assert np.abs(shown.values[shown.torn]).max() > few  # what is fitted to the bonds that are left
-        figure = figures.draw(results, name, 1, part="xy")
+        figure = field_figure.draw(results, name, 1, part="xy")
         low, high = figure.axes[0].collections[0].get_clim()
-        factor, _ = figures.unit(FIELDS[name].unit, few / 10)
+        factor, _ = field_figure.unit(FIELDS[name].unit, few / 10)
         assert high == -low
         assert high < few * factor
         grey = next(one for one in figure.axes[0].collections if len(one.get_paths()) == 2 and one.get_array() is None)
@@ -168,14 +169,14 @@ def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
         words = [text.get_text() for text in figure.legends[0].get_texts()]
         assert words == ["left out, damage above 0.35: 2 nodes"]
     for name in ("damage", "displacement"):
-        assert not figures.values_of(results, name, 1, "" if name == "damage" else "x").torn.any()
+        assert not field_figure.values_of(results, name, 1, "" if name == "damage" else "x").torn.any()
 
 
 def test_numbers_of_stress_leave_torn_nodes_out_too() -> None:
     from pdpost.commands.shared import numbers
 
     results, _ = torn_plate()
-    shown = figures.values_of(results, "stress", 1, "xy")
+    shown = field_figure.values_of(results, "stress", 1, "xy")
     told = numbers(shown)
     assert (told["nodes"], told["torn"], told["unknown"]) == (108, 2, 0)
     assert told["largest"] == shown.values[~shown.torn].max() < shown.values.max()
@@ -183,8 +184,8 @@ def test_numbers_of_stress_leave_torn_nodes_out_too() -> None:
 
 def test_nodes_without_a_value_are_explained(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        shown = figures.Shown(np.where(np.arange(252) < 3, np.nan, 1.0), np.zeros(252, dtype=bool))
-        figure = figures.draw(results, "stress", 60, shown=shown)
+        shown = field_figure.Shown(np.where(np.arange(252) < 3, np.nan, 1.0), np.zeros(252, dtype=bool))
+        figure = field_figure.draw(results, "stress", 60, shown=shown)
     assert "too few bonds for a value: 3 nodes" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
@@ -195,7 +196,7 @@ def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
         position = results.nodes().position
         slowest = position[int(speed.argmin())]
         window = (*(slowest - 1.2e-3).tolist(), *(slowest + 1.2e-3).tolist())
-        figure = figures.draw(results, "velocity", 60, window=window)
+        figure = field_figure.draw(results, "velocity", 60, window=window)
     inside = (np.abs(position - slowest) <= 1.2e-3).all(axis=1)
     factor, _ = prefixed(float(speed[inside].max()))
     assert figure.axes[0].collections[0].get_clim()[1] == pytest.approx(speed[inside].max() * factor, rel=1e-6)
@@ -223,7 +224,7 @@ def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Pat
 def test_the_readme_names_the_colours_that_are_drawn() -> None:
     """Bonds in README's table, and the chart of speed against accuracy, in the words of Okabe and Ito's palette."""
     readme = (ROOT / "README.md").read_text()
-    assert (bonds.INTACT, bonds.BROKEN) == (style.SKY_BLUE, style.VERMILION)
+    assert (bond_figure.INTACT, bond_figure.BROKEN) == (style.SKY_BLUE, style.VERMILION)
     assert "intact bonds sky blue, broken ones vermilion" in readme
     assert "the defaults in the vermilion ring, what none beats in blue" in readme
     chart = (ROOT / "benchmarks" / "accuracy.py").read_text()
@@ -237,7 +238,7 @@ def test_the_readme_names_the_colours_that_are_drawn() -> None:
 def test_the_deformed_shape(small_results: Path) -> None:
     """Cells are where displacement times the scale puts them; the title says so."""
     with Results.open(small_results) as results:
-        figure = figures.draw(results, "damage", 60, scale=3.0)
+        figure = field_figure.draw(results, "damage", 60, scale=3.0)
         nodes = results.nodes()
         u = np.column_stack([results.field("ux", 60), results.field("uy", 60)]).astype(float)
     cells = figure.axes[0].collections[0]
@@ -259,9 +260,9 @@ def test_the_scale_that_shows_displacements(small_results: Path) -> None:
 def test_bonds_are_blue_and_red(small_results: Path) -> None:
     """A line for each pair of nodes, between them; as many red ones as there are breaks."""
     with Results.open(small_results) as results:
-        figure = bonds.draw(results, 60, 0.0)
-        found = bonds.bonds(results, 60)
-        early = bonds.bonds(results, 0)
+        figure = bond_figure.draw(results, 60, 0.0)
+        found = bond_figure.bonds(results, 60)
+        early = bond_figure.bonds(results, 0)
         nodes, breaks, families = results.nodes(), results.breaks(), results.families()
     pairs = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
     assert len(found.broken) == len(families.neighbour) / 2
@@ -282,7 +283,7 @@ def test_an_image_has_the_same_bytes_each_time(
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
-            style.save(figures.draw(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
+            style.save(field_figure.draw(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
         written.append((tmp_path / f"{name}{suffix}").read_bytes())
     assert written[0] == written[1]
 
@@ -290,9 +291,9 @@ def test_an_image_has_the_same_bytes_each_time(
 def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same colours at the nodes' places as the squares have."""
     with Results.open(small_results) as results:
-        squares = figures.draw(results, "damage", 60)
+        squares = field_figure.draw(results, "damage", 60)
         monkeypatch.setattr(plates, "MANY", 10)
-        image = figures.draw(results, "damage", 60)
+        image = field_figure.draw(results, "damage", 60)
         nodes = results.nodes()
     cells = squares.axes[0].collections[0]
     (painted,) = image.axes[0].images
@@ -309,10 +310,10 @@ def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.Monk
 
 
 def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bonds, "LINES", 10)
+    monkeypatch.setattr(bond_figure, "LINES", 10)
     with Results.open(small_results) as results:
-        figure = bonds.draw(results, 60, 0.0)
-        share = bonds.bonds(results, 60).broken.mean()
+        figure = bond_figure.draw(results, 60, 0.0)
+        share = bond_figure.bonds(results, 60).broken.mean()
     assert len(figure.axes[0].images) == 1
     pixels = np.asarray(figure.axes[0].images[0].get_array())
     blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
@@ -325,7 +326,7 @@ def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyP
 
 def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        figure = levels.draw(results, 60, 0.0)
+        figure = level_figure.draw(results, 60, 0.0)
         nodes = results.nodes()
     dots = figure.axes[0].collections[0]
     assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)

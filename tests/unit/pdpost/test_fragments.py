@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drawn import lattice, run
 
-from pdpost.fragments import fragments
+from pdpost.measures.fragments import fragments
 
 
 def test_a_plate_in_two() -> None:

@@ -10,7 +10,7 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.grid import Run, Velocity
-from pdpost.histories import at_place, in_box, of_node
+from pdpost.measures.histories import at_place, in_box, of_node
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError
 from pdsolve.simulation import simulate

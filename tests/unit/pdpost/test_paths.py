@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drawn import lattice, run
 
-from pdpost.paths import PathError, distance, heading, path
+from pdpost.measures.paths import PathError, distance, heading, path
 
 
 def test_a_path_is_where_the_tips_were() -> None:

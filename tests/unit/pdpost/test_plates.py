@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 from pdmesh.grid import document_of, write_file
 from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Material, Run, Scene, box
-from pdpost import bonds, crack_figure, figures, levels, plates, sheets
-from pdpost.crack_summary import summary
-from pdpost.plates import cells, check_alike, plate
-from pdpost.scene_figure import scene
+from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
+from pdpost.figures.scene_figure import scene
+from pdpost.measures import plates
+from pdpost.measures.crack_summary import summary
+from pdpost.measures.plates import cells, check_alike, plate
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.simulation import simulate
@@ -62,9 +63,9 @@ def shot(figure: Figure, axes: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 PICTURES = {
-    "damage": lambda results: figures.draw(results, "damage", 20),
-    "displacement": lambda results: figures.draw(results, "displacement", 20),
-    "stress": lambda results: figures.draw(results, "stress", 20),
+    "damage": lambda results: field_figure.draw(results, "damage", 20),
+    "displacement": lambda results: field_figure.draw(results, "displacement", 20),
+    "stress": lambda results: field_figure.draw(results, "stress", 20),
     "crack": lambda results: crack_figure.crack(results, summary(results, 20)),
     "scene": lambda results: scene(results, {"conditions": []}),
 }
@@ -103,8 +104,8 @@ def test_fields_fill_the_plate_and_nothing_else(
 def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
     """Every ring of the model and the pre-crack, with a word for it in a legend."""
     more = {
-        "nodes": lambda results: levels.draw(results, 20, 0.0),
-        "bonds": lambda results: bonds.draw(results, 20, 0.0),
+        "nodes": lambda results: level_figure.draw(results, 20, 0.0),
+        "bonds": lambda results: bond_figure.draw(results, 20, 0.0),
     }
     with Results.open(bored) as results:
         figure = (PICTURES | more)[what](results)
@@ -154,7 +155,7 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
 def test_a_deformed_plate_keeps_its_cells(bored: Path) -> None:
     """Displaced with their nodes; where the edges were is dotted."""
     with Results.open(bored) as results:
-        still, moved = figures.draw(results, "damage", 20), figures.draw(results, "damage", 20, scale=2e4)
+        still, moved = field_figure.draw(results, "damage", 20), field_figure.draw(results, "damage", 20, scale=2e4)
         u = sheets.displacement(results, 20)
     one, other = (figure.axes[0].collections[0].get_paths() for figure in (still, moved))
     way = np.array([b.vertices.mean(axis=0) - a.vertices.mean(axis=0) for a, b in zip(one, other, strict=True)])

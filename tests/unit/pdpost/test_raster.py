@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdpost.raster import averages
+from pdpost.figures.raster import averages
 
 
 def test_squares_that_tile_a_plate_leave_no_gap_and_do_not_overlap() -> None:

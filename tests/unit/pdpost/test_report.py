@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tampered import tampered
 
-from pdpost.crack_figure import crack
-from pdpost.crack_summary import summary
-from pdpost.report import report
-from pdpost.scene_figure import acted_on, scene
+from pdpost.figures.crack_figure import crack
+from pdpost.figures.page import report
+from pdpost.figures.scene_figure import acted_on, scene
+from pdpost.measures.crack_summary import summary
 from pdsolve.results import Results
 
 
@@ -55,7 +55,7 @@ def test_a_plate_without_a_crack_has_no_speed(small_results: Path, step: int, pa
 
 def test_plates_of_many_nodes_are_images(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same greys at the same places as node by node, within a step of the image's colours."""
-    from pdpost import plates
+    from pdpost.measures import plates
 
     with Results.open(small_results) as results:
         model, found = json.loads(results.model()), summary(results, 60)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdpost import fields, strain
+from pdpost.measures import fields, strain
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
 
 Field = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]

@@ -7,7 +7,7 @@ import pytest
 from drawn import at_steps, lattice, run
 from mirrors import mirrored
 
-from pdpost.tips import Branch, forks, tips
+from pdpost.measures.tips import Branch, forks, tips
 from pdsolve.results import Nodes
 
 

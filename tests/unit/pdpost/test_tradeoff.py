@@ -11,7 +11,7 @@ from plates import plate, square_grid
 
 from pdmesh.grid import Load, Run
 from pdpost.__main__ import main
-from pdpost.tradeoff import cheapest, cost, errors, front
+from pdpost.measures.tradeoff import cheapest, cost, errors, front
 from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
 from pdsolve.simulation import simulate
@@ -199,7 +199,7 @@ def test_plates_too_small_to_compare(
 
 
 def test_nodes_without_bonds_have_no_strain(tmp_path: Path) -> None:
-    from pdpost.strain import fitted
+    from pdpost.measures.strain import fitted
 
     with run(tmp_path / "a.sqlite", 10, 1e-3) as results:
         moved = np.column_stack([results.field("ux", 100), results.field("uy", 100)])

@@ -1,0 +1,1 @@
+"""What is drawn. A figure is returned, never shown."""
