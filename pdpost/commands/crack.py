@@ -45,15 +45,13 @@ def add(commands: Commands) -> None:
 
 
 def _crack(args: argparse.Namespace) -> int:
-    import matplotlib
-
-    from pdpost.figures import style
+    from pdpost.figures.style import styled
     from pdsolve.results import Results
 
     threshold = _threshold(args)
     path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
-    look = style.styled({name: value for name, value in args.assignments if name != "cracked"})
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    look = {name: value for name, value in args.assignments if name != "cracked"}
+    with styled(look), Results.open(args.results) as results:
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -65,7 +63,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
     from pdpost.measures import crack_summary
 
     check_window(results, args)
-    found = crack_summary.summary(results, _step(args, results), threshold, args.along)
+    found = crack_summary.crack(results, _step(args, results), threshold, args.along)
     if path is not None:
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
@@ -104,12 +102,9 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:
-    from pdsolve.results import ResultsError
+    from pdpost.reading.frames import last_step
 
-    steps = results.history()["step"]
-    if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    last = int(steps[-1])
+    last = last_step(results)
     if args.step is not None and not 0 <= args.step <= last:
         raise commandline.UsageError(f"--step: found {args.step}, expected 0 to {last}")
     return last if args.step is None else int(args.step)

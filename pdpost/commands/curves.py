@@ -73,15 +73,12 @@ def _place(name: str, count: int) -> Any:
 
 
 def _history(args: argparse.Namespace) -> int:
-    import matplotlib
-
     from pdpost.figures import charts, style
     from pdpost.measures import histories
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
-    look = style.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
@@ -107,16 +104,13 @@ def _usual(results: Results) -> list[Place]:
     """Where to look if nobody said: the probes, or the node that has moved most at the end."""
     import numpy as np
 
+    from pdpost.reading.frames import last_frame
     from pdpost.reading.stored import vector
-    from pdsolve.results import ResultsError
 
     probed = np.unique(results.probes()["node"])
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
-    steps, _ = results.frames()
-    if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    moved = np.hypot(*vector(results, "u", int(steps[-1])).T)
+    moved = np.hypot(*vector(results, "u", last_frame(results)).T)
     return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
 
 
@@ -143,7 +137,6 @@ def _told(curve: History, unit: str) -> str:
 
 
 def _balance(args: argparse.Namespace) -> int:
-    import matplotlib
     import numpy as np
 
     from pdpost.figures import charts, style
@@ -151,8 +144,7 @@ def _balance(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".balance.png")
-    look = style.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         books = balance(results)
         if path is not None:
             style.save(charts.balance(books), path)
@@ -176,16 +168,13 @@ def _balance(args: argparse.Namespace) -> int:
 
 
 def _reaction(args: argparse.Namespace) -> int:
-    import matplotlib
-
     from pdpost.figures import charts, style
     from pdpost.measures.forces import chosen, reactions
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".reaction.png")
-    look = style.styled(dict(args.assignments))
     axis = None if args.component is None else "xy".index(args.component)
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         found = chosen(reactions(results), args.condition)
         if path is not None:
             style.save(charts.reactions(found, axis), path)

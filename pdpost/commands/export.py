@@ -44,6 +44,7 @@ def _tensors(text: str) -> tuple[str, ...]:
 
 def _export(args: argparse.Namespace) -> int:
     from pdpost.exports import frame_files, xdmf
+    from pdpost.reading.frames import chosen
     from pdsolve.results import Results
 
     if args.assignments:
@@ -65,7 +66,7 @@ def _export(args: argparse.Namespace) -> int:
     if kind == ".xdmf" and numbers.exists() and not args.force:
         raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
     with Results.open(args.results) as results:
-        steps = [chosen_frame(results, args)[0]] if one else frame_files.chosen(results, args.every)
+        steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
         progress = counted(args, "writing")
         if kind == ".vtu":
             frame_files.vtu(results, steps[0], path, args.also, args.squares)

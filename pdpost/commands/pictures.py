@@ -96,7 +96,7 @@ def _field(args: argparse.Namespace) -> int:
     def show(results: Results, step: int, scale: float) -> Drawn:
         shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
-        figure = field_figure.draw(results, name, step, shown=shown, **how)
+        figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
         told = {"component": part or None, **numbers(shown), "unit": unit}
         largest = told["largest"]
@@ -119,9 +119,8 @@ def _nodes(args: argparse.Namespace) -> int:
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
         told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
-        return Drawn(
-            level_figure.draw(results, step, scale, args.window), told, words, lambda: columns.of_frame(results, step)
-        )
+        figure = level_figure.nodes(results, step, scale=scale, window=args.window)
+        return Drawn(figure, told, words, lambda: columns.of_frame(results, step))
 
     return _drawn(args, show)
 
@@ -129,25 +128,20 @@ def _nodes(args: argparse.Namespace) -> int:
 def _bonds(args: argparse.Namespace) -> int:
     from pdpost.exports import columns
     from pdpost.figures import bond_figure
+    from pdpost.measures.pairs import pairs
 
     def show(results: Results, step: int, scale: float) -> Drawn:
-        found = bond_figure.bonds(results, step)
+        found = pairs(results, step)
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"
-        return Drawn(
-            bond_figure.draw(results, step, scale, found, args.window),
-            told,
-            words,
-            lambda: columns.of_bonds(results, found),
-        )
+        figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
+        return Drawn(figure, told, words, lambda: columns.of_bonds(results, found))
 
     return _drawn(args, show)
 
 
 def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
     """Draw the frame asked for, and report what is shown there."""
-    import matplotlib
-
     from pdpost.exports import columns
     from pdpost.figures import style
     from pdsolve.results import Results
@@ -155,8 +149,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
     style.check_format(path)
     check_csv(args, path)
-    look = style.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
         check_window(results, args)
         scale = chosen_scale(results, step, args)

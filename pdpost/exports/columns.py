@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.figures.bond_figure import Bonds
 from pdpost.measures import fields
+from pdpost.measures.pairs import Pairs
 from pdsolve.results import Results
 
 Columns = Mapping[str, NDArray[np.generic]]
@@ -46,7 +46,7 @@ def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str,
     return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored, **more}
 
 
-def of_bonds(results: Results, found: Bonds) -> dict[str, NDArray[np.generic]]:
+def of_bonds(results: Results, found: Pairs) -> dict[str, NDArray[np.generic]]:
     """Both nodes of each bond, and 1 if it is broken, else 0."""
     ids = results.nodes().ids
     return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}

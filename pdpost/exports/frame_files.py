@@ -14,7 +14,7 @@ from pdmesh.files import replacing, write_atomically
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.columns import csv, of_frame
 from pdpost.measures import fields
-from pdsolve.results import Results, ResultsError
+from pdsolve.results import Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
@@ -114,14 +114,6 @@ def check_suffix(path: Path) -> str:
     if path.suffix.lower() not in SUFFIXES:
         raise ExportError(f"{path}: found suffix '{path.suffix}', expected one of {', '.join(SUFFIXES)}")
     return path.suffix.lower()
-
-
-def chosen(results: Results, every: int = 1) -> list[int]:
-    """The steps of every so many frames. Raises ResultsError if there is none."""
-    steps: list[int] = results.frames()[0][::every].tolist()
-    if not steps:
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    return steps
 
 
 def _points(results: Results, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:

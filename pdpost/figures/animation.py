@@ -23,7 +23,8 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
-from pdsolve.results import Results, ResultsError
+from pdpost.reading.frames import chosen
+from pdsolve.results import Results
 
 DPI = 110
 LINE = 0.18  # inches of a line of the legend
@@ -49,13 +50,11 @@ def frames(
 ) -> Iterator[Pixels]:
     """Pictures of the field `name` of every so many frames of a run, all of one size, with the same colours.
 
-    `part`, `scale`, `largest`, `window` as in `field_figure.draw`; colours end at the usual largest value of all.
+    `part`, `scale`, `largest`, `window` as in `field_figure.field`; colours end at the usual largest value of all.
     Raises FieldError, and ResultsError, naming what there is.
     """
     part = fields.component(name, part)
-    steps = results.frames()[0][::every].tolist()
-    if not steps:
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
+    steps = chosen(results, every)
     still = shape(results, steps[0], 0.0)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
     inside = seen(still.position, box)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-from scipy.sparse import csr_array, triu
 
 from pdpost.figures import field_figure, raster, sheets
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
 from pdpost.figures.style import SKY_BLUE, VERMILION
-from pdpost.measures.strain import broken
+from pdpost.measures.pairs import Pairs, pairs
+from pdpost.reading.frames import last_frame
 from pdsolve.results import Results
 
 INTACT, BROKEN = SKY_BLUE, VERMILION
@@ -26,33 +23,24 @@ SHARP = 5_000  # lines; more are put into a PDF or SVG as an image
 INK = 60.0  # points of line width over the root of how many lines
 
 
-class Bonds(NamedTuple):
-    """The bonds there were at the start, each pair of nodes once."""
+def bonds(
+    results: Results,
+    step: int | None = None,
+    *,
+    scale: float = 0.0,
+    window: Box | None = None,
+    found: Pairs | None = None,
+) -> Figure:
+    """The bonds after `step`, by default the last frame's, on nodes displaced by `scale` times their displacement.
 
-    ends: NDArray[np.int64]  # (b, 2) rows of its nodes
-    broken: NDArray[np.bool_]  # (b,) from either side
-
-
-def bonds(results: Results, step: int) -> Bonds:
-    """The pairs of bonded nodes and whether they are broken after `step`; those cut by a pre-crack are left out."""
-    families = results.families()
-    state = 1 + broken(results, families, step).astype(np.int8)
-    count = len(families.start) - 1
-    side = csr_array((state, families.neighbour, families.start), (count, count))
-    pairs = triu(side.maximum(side.T.tocsr()), format="coo")
-    return Bonds(np.column_stack([pairs.row, pairs.col]).astype(np.int64), pairs.data == 2)
-
-
-def draw(results: Results, step: int, scale: float, found: Bonds | None = None, window: Box | None = None) -> Figure:
-    """The bonds after `step`, on nodes displaced by `scale` times their displacement.
-
-    `found` are the bonds if they are known already, `window` is seen, m. Raises ResultsError.
+    `window` is seen, m; `found` are the bonds if they are known already. Raises ResultsError.
     """
+    step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)
-    found = bonds(results, step) if found is None else found
+    found = pairs(results, step) if found is None else found
     box = window or box_of([where])
     some = seen(where.position, box)[found.ends].any(axis=1)
-    drawn = Bonds(found.ends[some], found.broken[some])
+    drawn = Pairs(found.ends[some], found.broken[some])
     many = len(drawn.broken) > LINES
     on = sheet(box, bar=many)
     if many:
@@ -65,7 +53,7 @@ def draw(results: Results, step: int, scale: float, found: Bonds | None = None, 
     return on.figure
 
 
-def _draw_lines(on: Sheet, where: Shape, found: Bonds) -> None:
+def _draw_lines(on: Sheet, where: Shape, found: Pairs) -> None:
     width = float(np.clip(INK / np.sqrt(max(len(found.broken), 1)), 0.15, 0.8))
     for gone, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
         ends = found.ends[found.broken == gone]
@@ -80,7 +68,7 @@ def _draw_lines(on: Sheet, where: Shape, found: Bonds) -> None:
         on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
 
 
-def _count(on: Sheet, where: Shape, found: Bonds) -> None:
+def _count(on: Sheet, where: Shape, found: Pairs) -> None:
     """The share of broken bonds among those whose middles are in a pixel, pixels no finer than the nodes."""
     middle = where.position[found.ends].mean(axis=1)
     x0, _, x1, _ = on.box

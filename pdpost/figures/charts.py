@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pdpost.figures.sheets import prefixed
+from pdpost.figures.labels import scaled
 from pdpost.figures.style import COLOURS
 from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
@@ -24,13 +23,6 @@ UNITS = {"m/s^2": "m/s²"}
 def look(number: int) -> dict[str, Any]:
     """Colour and dashes of a curve; the dashes change when the colours are used up."""
     return {"color": COLOURS[number % len(COLOURS)], "ls": DASHES[number // len(COLOURS) % len(DASHES)]}
-
-
-def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
-    """A factor for values and the unit with its prefix, such as 1e3 and "mm"."""
-    sizes = [float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values]
-    factor, prefix = prefixed(max(sizes, default=0.0))
-    return factor, prefix + unit
 
 
 def plain(axes: Axes) -> None:

@@ -12,9 +12,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdpost.figures.charts import WIDTH, look, plain, scaled
+from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
+from pdpost.measures import crack_summary
 from pdpost.measures.crack_summary import Summary
 from pdpost.measures.cracked import damage_at
 from pdpost.measures.paths import LONG, Polyline
@@ -26,11 +28,13 @@ SHOWN = 6  # main branches with a curve of their own
 PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
 
-def crack(results: Results, found: Summary, window: Box | None = None) -> Figure:
+def crack(results: Results, found: Summary | None = None, window: Box | None = None) -> Figure:
     """Path, length over time and speed over time of the cracks in a summary; long branches in colours.
 
-    Of the plate, `window` is seen, m.
+    `found` is by default that of the whole run; of the plate, `window` is seen, m. Raises ResultsError if there is no
+    frame yet.
     """
+    found = crack_summary.crack(results) if found is None else found
     where = shape(results, 0, 0.0)
     box = window or box_of([where])
     figure, plate, length, speed = _panels(box)

@@ -12,16 +12,17 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Sheet, box_of, legend, mark, paint, prefixed, seen, shape, sheet
+from pdpost.figures.sheets import Sheet, box_of, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN
 from pdpost.measures import fields
 from pdpost.measures.cracked import CRACKED
+from pdpost.reading.frames import last_frame
 from pdsolve.results import Results
 
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
 PARTS = {"x": "x", "y": "y", "largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
-POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Colours(NamedTuple):
@@ -42,10 +43,10 @@ class Shown(NamedTuple):
     torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.torn`
 
 
-def draw(
+def field(
     results: Results,
-    name: str,
-    step: int,
+    name: str = "damage",
+    step: int | None = None,
     *,
     part: str | None = None,
     scale: float = 0.0,
@@ -53,13 +54,15 @@ def draw(
     window: Box | None = None,
     shown: Shown | None = None,
 ) -> Figure:
-    """The field called `name` after `step`: each node a cell of the plate, what is nearer to it than to any other.
+    """The field called `name` after `step`, by default the last frame's.
 
-    `part` is the field's component, `scale` what displacements are multiplied by (0: the reference), `largest` where
-    the colours end, in SI units, `window` what is seen, m, `shown` the component if it is known already. Raises
-    FieldError, and ResultsError, naming what there is.
+    Each node is a cell of the plate, what is nearer to it than to any other. `part` is the field's component, `scale`
+    what displacements are multiplied by (0: the reference), `largest` where the colours end, in SI units, `window`
+    what is seen, m, `shown` the component if it is known already. Raises FieldError, and ResultsError, naming what
+    there is.
     """
     part = fields.component(name, part)
+    step = last_frame(results) if step is None else step
     shown = values_of(results, name, step, part) if shown is None else shown
     where = shape(results, step, scale)
     on = sheet(window or box_of([where]))
@@ -113,15 +116,6 @@ def usual(values: NDArray[np.float64]) -> float:
     largest = float(size.max(initial=0.0))
     most = float(np.percentile(size, USUAL)) if len(size) else 0.0
     return most if 0 < 2 * most < largest else largest
-
-
-def unit(name: str, largest: float) -> tuple[float, str]:
-    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where none is usual."""
-    factor, prefix = prefixed(largest)
-    power = -round(np.log10(factor))
-    if power and (not name or (power > 0 and name.startswith("m/"))):
-        return factor, f"10{str(power).translate(POWERS)} {name}".rstrip()
-    return factor, prefix + name
 
 
 def bar(on: Sheet, shown: Colours) -> ScalarMappable:

@@ -10,20 +10,25 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from pdpost.figures import field_figure
+from pdpost.figures.labels import prefixed
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, paint, prefixed, shape, sheet
+from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, paint, shape, sheet
 from pdpost.figures.style import SHADES
+from pdpost.reading.frames import last_frame
 from pdsolve.results import Results
 
 DOT = 0.62  # of the spacing
 
 
-def draw(results: Results, step: int, scale: float, window: Box | None = None) -> Figure:
-    """The nodes after `step`, displaced by `scale` times their displacement, a colour for each spacing.
+def nodes(results: Results, step: int | None = None, *, scale: float = 0.0, window: Box | None = None) -> Figure:
+    """The nodes after `step`, by default the last frame's, displaced by `scale` times their displacement.
+
+    Each spacing has a colour.
 
     Above 20000 nodes squares stand for dots; above eight spacings, those of a mesh, a bar of colours for the legend.
     `window` is seen, m. Raises ResultsError.
     """
+    step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)
     spacings, level = np.unique(where.delta.round(12), return_inverse=True)
     few = len(spacings) <= len(SHADES)

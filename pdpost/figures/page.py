@@ -15,9 +15,10 @@ from pdpost.figures import charts, crack_figure, field_figure
 from pdpost.figures.animation import gif
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
+from pdpost.measures import crack_summary
 from pdpost.measures.balance import balance
-from pdpost.measures.crack_summary import sentences, summary
 from pdpost.measures.forces import reactions
+from pdpost.reading.frames import frames
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
@@ -47,10 +48,7 @@ PROVENANCE = {
 
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
-    steps, times = results.frames()
-    if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    last = int(results.history()["step"][-1])
+    steps, times = frames(results)
     model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes()
     sections = [
         ("Scene", [_image(scene(results, model), "the plate, its grid and its conditions"), _conditions(nodes, model)]),
@@ -58,7 +56,7 @@ def report(results: Results, name: str) -> str:
         ("Settings", [_table(_settings(model, meta))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
         ("Balance", _balance(results)),
-        ("Crack", _crack(results, last)),
+        ("Crack", _crack(results)),
         (f"Fields at {times[-1] * 1e6:.4g} µs", _fields(results, int(steps[-1]))),
         ("Animation", [_picture(_film(results), "gif", "damage over time")]),
     ]
@@ -126,9 +124,9 @@ def _balance(results: Results) -> list[str]:
     return parts
 
 
-def _crack(results: Results, step: int) -> list[str]:
-    found = summary(results, step)
-    told = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences(found))
+def _crack(results: Results) -> list[str]:
+    found = crack_summary.crack(results)
+    told = "".join(f"<li>{escape(sentence)}</li>" for sentence in crack_summary.sentences(found))
     return [f"<ul>{told}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
 
 
@@ -136,7 +134,7 @@ def _fields(results: Results, step: int) -> list[str]:
     parts = []
     for name in FIELDS:
         try:
-            parts.append(_image(field_figure.draw(results, name, step), name))
+            parts.append(_image(field_figure.field(results, name, step), name))
         except ResultsError:  # a field that was not stored
             continue
     return parts

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS
+from pdpost.reading.selection import selected
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
@@ -54,9 +55,4 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
 
 def acted_on(nodes: Nodes, condition: dict[str, Any]) -> NDArray[np.bool_]:
     """Which nodes (n,) a condition of the grid file acts on."""
-    if condition.get("nodes") is not None:
-        return np.isin(nodes.ids, condition["nodes"])
-    slack = 1e-9 * nodes.delta[:, None]
-    corners = np.reshape(condition["box"], (2, 2))
-    inside = (nodes.position >= corners[0] - slack) & (nodes.position <= corners[1] + slack)
-    return np.asarray(inside.all(axis=1))
+    return selected(nodes, condition.get("nodes"), condition.get("box"))

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdpost.figures import raster
+from pdpost.figures.labels import prefixed
+from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
 from pdpost.figures.style import EDGE, THICK, THIN, TORN
 from pdpost.measures import plates
-from pdpost.measures.plates import Cells, Plate, around, cells, outlines, plate
+from pdpost.measures.plates import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
 from pdpost.reading.stored import vector
 from pdsolve.results import Results
@@ -32,7 +34,6 @@ LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
 SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
 MARGIN = 0.01  # of the plate, around it
 ROOM = 0.2  # of the plate, around it, for what is displaced
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 class Shape(NamedTuple):
@@ -212,13 +213,6 @@ def pixels(on: Sheet) -> int:
     dpi = rcParams["savefig.dpi"]
     dots = on.figure.dpi if dpi == "figure" else float(dpi)
     return max(round(on.axes.get_position().width * on.figure.get_figwidth() * dots), 16)
-
-
-def prefixed(largest: float) -> tuple[float, str]:
-    """A factor and an SI prefix that turn numbers up to `largest` into handy ones."""
-    power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
-    power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    return 10.0**-power, PREFIXES[power]
 
 
 def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:

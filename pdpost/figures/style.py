@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +52,18 @@ class FigureError(ValueError):
     """A picture that cannot be drawn; the message says what was found and what was expected."""
 
 
-def styled(style: Mapping[str, str]) -> dict[str, Any]:
-    """The house style with a user's matplotlib settings over it.
+@contextmanager
+def styled(settings: Mapping[str, object] | None = None) -> Iterator[None]:
+    """While it lasts, figures are drawn in the house style, with a user's matplotlib settings over it.
 
     Raises FigureError for one that matplotlib does not know, or that no picture can be drawn with.
     """
+    with matplotlib.rc_context(rc=_checked(settings or {})):
+        yield
+
+
+def _checked(style: Mapping[str, object]) -> dict[str, Any]:
+    """The house style with a user's settings over it, each of which matplotlib knows. Raises FigureError."""
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
             raise FigureError(f"--set {name}: found no such matplotlib setting, expected one such as savefig.dpi")

@@ -15,6 +15,7 @@ from pdpost.measures.paths import heading
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
+from pdpost.reading.frames import last_step
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
@@ -35,8 +36,13 @@ class Summary:
     rayleigh_speed: float  # m/s
 
 
-def summary(results: Results, step: int, threshold: float = CRACKED, along: str | None = None) -> Summary:
-    """Follow the cracks of a run; along the direction that most of their length goes by, if none is given."""
+def crack(results: Results, step: int | None = None, threshold: float = CRACKED, along: str | None = None) -> Summary:
+    """Follow the cracks of a run until `step`, by default its last; nodes are cracked above the damage `threshold`.
+
+    `along` is "right", "left", "up" or "down", by default where most of their length goes. Raises ResultsError if
+    there is no frame yet.
+    """
+    step = last_step(results) if step is None else step
     limit = rayleigh_of(results)
     found = [replace(branch, speed=_possible(branch.speed, limit)) for branch in tips(results, step, threshold)]
     along = along or heading([branch.place for branch in found])

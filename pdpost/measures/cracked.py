@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.results import Nodes, Results
+from pdpost.reading.selection import rows_of
+from pdsolve.results import Results
 
 CRACKED = 0.35
 LINKED = 1.5  # spacings between two nodes of a crack
@@ -18,7 +19,7 @@ ROUND_OFF = 1e-6
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) after any step, between frames as well."""
     nodes, breaks = results.nodes(), results.breaks()
-    row = _rows(nodes, breaks.node[breaks.step <= step])
+    row = rows_of(nodes, breaks.node[breaks.step <= step])
     gone: NDArray[np.int64] = nodes.cut + np.bincount(row, minlength=len(nodes.ids))
     return gone / np.maximum(nodes.family, 1)
 
@@ -30,7 +31,7 @@ def cracked_since(results: Results, threshold: float = CRACKED) -> NDArray[np.in
     most = np.floor(threshold * family).astype(np.int64)  # bonds a node may lose, but for a rounding
     most += ((most + 1) / family <= threshold).astype(np.int64) - (most / family > threshold)
     further = most + 1 - nodes.cut  # breaks that a node needs
-    row = _rows(nodes, breaks.node)
+    row = rows_of(nodes, breaks.node)
     order = np.lexsort((breaks.step, row))
     count = np.bincount(row, minlength=len(family))
     first = np.cumsum(count) - count
@@ -38,12 +39,6 @@ def cracked_since(results: Results, threshold: float = CRACKED) -> NDArray[np.in
     broke = (further > 0) & (further <= count)
     since[broke] = breaks.step[order][(first + further - 1)[broke]]
     return since
-
-
-def _rows(nodes: Nodes, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The rows of nodes with these ids."""
-    order = np.argsort(nodes.ids)
-    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
 
 
 def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:

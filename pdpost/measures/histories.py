@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpost.reading import selection
+from pdpost.reading.frames import frames
 from pdpost.reading.stored import vector
 from pdsolve.results import Results, ResultsError
 
@@ -74,9 +76,7 @@ def in_box(
 ) -> History:
     """The mean of all nodes in a box x0, y0, x1, y1, m, with the smallest and the largest. Raises ResultsError."""
     nodes = results.nodes()
-    slack = 1e-9 * nodes.delta[:, None]
-    corners = np.sort(np.reshape(box, (2, 2)), axis=0)
-    inside = ((nodes.position >= corners[0] - slack) & (nodes.position <= corners[1] + slack)).all(axis=1)
+    inside = selection.in_box(nodes, np.sort(np.reshape(box, (2, 2)), axis=0))
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
@@ -95,9 +95,7 @@ def _of_frames(
     results: Results, rows: NDArray[np.int64], quantity: str, component: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (t,) of the frames and the quantity (t, rows) there."""
-    steps, times = results.frames()
-    if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
+    steps, times = frames(results)
     letter = QUANTITIES[quantity][0]
     found = (vector(results, letter, int(step))[rows] for step in steps)
     return times, np.array([_component(both[:, 0], both[:, 1], component) for both in found])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
 import shapely
-from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
 from pdpost.reading.embedded import read
@@ -32,10 +30,10 @@ class Plate(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The cells of n nodes: corners (c, 2), m from their nodes, and matplotlib's codes (c,), a node's together."""
+    """The cells of n nodes, the rings of a node together; a ring's last corner is its first."""
 
-    corners: NDArray[np.float64]
-    codes: NDArray[np.uint8]
+    corners: NDArray[np.float64]  # (c, 2) m, from their nodes
+    closes: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
     owner: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
 
 
@@ -93,7 +91,7 @@ def check_alike(results: Results, other: Results) -> None:
 def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
     """The part of the plate that is nearer to each node than to any other, its Voronoi cell clipped by `shape`."""
     if not len(nodes.ids):
-        return Cells(np.zeros((0, 2)), np.zeros(0, dtype=np.uint8), np.zeros(0, dtype=np.int64))
+        return Cells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))
     unit, origin = float(nodes.delta.min()), nodes.position.min(axis=0)
     points = np.round((nodes.position - origin) / unit * FRACTIONS) / FRACTIONS
     around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
@@ -108,27 +106,5 @@ def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
     rings, ring_of = shapely.get_rings(shapely.orient_polygons(parts[is_surface]), return_index=True)
     corners, corner_of = shapely.get_coordinates(rings, return_index=True)
     owner = node[is_surface][ring_of][corner_of]
-    codes = np.full(len(corners), Curve.LINETO, dtype=np.uint8)
-    last = np.append(np.diff(corner_of) > 0, True) if len(corners) else np.zeros(0, dtype=bool)
-    codes[np.append(True, last[:-1])[: len(codes)]] = Curve.MOVETO
-    codes[last] = Curve.CLOSEPOLY
-    return Cells((corners - points[owner]) * unit, codes, owner)
-
-
-def outlines(
-    cell: Cells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
-) -> list[Curve]:
-    """The cells as curves (n) around nodes at `position` (n, 2), m; `turned` (n, 2, 2) says what became of each.
-
-    All lengths are multiplied by `factor`.
-    """
-    corners = cell.corners if turned is None else np.einsum("cab,cb->ca", turned[cell.owner], cell.corners)
-    placed = factor * (corners + position[cell.owner])
-    start = np.searchsorted(cell.owner, np.arange(len(position) + 1))
-    return [Curve(placed[a:b], cell.codes[a:b]) for a, b in pairwise(start.tolist())]
-
-
-def around(shape: shapely.Geometry, factor: float) -> Curve:
-    """A shape as one curve, its lengths multiplied by `factor`."""
-    rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(shape)))
-    return Curve.make_compound_path(*(Curve(factor * shapely.get_coordinates(ring), closed=True) for ring in rings))
+    closes = np.append(np.diff(corner_of) > 0, True)[: len(corners)]
+    return Cells((corners - points[owner]) * unit, closes, owner)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpost.reading.embedded import read
+from pdpost.reading.selection import rows_of, selected
 from pdpost.reading.stored import vector
 from pdsolve.results import Families, Results
 
@@ -89,11 +90,10 @@ def intact(results: Results, families: Families, step: int) -> Families:
 
 def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
     """Whether each bond (b,) of `families` is broken after `step`, from its own node's side."""
-    breaks, ids = results.breaks(), results.nodes().ids
+    breaks, nodes = results.breaks(), results.nodes()
     before = breaks.step <= step
-    order = np.argsort(ids)
-    node, neighbour = (order[np.searchsorted(ids, side[before], sorter=order)] for side in breaks[1:])
-    count = len(ids)
+    node, neighbour = (rows_of(nodes, side[before]) for side in breaks[1:])
+    count = len(nodes.ids)
     torn = np.zeros(count, dtype=bool)
     torn[node] = True
     bonds = np.flatnonzero(np.repeat(torn, np.diff(families.start)))
@@ -136,13 +136,7 @@ def stiffness(results: Results) -> tuple[NDArray[np.float64], str]:
     nodes = results.nodes()
     modulus = np.full(len(nodes.ids), model.material.E)
     for region in model.regions:
-        inside = np.isin(nodes.ids, region.nodes) if region.nodes is not None else np.ones(len(modulus), dtype=bool)
-        if region.box is not None:
-            slack = 1e-9 * nodes.delta
-            x, y = nodes.position.T
-            x0, y0, x1, y1 = region.box
-            inside &= (x >= x0 - slack) & (x <= x1 + slack) & (y >= y0 - slack) & (y <= y1 + slack)
-        modulus[inside] = region.material.E
+        modulus[selected(nodes, region.nodes, region.box)] = region.material.E
     return modulus, model.material.plane
 
 

@@ -19,6 +19,7 @@ from pdpost.measures.cracked import CRACKED, damage_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
 from pdpost.measures.plates import check_alike
+from pdpost.reading.frames import frames
 from pdpost.reading.stored import vector
 from pdsolve.results import Results, ResultsError
 
@@ -105,13 +106,7 @@ def cheapest(cost: NDArray[np.float64], error: NDArray[np.float64], within: floa
 
 def _common_time(results: Results, reference: Results) -> float:
     check_alike(results, reference)
-    last = []
-    for run in (results, reference):
-        _, times = run.frames()
-        if not len(times):
-            raise ResultsError(f"{run.name}: found no frame yet, expected at least one")
-        last.append(float(times[-1]))
-    return min(last)
+    return min(float(frames(run)[1][-1]) for run in (results, reference))
 
 
 def _step(results: Results, time: float) -> int:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
@@ -17,17 +16,18 @@ from numpy.typing import NDArray
 from plates import ROOT
 
 from pdpost.figures import bond_figure, field_figure, level_figure, sheets, style, tradeoff_figure
-from pdpost.figures.sheets import prefixed
+from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import plates
 from pdpost.measures.fields import FIELDS, FieldError
+from pdpost.measures.pairs import pairs
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
-    "damage": lambda results: field_figure.draw(results, "damage", 60),
-    "stress": lambda results: field_figure.draw(results, "stress", 60, scale=2.0),
-    "nodes": lambda results: level_figure.draw(results, 60, 1.0),
-    "bonds": lambda results: bond_figure.draw(results, 60, 0.0),
+    "damage": lambda results: field_figure.field(results, "damage", 60),
+    "stress": lambda results: field_figure.field(results, "stress", 60, scale=2.0),
+    "nodes": lambda results: level_figure.nodes(results, 60, scale=1.0),
+    "bonds": lambda results: bond_figure.bonds(results, 60),
 }
 
 
@@ -46,7 +46,7 @@ def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: P
 def test_the_damage_picture(small_results: Path) -> None:
     """A cell of each node's size and value, equal axes, colours from 0 to 1, the time in the title."""
     with Results.open(small_results) as results:
-        figure = field_figure.draw(results, "damage", 40)
+        figure = field_figure.field(results, "damage", 40)
         nodes, values = results.nodes(), results.field("damage", 40)
     axes = figure.axes[0]
     cells = axes.collections[0]
@@ -62,7 +62,7 @@ def test_the_damage_picture(small_results: Path) -> None:
 @pytest.mark.parametrize(("name", "letter"), [("displacement", "u"), ("velocity", "v")])
 def test_sizes_of_vectors_in_handy_units(small_results: Path, name: str, letter: str) -> None:
     with Results.open(small_results) as results:
-        figure = field_figure.draw(results, name, 60)
+        figure = field_figure.field(results, name, 60)
         size = np.hypot(results.field(f"{letter}x", 60).astype(float), results.field(f"{letter}y", 60))
     scale, prefix = prefixed(float(size.max()))
     cells = figure.axes[0].collections[0]
@@ -81,30 +81,32 @@ def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
 
 def test_fields_that_were_not_stored_are_named(few_results: Path) -> None:
     with Results.open(few_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
-        field_figure.draw(results, "energy", 60)
+        field_figure.field(results, "energy", 60)
 
 
 def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        figure = field_figure.draw(results, "damage", 0)
+        figure = field_figure.field(results, "damage", 0)
     with pytest.raises(FigureError, match=r"x\.foo: found suffix '\.foo', expected one of .*\.png"):
         style.save(figure, tmp_path / "x.foo")
-    with pytest.raises(FigureError, match="--set fontsize: found no such matplotlib setting"):
-        style.styled({"fontsize": "3"})
-    with pytest.raises(FigureError, match=r"--set font\.size=big: "):
-        style.styled({"font.size": "big"})
+    for setting, message in (
+        ({"fontsize": "3"}, "--set fontsize: found no such matplotlib setting"),
+        ({"font.size": "big"}, r"--set font\.size=big: "),
+    ):
+        with pytest.raises(FigureError, match=message), style.styled(setting):
+            pass
     assert list(tmp_path.glob("x*")) == []
 
 
 def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        figure = field_figure.draw(results, "velocity", 60, part="y")
+        figure = field_figure.field(results, "velocity", 60, part="y")
         largest = float(np.abs(results.field("vy", 60)).max())
-        narrow = field_figure.draw(results, "velocity", 60, part="y", largest=2.0)
+        narrow = field_figure.field(results, "velocity", 60, part="y", largest=2.0)
         with pytest.raises(FieldError, match="velocity: found no component 'xx', expected one of magnitude, x, y"):
-            field_figure.draw(results, "velocity", 60, part="xx")
+            field_figure.field(results, "velocity", 60, part="xx")
         with pytest.raises(FieldError, match="damage: found no component 'x', expected none, it is a scalar"):
-            field_figure.draw(results, "damage", 60, part="x")
+            field_figure.field(results, "damage", 60, part="x")
     cells = figure.axes[0].collections[0]
     factor, _ = prefixed(largest)
     assert cells.get_clim() == pytest.approx((-largest * factor, largest * factor))
@@ -132,14 +134,14 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
 
     nodes = lattice(12, 9)._replace(cut=np.zeros(108, dtype=np.int64))
     near = np.abs(nodes.position[:, None] - nodes.position).max(axis=2)
-    pairs = np.argwhere((near > 0) & (near < 1.5e-3))
-    start = np.searchsorted(pairs[:, 0], np.arange(109))
+    bonds = np.argwhere((near > 0) & (near < 1.5e-3))
+    start = np.searchsorted(bonds[:, 0], np.arange(109))
     torn = [at(nodes, 5, 0), at(nodes, 6, 0)]
-    breaks = [(1, node, int(nodes.ids[b])) for node in torn for b in pairs[start[node - 1] : start[node]][:5, 1]]
-    breaks += [(1, int(nodes.ids[b]), node) for node in torn for b in pairs[start[node - 1] : start[node], 1]]
+    breaks = [(1, node, int(nodes.ids[b])) for node in torn for b in bonds[start[node - 1] : start[node]][:5, 1]]
+    breaks += [(1, int(nodes.ids[b]), node) for node in torn for b in bonds[start[node - 1] : start[node], 1]]
 
     def share(first: int, last: int) -> Families:
-        return Families(start[first : last + 1] - start[first], pairs[start[first] : start[last], 1])
+        return Families(start[first : last + 1] - start[first], bonds[start[first] : start[last], 1])
 
     material = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
     meta = {"time_step": 1e-6, "model": material}
@@ -158,7 +160,7 @@ def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
         shown = field_figure.values_of(results, name, 1, "xy")
         assert np.flatnonzero(shown.torn).tolist() == (torn - 1).tolist()
         assert np.abs(shown.values[shown.torn]).max() > few  # what is fitted to the bonds that are left
-        figure = field_figure.draw(results, name, 1, part="xy")
+        figure = field_figure.field(results, name, 1, part="xy")
         low, high = figure.axes[0].collections[0].get_clim()
         factor, _ = field_figure.unit(FIELDS[name].unit, few / 10)
         assert high == -low
@@ -185,7 +187,7 @@ def test_numbers_of_stress_leave_torn_nodes_out_too() -> None:
 def test_nodes_without_a_value_are_explained(small_results: Path) -> None:
     with Results.open(small_results) as results:
         shown = field_figure.Shown(np.where(np.arange(252) < 3, np.nan, 1.0), np.zeros(252, dtype=bool))
-        figure = field_figure.draw(results, "stress", 60, shown=shown)
+        figure = field_figure.field(results, "stress", 60, shown=shown)
     assert "too few bonds for a value: 3 nodes" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
@@ -196,7 +198,7 @@ def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
         position = results.nodes().position
         slowest = position[int(speed.argmin())]
         window = (*(slowest - 1.2e-3).tolist(), *(slowest + 1.2e-3).tolist())
-        figure = field_figure.draw(results, "velocity", 60, window=window)
+        figure = field_figure.field(results, "velocity", 60, window=window)
     inside = (np.abs(position - slowest) <= 1.2e-3).all(axis=1)
     factor, _ = prefixed(float(speed[inside].max()))
     assert figure.axes[0].collections[0].get_clim()[1] == pytest.approx(speed[inside].max() * factor, rel=1e-6)
@@ -206,7 +208,7 @@ def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
 @pytest.mark.parametrize("what", DRAW)
 def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Path, what: str) -> None:
     """A PDF holds TrueType fonts and no shapes of letters of its own (Type 3); in an SVG words can be searched."""
-    with Results.open(small_results) as results, matplotlib.rc_context(style.styled({})):
+    with Results.open(small_results) as results, style.styled():
         figure = DRAW[what](results)
         style.save(figure, tmp_path / "a.pdf")
         style.save(figure, tmp_path / "a.svg")
@@ -238,7 +240,7 @@ def test_the_readme_names_the_colours_that_are_drawn() -> None:
 def test_the_deformed_shape(small_results: Path) -> None:
     """Cells are where displacement times the scale puts them; the title says so."""
     with Results.open(small_results) as results:
-        figure = field_figure.draw(results, "damage", 60, scale=3.0)
+        figure = field_figure.field(results, "damage", 60, scale=3.0)
         nodes = results.nodes()
         u = np.column_stack([results.field("ux", 60), results.field("uy", 60)]).astype(float)
     cells = figure.axes[0].collections[0]
@@ -260,17 +262,17 @@ def test_the_scale_that_shows_displacements(small_results: Path) -> None:
 def test_bonds_are_blue_and_red(small_results: Path) -> None:
     """A line for each pair of nodes, between them; as many red ones as there are breaks."""
     with Results.open(small_results) as results:
-        figure = bond_figure.draw(results, 60, 0.0)
-        found = bond_figure.bonds(results, 60)
-        early = bond_figure.bonds(results, 0)
+        figure = bond_figure.bonds(results, 60)
+        found = pairs(results, 60)
+        early = pairs(results, 0)
         nodes, breaks, families = results.nodes(), results.breaks(), results.families()
-    pairs = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
+    gone = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
     assert len(found.broken) == len(families.neighbour) / 2
-    assert {frozenset(pair) for pair in nodes.ids[found.ends[found.broken]].tolist()} == pairs
+    assert {frozenset(pair) for pair in nodes.ids[found.ends[found.broken]].tolist()} == gone
     assert not early.broken.any()
     intact, broken, *_ = (lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection))
     assert tuple(broken.get_color()[0][:3]) == pytest.approx(to_rgb("#d55e00"))
-    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.broken) - len(pairs), len(pairs))
+    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.broken) - len(gone), len(gone))
     ends = nodes.position[found.ends[found.broken]] * 1e3
     assert np.array(broken.get_segments()) == pytest.approx(ends)
 
@@ -283,7 +285,7 @@ def test_an_image_has_the_same_bytes_each_time(
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
-            style.save(field_figure.draw(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
+            style.save(field_figure.field(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
         written.append((tmp_path / f"{name}{suffix}").read_bytes())
     assert written[0] == written[1]
 
@@ -291,9 +293,9 @@ def test_an_image_has_the_same_bytes_each_time(
 def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same colours at the nodes' places as the squares have."""
     with Results.open(small_results) as results:
-        squares = field_figure.draw(results, "damage", 60)
+        squares = field_figure.field(results, "damage", 60)
         monkeypatch.setattr(plates, "MANY", 10)
-        image = field_figure.draw(results, "damage", 60)
+        image = field_figure.field(results, "damage", 60)
         nodes = results.nodes()
     cells = squares.axes[0].collections[0]
     (painted,) = image.axes[0].images
@@ -312,8 +314,8 @@ def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.Monk
 def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bond_figure, "LINES", 10)
     with Results.open(small_results) as results:
-        figure = bond_figure.draw(results, 60, 0.0)
-        share = bond_figure.bonds(results, 60).broken.mean()
+        figure = bond_figure.bonds(results, 60)
+        share = pairs(results, 60).broken.mean()
     assert len(figure.axes[0].images) == 1
     pixels = np.asarray(figure.axes[0].images[0].get_array())
     blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
@@ -326,7 +328,7 @@ def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyP
 
 def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        figure = level_figure.draw(results, 60, 0.0)
+        figure = level_figure.nodes(results, 60)
         nodes = results.nodes()
     dots = figure.axes[0].collections[0]
     assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)

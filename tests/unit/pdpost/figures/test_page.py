@@ -12,7 +12,7 @@ from tampered import tampered
 from pdpost.figures.crack_figure import crack
 from pdpost.figures.page import report
 from pdpost.figures.scene_figure import acted_on, scene
-from pdpost.measures.crack_summary import summary
+from pdpost.measures import crack_summary
 from pdsolve.results import Results
 
 
@@ -48,7 +48,7 @@ def test_text_of_the_model_is_no_markup(small_results: Path) -> None:
 @pytest.mark.parametrize(("step", "panels", "title"), [(0, 1, "No crack has grown at 0 µs"), (60, 3, "at 3 µs")])
 def test_a_plate_without_a_crack_has_no_speed(small_results: Path, step: int, panels: int, title: str) -> None:
     with Results.open(small_results) as results:
-        figure = crack(results, summary(results, step))
+        figure = crack(results, crack_summary.crack(results, step))
     assert len(figure.axes) == panels
     assert figure.axes[0].get_title().endswith(title)
 
@@ -58,7 +58,7 @@ def test_plates_of_many_nodes_are_images(small_results: Path, monkeypatch: pytes
     from pdpost.measures import plates
 
     with Results.open(small_results) as results:
-        model, found = json.loads(results.model()), summary(results, 60)
+        model, found = json.loads(results.model()), crack_summary.crack(results, 60)
         for draw in (lambda: crack(results, found), lambda: scene(results, model)):
             one_by_one = draw().axes[0]
             with monkeypatch.context() as patch:

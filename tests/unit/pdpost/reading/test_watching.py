@@ -82,7 +82,7 @@ def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path
         steps, early = [], 0
         for step in watching.frames(watched, 120.0, print, poll=0.01):
             with Results.open(watched) as results:
-                style.save(field_figure.draw(results, "damage", step), tmp_path / "a.png")
+                style.save(field_figure.field(results, "damage", step), tmp_path / "a.png")
             steps.append(step)
             early += child.poll() is None
     assert child.returncode == 0

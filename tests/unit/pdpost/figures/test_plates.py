@@ -17,7 +17,6 @@ from pdmesh.scene import Circle, Material, Run, Scene, box
 from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
 from pdpost.figures.scene_figure import scene
 from pdpost.measures import plates
-from pdpost.measures.crack_summary import summary
 from pdpost.measures.plates import cells, check_alike, plate
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
@@ -63,10 +62,10 @@ def shot(figure: Figure, axes: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 PICTURES = {
-    "damage": lambda results: field_figure.draw(results, "damage", 20),
-    "displacement": lambda results: field_figure.draw(results, "displacement", 20),
-    "stress": lambda results: field_figure.draw(results, "stress", 20),
-    "crack": lambda results: crack_figure.crack(results, summary(results, 20)),
+    "damage": lambda results: field_figure.field(results, "damage", 20),
+    "displacement": lambda results: field_figure.field(results, "displacement", 20),
+    "stress": lambda results: field_figure.field(results, "stress", 20),
+    "crack": lambda results: crack_figure.crack(results),
     "scene": lambda results: scene(results, {"conditions": []}),
 }
 
@@ -104,8 +103,8 @@ def test_fields_fill_the_plate_and_nothing_else(
 def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
     """Every ring of the model and the pre-crack, with a word for it in a legend."""
     more = {
-        "nodes": lambda results: level_figure.draw(results, 20, 0.0),
-        "bonds": lambda results: bond_figure.draw(results, 20, 0.0),
+        "nodes": lambda results: level_figure.nodes(results, 20),
+        "bonds": lambda results: bond_figure.bonds(results, 20),
     }
     with Results.open(bored) as results:
         figure = (PICTURES | more)[what](results)
@@ -127,8 +126,7 @@ def test_cells_share_the_plate_out(bored: Path) -> None:
     shapes = []
     for row in range(len(nodes.ids)):
         corners = own.corners[own.owner == row]
-        starts = np.flatnonzero(own.codes[own.owner == row] == 1)
-        rings = np.split(corners, starts[1:])
+        rings = np.split(corners, np.flatnonzero(own.closes[own.owner == row]) + 1)
         shapes.append(shapely.Polygon(rings[0] + nodes.position[row]))
     area = shapely.area(shapes)
     assert area.sum() == pytest.approx(on.shape.area, rel=1e-9)
@@ -147,7 +145,7 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
     )  # type: ignore[arg-type]
     shape = shapely.box(0, 0, 2e-3, 2e-3).difference(shapely.Point(1.2e-3, 1.2e-3).buffer(0.1e-3))
     own = cells(nodes, shape)
-    assert (own.codes[own.owner == 4] == 1).sum() == 2  # two rings
+    assert own.closes[own.owner == 4].sum() == 2  # two rings
     middle = own.corners[own.owner == 4]
     assert len(middle) > 20
 
@@ -155,7 +153,7 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
 def test_a_deformed_plate_keeps_its_cells(bored: Path) -> None:
     """Displaced with their nodes; where the edges were is dotted."""
     with Results.open(bored) as results:
-        still, moved = field_figure.draw(results, "damage", 20), field_figure.draw(results, "damage", 20, scale=2e4)
+        still, moved = field_figure.field(results, "damage", 20), field_figure.field(results, "damage", 20, scale=2e4)
         u = sheets.displacement(results, 20)
     one, other = (figure.axes[0].collections[0].get_paths() for figure in (still, moved))
     way = np.array([b.vertices.mean(axis=0) - a.vertices.mean(axis=0) for a, b in zip(one, other, strict=True)])
