@@ -1,6 +1,6 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
 # make test    set up, run the quick tests
-# make check   lint, types, import contracts
+# make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
 # make failures  where methods fail, measured anew on one page
@@ -40,6 +40,7 @@ check: $(VENV)/check.done
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/limits.py
 
 install: $(VENV)/install.done
 
