@@ -45,13 +45,12 @@ def add(commands: Commands) -> None:
 
 
 def _crack(args: argparse.Namespace) -> int:
-    from pdpost.figures.style import styled
     from pdsolve.results import Results
 
     threshold = _threshold(args)
     path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
-    with styled(look), Results.open(args.results) as results:
+    with delivery.styled(path, look), Results.open(args.results) as results:
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -59,12 +58,13 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdpost.figures import crack_figure, style
     from pdpost.measures import crack_summary
 
     check_window(results, args)
     found = crack_summary.crack(results, _step(args, results), threshold, args.along)
     if path is not None:
+        from pdpost.figures import crack_figure, style
+
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
@@ -72,7 +72,6 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
-    from pdpost.figures import crack_figure, style
     from pdpost.measures import cracks, paths
     from pdpost.measures.comparison import compare
 
@@ -87,6 +86,8 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         if (later := getattr(found, name)) is not None:
             lines.append(f"{name}: {later * 1e6:+.3g} us in {args.compare}")
     if path is not None:
+        from pdpost.figures import crack_figure, style
+
         names = args.results.stem, args.compare.stem
         if names[0] == names[1]:
             names = str(args.results), str(args.compare)

@@ -73,16 +73,17 @@ def _place(name: str, count: int) -> Any:
 
 
 def _history(args: argparse.Namespace) -> int:
-    from pdpost.figures import charts, style
     from pdpost.measures import histories
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
-    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
         if path is not None:
+            from pdpost.figures import charts, style
+
             style.save(charts.histories(curves, args.quantity), path)
     unit = histories.QUANTITIES[args.quantity][1]
     found = {
@@ -139,14 +140,15 @@ def _told(curve: History, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.figures import charts, style
     from pdpost.measures.balance import balance
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".balance.png")
-    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         books = balance(results)
         if path is not None:
+            from pdpost.figures import charts, style
+
             style.save(charts.balance(books), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
@@ -168,15 +170,16 @@ def _balance(args: argparse.Namespace) -> int:
 
 
 def _reaction(args: argparse.Namespace) -> int:
-    from pdpost.figures import charts, style
     from pdpost.measures.forces import chosen, reactions
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".reaction.png")
     axis = None if args.component is None else "xy".index(args.component)
-    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         found = chosen(reactions(results), args.condition)
         if path is not None:
+            from pdpost.figures import charts, style
+
             style.save(charts.reactions(found, axis), path)
     lines = []
     for one in found:

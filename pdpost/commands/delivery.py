@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,15 @@ def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
     picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
     check_csv(args, picture)
     return picture
+
+
+def styled(path: Path | None, settings: Mapping[str, str]) -> AbstractContextManager[None]:
+    """`style.styled`; without a picture and without settings to check nothing, and matplotlib is not imported."""
+    if path is None and not settings:
+        return nullcontext()
+    from pdpost.figures import style
+
+    return style.styled(settings)
 
 
 def deliver(
