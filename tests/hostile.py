@@ -1,7 +1,6 @@
 """What hostile drawings try, one row each: the files, the call, what is said, and whether the attack is a real one.
 
-A real one makes the file ``touched`` as soon as nobody looks (``--trust``). The rest reads where it should not, or
-would break the process.
+A real one makes the file ``touched`` as soon as nobody looks (``--trust``). The rest reads where it should not.
 """
 
 from __future__ import annotations
@@ -130,7 +129,10 @@ ATTACKS = {
         "E = 1;\nIf(0)\n E\" EndIf SystemCall 'touch touched'; b = \"; EndIf\n", "zones: found none"
     ),
     "a quote that a nested test loses": drawing(
-        "If(0)\nIf (\"\n EndIf EndIf SystemCall 'touch touched'; a = \") EndIf EndIf\n", "zones: found none"
+        "If(0)\nIf (\"E; EndIf EndIf SystemCall 'touch touched'; a = \") EndIf EndIf\n", "zones: found none"
+    ),
+    "a quote that skipping a loop loses": drawing(
+        "For i In {1:0}\nField[1].F\" EndFor SystemCall 'touch touched'; b = \"; EndFor\n", "zones: found none"
     ),
     "the end of a test in a name": drawing("If(0)\n aEndIf2 = 1;\nEndIf\n", "found 'aEndIf2'", real=False),
     "a loop back into a string": drawing(
@@ -212,7 +214,8 @@ ATTACKS = {
         {"plate.json": model('Include "a.geo";\n'), "a.geo": TOUCH}, "found 'Include", False, AGAIN
     ),
     "a model's path": Attack({"plate.json": model(TOUCH, "../a.geo")}, "$.source", False, AGAIN),
-    # what would break or fill the process
+}
+BREAKING = {  # what would break or fill the process
     "a format that reads memory": drawing('Printf("%s%s%s%s");\n', "found 'Printf'", real=False),
     "a format that writes memory": drawing('a = Sprintf("%n", 1);\n', "found 'Sprintf'", real=False),
     "a format in a variable": drawing('f = "%n"; Printf(f, 1);\n', "found 'Printf'", real=False),

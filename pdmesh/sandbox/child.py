@@ -20,6 +20,7 @@ from pdmesh.shapes import CHORD_TOLERANCE, SceneError
 SYSTEM_LIBRARIES = (
     "libgl1 libglu1-mesa libxft2 libxcursor1 libxinerama1 libxrender1 libxfixes3 libxext6 libfontconfig1 libgomp1"
 )
+WALLS = True  # for all but trusted drawings
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # walls leave no other
 PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.geo)', line ([0-9]+)")  # in Gmsh's messages
 
@@ -40,7 +41,7 @@ def read_copies(
             "cad": not first.endswith(".geo"),
             "assignments": assignments,
             "tolerance": tolerance,
-            "trust": False,
+            "walls": WALLS,
         }
         found = _run(copies[first].path, job, limit, Path(folder))
     found["messages"] = [_in_originals(message, copies) for message in found["messages"]]
@@ -49,7 +50,7 @@ def read_copies(
 
 def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
     """What Gmsh finds in a drawing where it is, with all that it may do there. Raises SceneError."""
-    job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "trust": True}
+    job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "walls": False}
     return _run(path, job, limit, None)
 
 
