@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pdmesh.conditions import Condition, describe
-from pdmesh.grid import InitialVelocity, Load, Material
+from pdmesh.grid import InitialVelocity, Load, Material, Run
 from pdmesh.shapes import SceneError, Surface
 
 if TYPE_CHECKING:
@@ -19,10 +19,13 @@ LARGEST_PLATE = 20.0  # m; beyond, the numbers are taken for millimetres
 MOST_NODES = 2e7
 FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
 EDGE = 1e-6  # of a spacing
+SMALLEST_SPACING = 1e-15  # m; below, areas and ratios are no numbers any more
 
 
 def check(scene: Scene) -> None:
     """Raises SceneError naming the first part of the scene that makes no sense."""
+    if not isinstance(scene.run, Run):
+        raise SceneError(f"run: found {scene.run!r}, expected a Run")
     _spacings(scene)
     _plate(scene)
     _zones(scene)
@@ -47,6 +50,8 @@ def _spacings(scene: Scene) -> None:
     for place, value in spacings.items():
         if not isinstance(value, float | int) or not math.isfinite(value) or not value > 0:
             raise SceneError(f"{place}: found {value!r}, expected more than 0 m")
+        if value < SMALLEST_SPACING:
+            raise SceneError(f"{place}: found {value:g} m, expected at least {SMALLEST_SPACING:g} m")
     if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
         raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
     levels = {place: value for place, value in spacings.items() if place.endswith("spacing")}

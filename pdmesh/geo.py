@@ -7,6 +7,7 @@ What a drawing's groups and parameters mean is in drawing.py. The parameters are
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import shapely
 from pdmesh.drawing import Group, face, scene_of
 from pdmesh.parameters import PREFIX, Parameter, unknown
 from pdmesh.sandbox.child import read_copies, read_trusted
-from pdmesh.sandbox.copies import cad_copy, drawing_bytes, drawing_copies
+from pdmesh.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.sandbox.tokens import decoded
 from pdmesh.scene import Scene
 from pdmesh.shapes import CHORD_TOLERANCE, SceneError, Surface
@@ -31,18 +32,20 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     found and what was expected. `trust` reads files that run commands as well.
     """
     text = decoded(drawing_bytes(path))
-    found = _found(path, assignments, trust)
+    copies = {} if trust else drawing_copies(path)
+    found = _found(path, assignments, copies)
     try:
-        return scene_of(_groups(found), _values(found), path.name, text)
+        return replace(scene_of(_groups(found), _values(found), path.name, text), notes=_notes(copies))
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
 
 def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
     """The parameters of the .geo file at `path`. Raises SceneError."""
+    found = _found(path, assignments, {} if trust else drawing_copies(path))
     return [
         Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
-        for entry in _found(path, assignments, trust)["parameters"]
+        for entry in found["parameters"]
     ]
 
 
@@ -72,10 +75,20 @@ def full_name(name: str) -> str:
     return name if name.startswith(PREFIX) else PREFIX + name
 
 
-def _found(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Mapping[str, Any]:
-    """What Gmsh finds in a drawing. Raises SceneError."""
+def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
+    """What of drawings has no effect."""
+    return tuple(
+        f"{copy.path}: not used: {', '.join(f'{what} (line {line})' for what, line in copy.unused.items())};"
+        " nodes are as far apart as Zones/NAME/Spacing says"
+        for copy in copies.values()
+        if copy.unused
+    )
+
+
+def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
+    """What Gmsh finds in a drawing, in its copies or, if there are none, in the trusted file. Raises SceneError."""
     named = [(full_name(name), value) for name, value in assignments]
-    found = read_trusted(path, named, TIME_LIMIT) if trust else read_copies(drawing_copies(path), named, TIME_LIMIT)
+    found = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
     for name in found["unknown"]:
         raise SceneError(f"{path}: {unknown(name, [entry['name'] for entry in found['parameters']])}")
     for name, text in found["not numbers"]:
@@ -94,6 +107,8 @@ def _shapes(path: Path, tolerance: float) -> Mapping[str, Any]:
     """What Gmsh finds in a CAD file. Raises SceneError."""
     found = read_copies(cad_copy(path), [], TIME_LIMIT, tolerance)
     _refuse_messages(path, found)
+    if not any(group["surfaces"] for group in found["groups"]):
+        raise SceneError(f"{path}: found no surface, expected a plate")
     return found
 
 

@@ -6,8 +6,6 @@ a region of material. A node's spacing is the root of its cell's area. Numbers c
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +15,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh import meshreading
 from pdmesh.drawing import GROUPS, Group, scene_of
 from pdmesh.grid import Grid, Settings
 from pdmesh.lattice import grid_of_nodes, settings_of
+from pdmesh.meshreading import Mesh
 from pdmesh.parameters import PREFIX
 from pdmesh.shapes import SceneError, parts
 
@@ -37,9 +37,11 @@ class _Cells:
     groups: list[set[str]]
 
 
-def read_mesh(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> tuple[Grid, Settings, tuple[str, ...]]:
+def read_mesh(
+    path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False
+) -> tuple[Grid, Settings, tuple[str, ...]]:
     """The grid and settings of the mesh file at `path`, and what else there is to say. Raises SceneError."""
-    mesh = _read(path)
+    mesh = meshreading.read(path, TAGS, trust)
     faces, lines = _cells(mesh, path)
     values: dict[str, float | str] = {}
     for name, text in assignments:
@@ -55,13 +57,14 @@ def read_mesh(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> tuple[
     materials = {name.split("/")[2] for name in values if name.startswith(f"{PREFIX}Materials/")}
     surfaces = _named(faces)
     unused = sorted(name for name in surfaces if ":" not in name and name not in materials)
-    groups = [
-        Group("zone:mesh", 2, surfaces=_outlines(shapely.coverage_union_all(faces.shapes))),
-        *(_surface_group(name, cells) for name, cells in surfaces.items() if name not in unused),
-        *(Group(name, 1, curves=tuple(map(_points, curves))) for name, curves in _named(lines).items() if ":" in name),
-    ]
     spacing = {f"{PREFIX}Zones/mesh/Spacing": float(delta.max())}
+    curves = _named(lines)
     try:
+        groups = [
+            Group("zone:mesh", 2, surfaces=_outlines(_union(faces.shapes))),
+            *(_surface_group(name, cells) for name, cells in surfaces.items() if name not in unused),
+            *(Group(name, 1, curves=tuple(map(_points, cells))) for name, cells in curves.items() if ":" in name),
+        ]
         scene = scene_of(groups, values | spacing, path.name)
         settings = settings_of(scene, position, delta)
     except SceneError as error:
@@ -70,21 +73,7 @@ def read_mesh(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> tuple[
     return grid_of_nodes(scene, position, delta, areas), settings, tuple(notes)
 
 
-def _read(path: Path) -> Any:
-    import meshio
-
-    if not path.is_file():
-        raise SceneError(f"{path}: cannot be read: no such file")
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
-        reason = str(error) if isinstance(error, Exception) and str(error) else "not a mesh meshio can read"
-        raise SceneError(f"{path}: {reason}, expected a mesh in the format of its suffix") from None
-
-
-def _cells(mesh: Any, path: Path) -> tuple[_Cells, _Cells]:
+def _cells(mesh: Mesh, path: Path) -> tuple[_Cells, _Cells]:
     """The mesh's faces and its lines."""
     points = np.asarray(mesh.points, dtype=float)
     if not np.isfinite(points).all():
@@ -112,7 +101,7 @@ def _cells(mesh: Any, path: Path) -> tuple[_Cells, _Cells]:
     return faces, lines
 
 
-def _names(mesh: Any) -> list[list[set[str]]]:
+def _names(mesh: Mesh) -> list[list[set[str]]]:
     """The groups of each cell of each block."""
     names: list[list[set[str]]] = [[set() for _ in block.data] for block in mesh.cells]
     tag = next((name for name in TAGS if name in mesh.cell_data), None)
@@ -139,7 +128,15 @@ def _named(cells: _Cells) -> dict[str, NDArray[Any]]:
 
 def _surface_group(name: str, cells: NDArray[Any]) -> Group:
     full = name if name.partition(":")[0] in GROUPS else f"material:{name}"
-    return Group(full, 2, surfaces=_outlines(shapely.coverage_union_all(cells)))
+    return Group(full, 2, surfaces=_outlines(_union(cells)))
+
+
+def _union(cells: NDArray[Any]) -> shapely.Geometry:
+    """What cells cover. Raises SceneError for cells that overlap."""
+    try:
+        return shapely.coverage_union_all(cells)
+    except shapely.errors.GEOSException:
+        raise SceneError("cells: found some that overlap, expected cells side by side") from None
 
 
 def _outlines(shape: shapely.Geometry) -> tuple[tuple[Any, ...], ...]:

@@ -1,9 +1,10 @@
-"""Reading a file that is one: not a pipe that nobody writes to, not a device."""
+"""Reading a file that is one, not a pipe that nobody writes to or a device; and how a process ended."""
 
 from __future__ import annotations
 
 import errno
 import os
+import signal
 import stat
 from pathlib import Path
 
@@ -27,3 +28,10 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
     """What is in the file at `path`. Raises OSError, whose ``strerror`` is for a message."""
     check_regular(path, largest)
     return path.read_bytes()
+
+
+def how_it_ended(code: int) -> str:
+    """Words for the exit code of a process."""
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"ended with exit code {code}"

@@ -98,11 +98,11 @@ def build(
 
         if refine:
             raise SceneError(f"{path}: --refine: found a mesh, expected a drawing")
-        grid, settings, notes = read_mesh(path, assignments)
+        grid, settings, notes = read_mesh(path, assignments, trust)
         return Built(grid, settings, notes=notes)
     scene = read_scene(path, assignments, refine, trust)
     try:
-        return Built(*build_grid(scene))
+        return Built(*build_grid(scene), notes=scene.notes)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -155,9 +155,11 @@ def _again(path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[
     kept = [str(value) for name, value in document.parameters.items() if name.startswith(REFINE)]
     words = [(name, str(value)) for name, value in used.items()]
     with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / source.name
+        copy = Path(folder) / f"drawing{source.suffix}"
         copy.write_text(document.drawing, encoding="utf-8", newline="")
         try:
-            return read_scene(copy, [*words, *assignments], [*kept, *refine], trust)
+            scene = read_scene(copy, [*words, *assignments], [*kept, *refine], trust)
         except SceneError as error:
             raise SceneError(f"{path}: {str(error).replace(str(copy), source.name)}") from None
+    notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
+    return replace(scene, source=source.name, notes=notes)

@@ -1,11 +1,10 @@
-"""Running the reader: Gmsh's part of reading a drawing, done in an empty folder and a process of its own."""
+"""Running the readers: Gmsh's and meshio's part of the work, done in processes of their own."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import tempfile
@@ -13,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pdmesh.reading import how_it_ended
 from pdmesh.sandbox.copies import Copy
 from pdmesh.sandbox.scan import OWN
 from pdmesh.shapes import CHORD_TOLERANCE, SceneError
@@ -22,7 +22,7 @@ SYSTEM_LIBRARIES = (
 )
 WALLS = True  # for all but trusted drawings
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # walls leave no other
-PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.geo)', line ([0-9]+)")  # in Gmsh's messages
+PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.[a-z]+)'(?:, line ([0-9]+))?", re.IGNORECASE)  # in Gmsh's messages
 
 
 def read_copies(
@@ -55,40 +55,48 @@ def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -
 
 
 def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
+    """What the reader of drawings finds. Raises SceneError."""
     with tempfile.TemporaryDirectory(prefix="pdmesh-") as aside:
-        result, said = Path(aside) / "found.json", Path(aside) / "said"
-        command = [sys.executable, "-P", "-m", "pdmesh.sandbox.reader", str(result)]
-        work = json.dumps(job | {"chords": CHORD_TOLERANCE, "seconds": limit}).encode()
-        environment = os.environ | ONE_THREAD
-        try:
-            with said.open("wb") as stderr:
-                ended = subprocess.run(
-                    command,
-                    input=work,
-                    stdout=subprocess.DEVNULL,
-                    stderr=stderr,
-                    timeout=limit,
-                    check=False,
-                    cwd=folder,
-                    env=environment,
-                ).returncode
-        except subprocess.TimeoutExpired:
-            raise SceneError(f"{path}: Gmsh was still reading after {limit:g} s, expected it to end") from None
+        result = Path(aside) / "found.json"
+        job |= {"chords": CHORD_TOLERANCE}
+        last = run_reader("pdmesh.sandbox.reader", "Gmsh", path, job, result, limit, folder)
         try:
             found: dict[str, Any] = json.loads(result.read_bytes())
         except (OSError, ValueError):
-            raise SceneError(
-                f"{path}: Gmsh stopped before the end of the drawing: {_last_words(said, ended)}"
-            ) from None
+            raise SceneError(f"{path}: Gmsh stopped before the end of the drawing: {last}") from None
     _check_installed(found)
     return found
 
 
+def run_reader(
+    module: str, name: str, path: Path, job: Mapping[str, Any], result: Path, limit: float, folder: Path | None
+) -> str:
+    """Run a module that reads a job as JSON from stdin and writes `result`; returns its last words.
+
+    It runs in `folder`, for `limit` seconds. Raises SceneError, about `path`, where that is not enough for it.
+    """
+    said = result.with_name("said")
+    command = [sys.executable, "-P", "-m", module, str(result)]
+    try:
+        with said.open("wb") as stderr:
+            ended = subprocess.run(
+                command,
+                input=json.dumps({**job, "seconds": limit}).encode(),
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                timeout=limit,
+                check=False,
+                cwd=folder,
+                env=os.environ | ONE_THREAD,
+            ).returncode
+    except subprocess.TimeoutExpired:
+        raise SceneError(f"{path}: {name} was still reading after {limit:g} s, expected it to end") from None
+    return _last_words(said, ended)
+
+
 def _last_words(said: Path, ended: int) -> str:
     lines = said.read_bytes()[-4000:].decode(errors="replace").strip().splitlines()
-    if lines:
-        return lines[-1]
-    return f"killed by {signal.Signals(-ended).name}" if ended < 0 else "no message"
+    return lines[-1] if lines else f"it {how_it_ended(ended)}"
 
 
 def _check_installed(found: Mapping[str, Any]) -> None:
@@ -107,9 +115,10 @@ def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:
     """Gmsh's message with the files and lines of the user's own, and names as the drawing has them."""
 
     def place(match: re.Match[str]) -> str:
-        copy = copies.get(match[1])
-        if copy is None or not 0 < int(match[2]) <= len(copy.origins):
+        copy, line = copies.get(match[1]), int(match[2] or 0)
+        if copy is None:
             return match[0]
-        return f"'{copy.path}', line {copy.origins[int(match[2]) - 1]}"
+        known = 0 < line <= len(copy.origins)
+        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if known else line}" if line else "")
 
     return PLACE.sub(place, message).replace(OWN, "")

@@ -7,12 +7,13 @@ what Gmsh reads is what was looked through, whatever becomes of the originals me
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pdmesh.reading import read_bytes
 from pdmesh.sandbox.scan import Drawing, admitted, names, readings
+from pdmesh.sandbox.sizes import unused
 from pdmesh.sandbox.tokens import Refused, Token, decoded, tokens_of, written
 from pdmesh.shapes import SceneError
 
@@ -22,6 +23,10 @@ STEP, BREP = (".step", ".stp", ".STEP", ".STP"), (".brep", ".brp", ".BRP")
 CAD = (*STEP, *BREP)
 ADVICE = " (--trust reads it all the same)"
 OWN_FOLDER = "expected a .geo, STEP or BREP file in the drawing's own folder" + ADVICE
+CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
+    "STEP": (re.compile(rb"\s*ISO-10303-21\s*;"), re.compile(rb"END-ISO-10303-21\s*;\s*$")),
+    "BREP": (re.compile(rb"(?:DBRep_DrawableShape)?\s*CASCADE Topology V"), re.compile(rb"\n[+-]\d+ \d+\s*$")),
+}
 NO_NUMBER = re.compile(rb"[(,\s][-+]?(?:nan|inf(?:inity)?)(?=[(),\s])", re.IGNORECASE)
 ASIDE = re.compile(rb"'[^']*'|/\*.*?\*/", re.DOTALL)  # strings and comments of a STEP file
 
@@ -33,6 +38,7 @@ class Copy:
     path: Path  # the original
     data: bytes
     origins: Sequence[int] = ()  # of a drawing: the line of the original that each of its lines comes from
+    unused: Mapping[str, int] = field(default_factory=dict)  # what it says of a mesh, and on which line first
 
 
 def drawing_bytes(path: Path) -> bytes:
@@ -54,12 +60,12 @@ def cad_bytes(path: Path) -> bytes:
         data = read_bytes(path, LARGEST)
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
-    if path.suffix.lower() in STEP:
-        known, kind = re.match(rb"\s*ISO-10303-21\s*;", data) is not None, "STEP"
-    else:
-        known, kind = b"CASCADE Topology V" in data[:200], "BREP"
-    if not known:
+    kind = "STEP" if path.suffix.lower() in STEP else "BREP"
+    begins, ends = CONTENT[kind]
+    if not begins.match(data):
         raise SceneError(f"{path}: found something else, expected a {kind} file")
+    if not ends.search(data[-200:]):
+        raise SceneError(f"{path}: found no end of the shapes, expected a whole {kind} file")
     plain = ASIDE.sub(lambda match: b"''" + b"\n" * match[0].count(b"\n"), data) if kind == "STEP" else data
     wrong = NO_NUMBER.search(plain)
     if wrong:
@@ -141,7 +147,7 @@ class _Copies:
                 data, origins = written(admitted(drawing, known))
             except Refused as error:
                 raise _refused(path, error) from None
-            self.copies[name] = Copy(path, data, origins)
+            self.copies[name] = Copy(path, data, origins, unused(drawing))
         return dict(sorted(self.copies.items(), key=lambda item: item[0] != "0.geo"))
 
 

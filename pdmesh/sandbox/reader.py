@@ -21,6 +21,7 @@ from pdmesh.sandbox.walls import raise_walls
 
 PREFIX = "Peridynamics/"
 NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
+LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 
 
@@ -67,7 +68,7 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
 def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
     path, assignments = job["path"], job["assignments"]
     gmsh.open(path)
-    found["parameters"] = _parameters(gmsh)
+    found["parameters"] = _parameters_of(gmsh)
     if assignments:
         known = {entry["name"] for entry in found["parameters"]}
         found["unknown"] = [name for name, _ in assignments if name not in known]
@@ -77,11 +78,11 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
             reset()
         found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
         gmsh.open(path)
-        found["parameters"] = _parameters(gmsh)
-    found["groups"] = _groups(gmsh, found["parameters"], job["chords"])
+        found["parameters"] = _parameters_of(gmsh)
+    found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
 
 
-def _parameters(gmsh: Any) -> list[dict[str, Any]]:
+def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
     texts = [NOT_FINITE.sub(r"\1NaN", gmsh.onelab.get(name)) for name in gmsh.onelab.getNames(f"^{PREFIX}")]
     entries = [json.loads(text) for text in texts]
     for entry in entries:  # an entry without a value has none here
@@ -107,7 +108,7 @@ def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]
 # ---- curves
 
 
-def _groups(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[dict[str, Any]]:
+def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[dict[str, Any]]:
     """The named groups, their curves as points; `chords` is how far one may be off, in spacings of its zone."""
     spacings = {
         entry["name"].split("/")[2]: entry["values"][0]
@@ -126,8 +127,10 @@ def _groups(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[
             for curve in _bounds(gmsh, entities):
                 tolerances[curve] = min(tolerances.get(curve, np.inf), chords * abs(spacing))
 
+    least = LEAST_TOLERANCE * _size(gmsh)
+
     def sampled(curve: int) -> list[list[float]]:
-        return _sample(gmsh, curve, tolerances.get(curve) or chords * finest)
+        return _sample(gmsh, curve, max(tolerances.get(curve, chords * finest), least))
 
     return [
         {
@@ -143,13 +146,20 @@ def _groups(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[
 
 
 def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
-    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
-    tolerance = tolerance or 1e-4 * max(x1 - x0, y1 - y0)
+    tolerance = max(tolerance or 1e-4 * _size(gmsh), LEAST_TOLERANCE * _size(gmsh))
     surfaces = [
         [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
         for _, surface in gmsh.model.getEntities(2)
     ]
     return [{"name": PLATE, "dimension": 2, "curves": [], "surfaces": surfaces}]
+
+
+def _size(gmsh: Any) -> float:
+    """The larger side of all that is drawn, m."""
+    if not gmsh.model.getEntities():
+        return 0.0
+    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
+    return float(max(x1 - x0, y1 - y0))
 
 
 def _bounds(gmsh: Any, surfaces: Any) -> list[int]:

@@ -16,18 +16,18 @@ import platform
 import struct
 from pathlib import Path
 
-MEMORY = 2**31  # bytes
-OUTPUT = 2**28  # bytes, of any file that is written
+MEMORY = 2**31  # bytes, where nothing else is said
+OUTPUT = 1 / 8  # of that, in any file that is written
 OPEN_FILES = 256
 PR_SET_SECCOMP, PR_SET_NO_NEW_PRIVS, SECCOMP_MODE_FILTER = 22, 38, 2
 
 
-def raise_walls(folder: Path, seconds: float) -> tuple[str, ...]:
+def raise_walls(folder: Path, seconds: float, memory: int = MEMORY) -> tuple[str, ...]:
     """Confine this process to reading `folder`, for so many seconds of computing; returns which walls stand.
 
     Files that are open stay so. There is no way back. What a system does not have is left out.
     """
-    raised = [("limits", _limit(seconds))]
+    raised = [("limits", _limit(seconds, memory))]
     if platform.system() == "Linux":
         libc = ctypes.CDLL(None, use_errno=True)
         libc.prctl.argtypes = [ctypes.c_int, *[ctypes.c_ulong] * 4]
@@ -36,16 +36,16 @@ def raise_walls(folder: Path, seconds: float) -> tuple[str, ...]:
     return tuple(name for name, stands in raised if stands)
 
 
-def _limit(seconds: float) -> bool:
+def _limit(seconds: float, memory: int = MEMORY) -> bool:
     try:
         import resource
     except ImportError:  # Windows
         return False
     limits = {
-        "AS": MEMORY,
+        "AS": memory,
         "CORE": 0,
         "CPU": int(seconds) + 1,
-        "FSIZE": OUTPUT,
+        "FSIZE": int(OUTPUT * memory),
         "NOFILE": OPEN_FILES,
         "NPROC": 0,
     }
@@ -102,14 +102,15 @@ HARMLESS = {
     "read": 0, "write": 1, "close": 3, "stat": 4, "fstat": 5, "lstat": 6, "poll": 7, "lseek": 8, "mmap": 9,
     "mprotect": 10, "munmap": 11, "brk": 12, "rt_sigaction": 13, "rt_sigprocmask": 14, "rt_sigreturn": 15,
     "pread64": 17, "readv": 19, "writev": 20, "access": 21, "sched_yield": 24, "mremap": 25, "madvise": 28,
-    "nanosleep": 35, "getpid": 39, "exit": 60, "uname": 63, "getcwd": 79, "readlink": 89, "gettimeofday": 96,
+    "dup": 32, "nanosleep": 35, "getpid": 39, "exit": 60, "uname": 63, "getcwd": 79, "readlink": 89, "gettimeofday": 96,
     "getrlimit": 97, "getrusage": 98, "sysinfo": 99, "times": 100, "getuid": 102, "getgid": 104, "geteuid": 107,
     "getegid": 108, "sigaltstack": 131, "gettid": 186, "time": 201, "futex": 202, "sched_getaffinity": 204,
     "getdents64": 217, "restart_syscall": 219, "clock_gettime": 228, "clock_getres": 229, "clock_nanosleep": 230,
     "exit_group": 231, "newfstatat": 262, "readlinkat": 267, "faccessat": 269, "getrandom": 318, "statx": 332,
     "rseq": 334, "faccessat2": 439,
 }  # fmt: skip
-OPEN, OPENAT, TGKILL = 2, 257, 234
+OPEN, OPENAT, TGKILL, FCNTL = 2, 257, 234, 72
+ASKING = (0, 1, 2, 3, 1030)  # of fcntl: to double a file, and about its flags; others could have signals sent
 FOR_WRITING = 0o1 | 0o2 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # only, and too, creating, emptying, adding, unnamed
 LOAD, EQUAL, SET, RETURN = 0x20, 0x15, 0x45, 0x06  # BPF: load a word, jump if equal, jump if a bit is set, return
 ALLOW, DENY = 0x7FFF0000, 0x00050000 | errno.EPERM
@@ -143,5 +144,7 @@ def _filter(process: int) -> bytes:
         + step(RETURN, ALLOW)
         for call, flags in ((OPEN, 1), (OPENAT, 2))
     ]  # fmt: skip
+    asking = step(EQUAL, FCNTL, 0, 2 + 2 * len(ASKING)) + argument(1)
+    asking += b"".join(step(EQUAL, what, 0, 1) + step(RETURN, ALLOW) for what in ASKING) + step(RETURN, DENY)
     aborting = step(EQUAL, TGKILL, 0, 3) + argument(0) + step(EQUAL, process, 0, 1) + step(RETURN, ALLOW)
-    return foreign + step(LOAD, 0) + b"".join([*plain, *reading]) + aborting + step(RETURN, DENY)
+    return foreign + step(LOAD, 0) + b"".join([*plain, *reading]) + asking + aborting + step(RETURN, DENY)

@@ -33,7 +33,7 @@ def wrote() -> None:
 
 def large() -> None:
     with open("large", "wb") as file:
-        file.truncate(walls.OUTPUT + 1)
+        file.truncate(int(walls.OUTPUT * walls.MEMORY) + 1)
 
 
 def threaded() -> None:
