@@ -21,7 +21,8 @@ from pdmesh.sandbox.tokens import decoded
 from pdmesh.scene import Scene
 from pdmesh.shapes import CHORD_TOLERANCE, SceneError, Surface
 
-TIME_LIMIT = 60.0  # s
+TIME_LIMIT = 60.0  # s, for a drawing
+CAD_SECONDS, CAD_SECONDS_PER_BYTE = 20.0, 1e-5  # a broken file may never end
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
 
 
@@ -105,7 +106,9 @@ def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[s
 
 def _shapes(path: Path, tolerance: float) -> Mapping[str, Any]:
     """What Gmsh finds in a CAD file. Raises SceneError."""
-    found = read_copies(cad_copy(path), [], TIME_LIMIT, tolerance)
+    copies = cad_copy(path)
+    limit = CAD_SECONDS + CAD_SECONDS_PER_BYTE * sum(len(copy.data) for copy in copies.values())
+    found = read_copies(copies, [], limit, tolerance)
     _refuse_messages(path, found)
     if not any(group["surfaces"] for group in found["groups"]):
         raise SceneError(f"{path}: found no surface, expected a plate")

@@ -147,8 +147,9 @@ def _again(path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[
     if not document.drawing or not document.source:
         raise SceneError(f"{path}: $.drawing: found none, expected the text of the drawing it was built from")
     source = Path(document.source)
-    if source.name != document.source or source.suffix.lower() not in (".geo", ".py", *CAD):
-        raise SceneError(f"{path}: $.source: found '{document.source}', expected the name of a .geo, .py or CAD file")
+    plain = source.name == document.source and document.source.isprintable()
+    if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
+        raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
     if source.suffix.lower() == ".py" and not trust:
         raise SceneError(f"{path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
     used = {name: value for name, value in document.parameters.items() if not name.startswith(REFINE)}
