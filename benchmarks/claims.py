@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdpost.cracks import CRACKED, DIRECTIONS, Growth, damage_at, directions, growth
+from pdpost.cracked import CRACKED, damage_at
+from pdpost.cracks import DIRECTIONS, Growth, directions, growth
 from pdsolve.results import Results
 
 

@@ -25,6 +25,7 @@ from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
 from pdpost import figures
+from pdpost.style import STYLE, save
 from pdsolve.lattice import full_family
 from pdsolve.laws.bilinear import critical_stretch, limits
 from pdsolve.problem import Options, prepare
@@ -90,8 +91,8 @@ def _section(case: Case, folder: Path, cache: Path) -> tuple[str, list[str]]:
             values.append(measured(case, results))
             for step in case.pictures:
                 name = f"{case.name}.{mode}.{step}.png"
-                with matplotlib.rc_context({**figures.STYLE, "savefig.dpi": 80}):
-                    figures.save(figures.draw(results, "damage", step), folder / name)
+                with matplotlib.rc_context({**STYLE, "savefig.dpi": 80}):
+                    save(figures.draw(results, "damage", step), folder / name)
                 pictures.append((step, mode, name))
     rows = []
     for claim, thesis, conservative in zip(case.claims, *values, strict=True):
@@ -167,9 +168,9 @@ def _waves(folder: Path, cache: Path) -> str:
         for name, mode in columns:
             picture = f"acceleration.{name}.{mode}.{step}.png"
             with Results.open(first_steps(_case(name), mode, cache, WAVE_STEPS)) as results:
-                style = {**figures.STYLE, "savefig.dpi": 60}
+                style = {**STYLE, "savefig.dpi": 60}
                 with matplotlib.rc_context(style):
-                    figures.save(figures.draw(results, "acceleration", step, largest=1e6), folder / picture)
+                    save(figures.draw(results, "acceleration", step, largest=1e6), folder / picture)
             row.append(f"![]({picture})")
         rows.append(row)
     header = ["", "two scales, thesis mode", "two scales, conservative mode", "one scale, thesis mode"]
@@ -210,14 +211,14 @@ def _history(
 
 
 def _plot_history(times: NDArray[np.float64], histories: list[dict[str, NDArray[np.float64]]], path: Path) -> None:
-    with matplotlib.rc_context({**figures.STYLE, "savefig.dpi": 80}):
+    with matplotlib.rc_context({**STYLE, "savefig.dpi": 80}):
         figure = Figure(figsize=(5, 2.6), layout="constrained")
         axes = figure.add_subplot(xlabel="time, µs", ylabel="displacement, µm")
         for number, (history, style) in enumerate(zip(histories, ("-", "--"), strict=True)):
             for key, colour in (("ux", "tab:blue"), ("uy", "tab:orange")):
                 axes.plot(times * 1e6, history[key] * 1e6, style, color=colour, label=f"{key}, node {number + 1}")
         axes.legend(fontsize=7)
-        figures.save(figure, path)
+        save(figure, path)
 
 
 def main() -> int:

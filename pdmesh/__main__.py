@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+from pdmesh.units import UNITS
 
 if TYPE_CHECKING:
     from pdmesh.grid import Document
@@ -60,9 +61,27 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         action="append",
         default=[],
         metavar="WHAT:DISTANCE[:SPACING]",
-        help="finer nodes within a distance (m) of every crack, notch or hole, such as crack:4e-3",
+        help="finer nodes within a distance of every crack, notch or hole, such as crack:4e-3",
+    )
+    command.add_argument(
+        "--crack",
+        action="append",
+        default=[],
+        dest="cracks",
+        metavar="X0,Y0,X1,Y1",
+        help="a pre-crack from place to place, more of them for one with kinks (--crack=-1,0,2,0 below zero)",
+    )
+    command.add_argument(
+        "--unit",
+        choices=tuple(UNITS),
+        help="of the drawing's lengths and of those given here (default: m, or what the drawing says)",
     )
     command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+
+
+def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
+    """The parameters that were set; the unit is one of them."""
+    return [*([("Units", args.unit)] if args.unit else []), *args.assignments]
 
 
 def _build(args: argparse.Namespace) -> int:
@@ -71,7 +90,7 @@ def _build(args: argparse.Namespace) -> int:
     from pdmesh.sources import build
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
-    built = build(args.drawing, args.assignments, args.refine, args.trust)
+    built = build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
     write_file(built.document, path)
     counts = nodes_by_spacing(grid)
@@ -94,7 +113,7 @@ def _build(args: argparse.Namespace) -> int:
     if settings.material is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
     for note in built.notes:
-        commandline.note(f"note: {note}", args)
+        commandline.note(note if note.startswith("warning:") else f"note: {note}", args)
     commandline.report(result, lines, args)
     return commandline.OK
 
@@ -104,9 +123,10 @@ def _document(args: argparse.Namespace) -> Document:
     from pdmesh.grid import read_file
     from pdmesh.sources import build
 
-    if args.drawing.suffix.lower() == ".json" and not args.assignments and not args.refine:
+    changed = _assigned(args) or args.refine or args.cracks
+    if args.drawing.suffix.lower() == ".json" and not changed:
         return read_file(args.drawing)
-    return build(args.drawing, args.assignments, args.refine, args.trust).document
+    return build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks).document
 
 
 def _info(args: argparse.Namespace) -> int:
@@ -131,7 +151,7 @@ def _plan(args: argparse.Namespace) -> int:
     from pdmesh.shapes import SceneError
     from pdmesh.sources import read_scene
 
-    scene = read_scene(args.drawing, args.assignments, args.refine, args.trust)
+    scene = read_scene(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     reason = ""
     try:
         if args.within is None:
@@ -150,7 +170,7 @@ def _plan(args: argparse.Namespace) -> int:
 def _params(args: argparse.Namespace) -> int:
     from pdmesh.sources import parameters
 
-    found = parameters(args.drawing, args.assignments, args.trust)
+    found = parameters(args.drawing, _assigned(args), args.trust)
     result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
     name, value = (max((len(f"{getattr(entry, key)}") for entry in found), default=0) for key in ("name", "value"))
     lines = [

@@ -3,41 +3,78 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
-import shapely
 
 from pdmesh.conditions import Condition, describe
-from pdmesh.grid import InitialVelocity, Load, Material, Run
-from pdmesh.shapes import SceneError, Surface
+from pdmesh.grid import LARGEST, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.shapes import SceneError, Surface, checked_spacing
 
 if TYPE_CHECKING:
     from pdmesh.scene import Scene
 
-LARGEST_PLATE = 20.0  # m; beyond, the numbers are taken for millimetres
+LARGE_PLATE, LARGEST_PLATE = 2.0, 20.0  # m; beyond, the numbers may be, or are taken for, millimetres
+SAY_UNIT = '"mm" (--unit mm) says that it is drawn in millimetres, "m" that metres are meant'
 MOST_NODES = 2e7
+EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
+MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
+MOST_ROWS = 1_000_000
+LARGEST_VALUE = 1e30  # of any number; products of more than that leave what a number can hold
+RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
 FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
-EDGE = 1e-6  # of a spacing
-SMALLEST_SPACING = 1e-15  # m; below, areas and ratios are no numbers any more
 
 
 def check(scene: Scene) -> None:
     """Raises SceneError naming the first part of the scene that makes no sense."""
-    if not isinstance(scene.run, Run):
-        raise SceneError(f"run: found {scene.run!r}, expected a Run")
+    _numbers(scene)
     _spacings(scene)
     _plate(scene)
     _zones(scene)
-    _cracks(scene)
-    for number, material in enumerate([scene.material, *(region.region.material for region in scene.regions)]):
-        if material is not None:
-            _material(material, "material" if number == 0 else f"material '{scene.regions[number - 1].region.name}'")
+    _ = scene.slits  # raises for a crack that is not in the plate
     for region in scene.regions:
         if scene.whole.disjoint(region.shape):
             raise SceneError(f"material '{region.region.name}': found outside the plate, expected inside")
     for condition in scene.conditions:
         _condition(condition, scene)
+
+
+def _numbers(scene: Scene) -> None:
+    """Whatever has no place: its kind, and whether it can be written down and computed with."""
+    if scene.material is not None:
+        _material(scene.material, "material")
+    for region in scene.regions:
+        _material(region.region.material, f"material '{region.region.name}'")
+    _described(scene.run, Run, "run")
+    if scene.units not in (None, "m"):
+        raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
+    _described(Settings(area_rule=scene.area_rule), Settings, "area rule")
+    if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
+        raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
+
+
+def _described(struct: Any, kind: type, place: str) -> None:
+    """Raises SceneError for what is not of a kind, or has a value that the grid file may not have."""
+    if not isinstance(struct, kind):
+        raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
+    try:
+        fields = msgspec.to_builtins(struct)
+        msgspec.convert(fields, kind)
+    except (msgspec.ValidationError, TypeError) as error:
+        raise SceneError(f"{place}: {error}") from None
+    for name, value in fields.items():
+        if isinstance(value, float | int) and not abs(value) <= LARGEST_VALUE:
+            raise SceneError(f"{place}: {name}: found {value:g}, expected at most {LARGEST_VALUE:g} in SI units")
+
+
+def remarks(scene: Scene) -> tuple[str, ...]:
+    """What was made of a scene that its author may not have meant."""
+    x0, y0, x1, y1 = scene.shape.bounds
+    notes = [note for slit in scene.slits for note in slit.notes]
+    if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
+        notes.append(f"warning: found a plate of {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
+    return tuple(notes)
 
 
 def _spacings(scene: Scene) -> None:
@@ -48,20 +85,17 @@ def _spacings(scene: Scene) -> None:
         spacings[f"refine {request.target}: distance"] = request.distance
         spacings[f"refine {request.target}: spacing"] = 1.0 if request.spacing is None else request.spacing
     for place, value in spacings.items():
-        if not isinstance(value, float | int) or not math.isfinite(value) or not value > 0:
-            raise SceneError(f"{place}: found {value!r}, expected more than 0 m")
-        if value < SMALLEST_SPACING:
-            raise SceneError(f"{place}: found {value:g} m, expected at least {SMALLEST_SPACING:g} m")
-    if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
-        raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
+        if checked_spacing(value, place) > LARGEST:
+            raise SceneError(f"{place}: found {value:g} m, expected at most {LARGEST:g} m")
     levels = {place: value for place, value in spacings.items() if place.endswith("spacing")}
     if any(request.spacing is None for request in scene.refinements):
         levels = {place: value for place, value in levels.items() if not place.startswith("refine")}
     for place, value in levels.items():
-        steps = math.log2(scene.spacing / value)
-        if abs(steps - round(steps)) > 1e-6 or steps < 0:
+        steps = math.log2(scene.spacing) - math.log2(value)
+        if abs(steps - round(steps)) > 1e-6 or not 0 <= round(steps) <= MOST_STEPS:
             raise SceneError(
-                f"{place}: found {value:g} m, expected the coarsest spacing, {scene.spacing:g} m, over a power of 2"
+                f"{place}: found {value:g} m, expected the coarsest spacing, {scene.spacing:g} m, over a power of 2,"
+                f" at most {2**MOST_STEPS}"
             )
 
 
@@ -74,15 +108,28 @@ def _plate(scene: Scene) -> None:
         raise SceneError(f"spacing: found {scene.spacing:g} m, expected less than the plate's {width:g} x {height:g} m")
     if max(width, height) > LARGEST_PLATE and scene.units != "m":
         raise SceneError(
-            f"outline: found {width:g} x {height:g} m, expected metres, not millimetres"
-            f' (a plate of more than {LARGEST_PLATE:g} m needs the parameter Units = "m")'
+            f"outline: found {width:g} x {height:g} m, expected metres, not millimetres, or the parameter Units:"
+            f" {SAY_UNIT}"
         )
-    nodes = scene.shape.area / scene.spacing**2
-    if nodes > MOST_NODES:
+    limit_nodes(scene.shape, scene.spacing, "spacing")
+    farthest = float(np.abs([x0, y0, x1, y1]).max())
+    if scene.finest < RESOLVED * farthest:
         raise SceneError(
-            f"spacing: found {scene.spacing:g} m, about {nodes:.1g} nodes on {width:g} x {height:g} m,"
-            f" expected no more than {MOST_NODES:.0e}"
+            f"spacing: found {scene.finest:g} m in a plate {farthest:g} m from the origin, expected at least"
+            f" {RESOLVED * farthest:g} m: places are not known better"
         )
+
+
+def limit_nodes(shape: Surface, spacing: float, place: str) -> None:
+    """Raises SceneError, beginning with `place`, for more nodes of a spacing (m) in a shape than can be made."""
+    x0, y0, x1, y1 = shape.bounds if not shape.is_empty else (0.0, 0.0, 0.0, 0.0)
+    for area, many in ((shape.area, MOST_NODES), ((x1 - x0) * (y1 - y0), EMPTY * MOST_NODES)):
+        side = math.sqrt(area) / spacing
+        if side * side > many:
+            raise SceneError(
+                f"{place}: found {spacing:g} m, about {side * side:.1g} nodes on {x1 - x0:g} x {y1 - y0:g} m, expected"
+                f" no more than {many:.0e}"
+            )
 
 
 def _zones(scene: Scene) -> None:
@@ -98,30 +145,11 @@ def _zones(scene: Scene) -> None:
                 f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected less than its size"
                 f" {max(x1 - x0, y1 - y0):g} m"
             )
-        nodes = zone.shape.intersection(scene.whole).area / zone.spacing**2
-        if nodes > MOST_NODES:
-            raise SceneError(
-                f"zone '{zone.name}': spacing: found {zone.spacing:g} m, about {nodes:.1g} nodes,"
-                f" expected no more than {MOST_NODES:.0e}"
-            )
-
-
-def _cracks(scene: Scene) -> None:
-    if not scene.cracks:
-        return
-    inside = scene.shape.buffer(EDGE * scene.finest, join_style="mitre")
-    for crack in scene.cracks:
-        if not inside.covers(crack.line):
-            outside = crack.line.difference(inside)
-            x, y = shapely.get_coordinates(crack.line if outside.is_empty else outside)[-1]
-            raise SceneError(
-                f"crack '{crack.name}': found ({x:g}, {y:g}) m outside the plate, expected all of it inside"
-            )
+        limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
 
 
 def _material(material: Material, place: str) -> None:
-    if not np.isfinite([material.E, material.rho, material.G0, material.kr]).all():
-        raise SceneError(f"{place}: found {material}, expected finite numbers")
+    _described(material, Material, place)
     wave = math.sqrt(material.E / material.rho)
     if wave > FASTEST_WAVE or material.rho < LIGHTEST:
         raise SceneError(
@@ -133,8 +161,8 @@ def _material(material: Material, place: str) -> None:
 def _condition(condition: Condition, scene: Scene) -> None:
     action, place = condition.action, describe(condition.action)
     rows = condition.place.rows
-    if not isinstance(rows, int) or rows < 1:
-        raise SceneError(f"{place}: rows: found {rows!r}, expected a whole number of at least 1")
+    if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:
+        raise SceneError(f"{place}: rows: found {rows!r:.40}, expected a whole number of 1 to {MOST_ROWS}")
     if isinstance(action, Load):
         if (action.traction is None) == (action.body_force is None):
             raise SceneError(f"{place}: found neither or both of traction and body force, expected one of them")
@@ -145,8 +173,9 @@ def _condition(condition: Condition, scene: Scene) -> None:
         if action.x is None and action.y is None:
             raise SceneError(f"{place}: found no component, expected x, y or both")
         values = [value for value in (action.x, action.y) if value is not None]
-    if not np.isfinite(values).all():
-        raise SceneError(f"{place}: found {values}, expected finite numbers")
+    values += [value for point in getattr(action, "profile", ()) for value in point]
+    if not (np.abs(values) <= LARGEST_VALUE).all():
+        raise SceneError(f"{place}: found {values}, expected finite numbers of at most {LARGEST_VALUE:g}")
     if not isinstance(action, InitialVelocity) and not isinstance(action.breakable, bool):
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
     if condition.place.shape.distance(scene.shape) > rows * scene.spacing:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
 from pdmesh import VERSION
+from pdmesh.files import irregular
 
 OK, FAILURE, BAD_INPUT, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -70,15 +74,22 @@ def share(text: str) -> float:
 def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
     """Where to write: `given`, or the source's name with the new suffix in the current folder.
 
-    Raises UsageError if something is there already and `force` is not set, or if the folder is missing.
+    Raises UsageError if something is there already and `force` is not set, if it is no regular file, or if the folder
+    is missing.
     """
     if not source.name:
         raise UsageError(f"{source}: found a folder, expected a file")
     path = given if given is not None else Path(source.name).with_suffix(suffix)
+    try:
+        found = irregular(path)
+    except OSError as error:  # a name that is too long, links in a ring
+        raise UsageError(f"{path}: {error.strerror}") from None
     if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
         raise UsageError(f"{path}: found the input itself, expected another file to write to")
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{path}: found {'a' if path.is_dir() else 'no'} folder, expected a file's name in a folder")
+    if found is not None:
+        raise UsageError(f"{path}: found {found}, expected a regular file or none; nothing else is written to")
     if path.exists() and not force:
         raise UsageError(f"{path}: found a file there already, expected none (--force overwrites it)")
     return path
@@ -104,18 +115,44 @@ def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exc
     `exits` gives the exit codes of the errors to expect; it is asked only when there is one, so that it may
     import what raises them.
     """
-    try:
-        return command()
-    except KeyboardInterrupt:
-        code, message = INTERRUPTED, "interrupted"
-    except UsageError as error:
-        code, message = BAD_INPUT, str(error)
-    except OSError as error:
-        code, message = FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
-    except Exception as error:
-        found = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
-        if found is None:
-            raise
-        code, message = found, str(error)
+    with _interrupts() as interrupts:
+        try:
+            return command()
+        except KeyboardInterrupt:
+            code, message = INTERRUPTED, "interrupted"
+        except Exception as error:
+            code, message = (INTERRUPTED, "interrupted") if interrupts else _said(error, exits)
     print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
     return code
+
+
+def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
+    """Exit code and message of an error to expect; raises any other."""
+    if isinstance(error, UsageError):
+        return BAD_INPUT, str(error)
+    if isinstance(error, OSError):
+        return FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
+    code = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
+    if code is None:
+        raise error
+    return code, str(error)
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """The interrupts that came: a library that is being imported may make another error of one."""
+    came: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # no one else does, nor is no one to
+    if not listens or threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -12,14 +12,16 @@
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
 
-A component left out is free (of a fix, those not in Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles
-are "constant", "ramp SECONDS" or a table "TIME FACTOR, TIME FACTOR, ...".
+Lengths - coordinates, Spacing, Distance, Displacement, Box - are in the unit that Units names (m), all else in SI
+units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in
+Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME FACTOR,
+TIME FACTOR, ...".
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,9 +29,11 @@ import shapely
 from shapely import LineString, MultiLineString
 
 from pdmesh import parameters as named
+from pdmesh.grid import LARGEST
 from pdmesh.parameters import PREFIX, Parameters
 from pdmesh.scene import Crack, Refinement, Scene, Zone
 from pdmesh.shapes import Curve, SceneError, Surface, parts
+from pdmesh.units import Unit
 
 FLAT = 1e-6  # of a drawing's size: how far it may leave its plane
 GROUPS = {  # kind: dimensions, folder of its parameters
@@ -45,7 +49,7 @@ SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 @dataclass(frozen=True)
 class Group:
-    """A named group: curves as points (k, 3), m, and surfaces as lists of such curves."""
+    """A named group: curves as points (k, 3), in the drawing's unit, and surfaces as lists of such curves."""
 
     name: str
     dimension: int
@@ -55,8 +59,9 @@ class Group:
 
 def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source: str, text: str = "") -> Scene:
     """The scene that groups and parameters describe. Raises SceneError naming the group or the parameter."""
-    named_groups = _sorted_out(groups)
-    parameters = Parameters(values)
+    named.refuse_unknown(values, own=True)
+    parameters = Parameters(values, named.unit_of(values))
+    named_groups = _sorted_out(in_metres(group, parameters.unit) for group in groups)
     _check_groups(named_groups, parameters)
     zones = tuple(
         Zone(
@@ -78,12 +83,12 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         horizon=parameters.number("Horizon ratio", 3.0),
         run=named.run(parameters),
         area_rule=parameters.text("Area rule", of=("", "cells", "eq19", "square")) or None,  # type: ignore[arg-type]
-        units=parameters.text("Units", of=("", "m")) or None,  # type: ignore[arg-type]
+        units="m" if parameters.text("Units") else None,
         refinements=tuple(
             Refinement(
                 target,  # type: ignore[arg-type]
-                parameters.number(f"Refine/{target}/Distance"),
-                parameters.maybe(f"Refine/{target}/Spacing"),
+                parameters.length(f"Refine/{target}/Distance"),
+                parameters.maybe_length(f"Refine/{target}/Spacing"),
             )
             for target in sorted(parameters.below("Refine"))
         ),
@@ -96,13 +101,19 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         drawing=text,
         parameters=tuple(values.items()),
     )
-    scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
-    parameters.refuse_unused()
-    return scene
+    return _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
+
+
+def in_metres(group: Group, unit: Unit) -> Group:
+    """The group with its coordinates in metres."""
+    curves, *surfaces = (
+        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in some) for some in (group.curves, *group.surfaces)
+    )
+    return replace(group, curves=curves, surfaces=tuple(surfaces))
 
 
 def _spacing(parameters: Parameters, name: str) -> float:
-    spacing = parameters.number(f"Zones/{name}/Spacing")
+    spacing = parameters.length(f"Zones/{name}/Spacing")
     if not spacing > 0:
         raise SceneError(f"zone '{name}': spacing: found {spacing:g} m, expected more than 0 m")
     return spacing
@@ -113,24 +124,37 @@ def _sorted_out(groups: Iterable[Group]) -> dict[str, dict[str, Group]]:
     for group in groups:
         kind, _, name = group.name.partition(":")
         if kind not in GROUPS or not name or group.dimension not in GROUPS[kind][0]:
-            expected = [
-                f'Physical {" or ".join(SHAPES[dimension] for dimension in dimensions)}("{kind}:NAME")'
-                for kind, (dimensions, _) in GROUPS.items()
-            ]
-            raise SceneError(f'Physical {SHAPES[group.dimension]}("{group.name}"): expected {", ".join(expected)}')
+            raise SceneError(f'Physical {SHAPES[group.dimension]}("{group.name}"): expected {_meant(kind, name)}')
         if name in found[kind]:
             raise SceneError(f'group "{group.name}": found as a curve and as a surface, expected one of them')
         found[kind][name] = group
     return found
 
 
+def _meant(kind: str, name: str) -> str:
+    """What the name of a group should have been."""
+    nearest = named.nearest(kind, GROUPS)
+    forms = {
+        kind: " or ".join(SHAPES[dimension] for dimension in dimensions) for kind, (dimensions, _) in GROUPS.items()
+    }
+    others = ", ".join(f'{forms[other]} "{other}:NAME"' for other in GROUPS if other != nearest)
+    return f'Physical {forms[nearest]}("{nearest}:{name or "NAME"}"), or {others}'
+
+
 def _check_groups(groups: dict[str, dict[str, Group]], parameters: Parameters) -> None:
     for kind, (dimensions, folder) in GROUPS.items():
+        for name in groups[kind]:
+            if kind in ("load", "fix", "move") and parameters.text(f"{folder}/{name}/Box"):
+                raise SceneError(
+                    f"parameter '{PREFIX}{folder}/{name}/Box': found a group '{kind}:{name}' too, expected one of them"
+                )
         for name in sorted(parameters.below(folder or "") - set(groups[kind])) if folder else ():
             if kind in ("load", "fix", "move") and parameters.text(f"{folder}/{name}/Box"):
                 continue
             group = f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}")'
-            raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}")
+            near = named.nearest(name, groups[kind])
+            meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
+            raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}{meant}")
     points = [np.asarray(curve) for group in _all(groups) for curve in _curves_of(group)]
     if points:
         cloud = np.concatenate(points)
@@ -157,8 +181,14 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
             raise SceneError(f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction y)")
         scene = scene.load(where, traction=traction, body_force=force, name=name, **_shared(parameters, folder))
     for name, where, folder in _places(groups, parameters, "fix"):
-        x, y = parameters.pair(f"{folder}/Displacement")
+        x, y = (parameters.maybe_length(f"{folder}/Displacement {axis}") for axis in "xy")
         held = parameters.text(f"{folder}/Components", "xy", of=("xy", "x", "y"))
+        for axis, value in (("x", x), ("y", y)):
+            if value and axis not in held:
+                raise SceneError(
+                    f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"
+                    f" not held (Components '{held}')"
+                )
         x, y = (x or 0.0) if "x" in held else None, (y or 0.0) if "y" in held else None
         scene = scene.fix(where, x, y, name=name, **_shared(parameters, folder))
     for name, where, folder in _places(groups, parameters, "move"):
@@ -182,17 +212,18 @@ def _places(
         where = _surface(place, group) if group.dimension == 2 else MultiLineString(_lines(place, group.curves))
         found.append((name, where, f"{top}/{name}"))
     for name in sorted(parameters.below(str(top)) - set(groups[kind])):
-        found.append((name, _box(parameters.text(f"{top}/{name}/Box"), f"{PREFIX}{top}/{name}/Box"), f"{top}/{name}"))
+        found.append((name, _box(parameters, f"{top}/{name}/Box"), f"{top}/{name}"))
     return found
 
 
-def _box(text: str, place: str) -> Surface:
+def _box(parameters: Parameters, name: str) -> Surface:
+    text, place = parameters.text(name), PREFIX + name
     try:
-        x0, y0, x1, y1 = (float(word) for word in text.split())
+        x0, y0, x1, y1 = (parameters.unit.metres(float(word)) for word in text.split())
     except ValueError:
         raise SceneError(f"parameter '{place}': found '{text}', expected four numbers 'x0 y0 x1 y1'") from None
-    if not (x0 < x1 and y0 < y1):
-        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1 and y0 < y1")
+    if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
+        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1 and y0 < y1, at most {LARGEST:g} m")
     return shapely.box(x0, y0, x1, y1)
 
 

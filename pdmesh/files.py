@@ -2,21 +2,60 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import tempfile
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def irregular(path: Path) -> str | None:
+    """What is at `path`, or where a link there leads, if it is something else than a regular file. Raises OSError."""
+    try:
+        kind = stat.S_IFMT(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return None if kind == stat.S_IFREG else KINDS.get(kind, "no file")
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Put `data` into the file at `path` in one step. Raises OSError, and then leaves nothing behind."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    """Put `data` into the file at `path` in one step; the rest as in `replacing`."""
+    with replacing(path) as part:
+        part.write_bytes(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file to write to, which in the end takes the place of the one at `path`, or of the one a link there leads to.
+
+    Raises OSError that names `path`, and then leaves nothing behind. What is no regular file is not replaced.
+    """
+    from tempfile import mkstemp  # slow to import
+
+    found = irregular(path)
+    if found is not None:
+        raise OSError(errno.EEXIST, f"found {found}, expected a regular file or none", str(path))
+    target, part = Path(os.path.realpath(path)), None
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
+        handle, part = mkstemp(dir=target.parent, prefix=".", suffix=".part")
+        os.close(handle)
+        yield Path(part)
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
+        os.chmod(part, 0o666 & ~umask)
+        os.replace(part, target)
+    except BaseException as error:
+        if part is not None:
+            Path(part).unlink(missing_ok=True)
+        if isinstance(error, OSError) and (part is None or error.filename in (None, part)):
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from None
         raise

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -27,7 +27,8 @@ LARGEST = 1e9  # m
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
-PositiveInt = Annotated[int, msgspec.Meta(gt=0)]
+MOST_STEPS = 2**31 - 1  # what a broken bond can remember
+PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 Field = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
@@ -130,10 +131,10 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     """How long the solver goes on and how often it writes."""
 
     time_step: Positive | None = None  # s; None: from the stability bound
-    steps: Annotated[int, msgspec.Meta(ge=0)] = 1000
+    steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Field, ...] = ("ux", "uy", "vx", "vy", "damage")  # what a frame holds
+    fields: tuple[Field, ...] = get_args(Field)  # what a frame holds
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet

@@ -104,7 +104,7 @@ def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
 
 def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDArray[np.float64], tuple[float, float]]:
     """The level's nodes (k, 2), row by row, and the shift of its lattice; both in m."""
-    cracks = shapely.union_all([crack.line for crack in scene.cracks])
+    cracks = shapely.union_all([slit.line for slit in scene.slits])
     slack = SLACK * level.spacing
     inside = level.shape.buffer(slack, join_style="mitre")
     taken = [other.shape.buffer(slack, join_style="mitre") for other in coarser]
@@ -154,7 +154,7 @@ def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[
 
 
 def _segments(scene: Scene) -> NDArray[np.float64]:
-    lines = [np.asarray(crack.line.coords)[:, :2] for crack in scene.cracks]
+    lines = [shapely.get_coordinates(slit.line) for slit in scene.slits]
     return np.concatenate([np.empty((0, 4)), *(np.hstack([line[:-1], line[1:]]) for line in lines)])
 
 

@@ -97,6 +97,10 @@ class Neighbours:
             self._group[group.rows] = number
             self._index[group.rows] = np.arange(len(group.rows))
 
+    def maps(self) -> Iterator[NDArray[np.int32]]:
+        """Each lattice as a map (lines, columns) of the rows of its nodes, -1 where there is none."""
+        return (group.map.reshape(-1, group.width) for group in self._groups if len(group.map))
+
     def pairs(self, rows: NDArray[np.int64]) -> Pairs:
         """Those of the nodes in `rows`, which increase."""
         found = []

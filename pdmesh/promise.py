@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pdmesh.families import stable_step
 from pdmesh.grid import Acceleration, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.parameters import PREFIX, unit_of
 from pdmesh.scene import Refinement, Scene
 from pdmesh.shapes import SceneError, surface
 
@@ -113,8 +114,8 @@ def feature(scene: Scene) -> tuple[float, str]:
     low_x, low_y, high_x, high_y = scene.shape.bounds
     sizes = [(min(high_x - low_x, high_y - low_y) / 2, "half of the smaller side")]
     edge, scale = scene.whole.boundary, 1e-6 * max(high_x - low_x, high_y - low_y)
-    shapes: list[tuple[shapely.Geometry, str]] = [(crack.line, f"crack '{crack.name}'") for crack in scene.cracks]
-    sizes += [(crack.line.length, f"length of crack '{crack.name}'") for crack in scene.cracks]
+    shapes: list[tuple[shapely.Geometry, str]] = [(slit.line, f"crack '{slit.name}'") for slit in scene.slits]
+    sizes += [(slit.line.length, f"length of crack '{slit.name}'") for slit in scene.slits]
     for number, cutout in enumerate(scene.cutouts):
         cut = surface(cutout, scene.finest, "cutout").intersection(scene.whole)
         sizes.append((float(np.sqrt(cut.area / np.pi)), f"radius of cutout {number + 1}"))
@@ -228,9 +229,10 @@ def described(found: Proposal) -> dict[str, Any]:
 
 def settings(found: Proposal) -> dict[str, str]:
     """The parameters of a drawing in Gmsh that make the proposal of it; none for a scene in Python."""
-    scene, there = found.scene, {name.removeprefix("Peridynamics/") for name, _ in found.scene.parameters}
+    scene, there = found.scene, {name.removeprefix(PREFIX) for name, _ in found.scene.parameters}
+    unit = unit_of(dict(scene.parameters))
     wanted = {
-        **{f"Zones/{zone.name}/Spacing": f"{zone.spacing:.6g}" for zone in scene.zones},
+        **{f"Zones/{zone.name}/Spacing": f"{unit.of(zone.spacing):.6g}" for zone in scene.zones},
         "Horizon ratio": f"{scene.horizon:g}",
         "Run/Time step": f"{scene.run.time_step:.6g}",
         "Run/Frame every": str(scene.run.every),

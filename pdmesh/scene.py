@@ -37,6 +37,7 @@ from pdmesh.grid import (
     Velocity,
 )
 from pdmesh.shapes import Circle, Curve, Points, SceneError, Shape, Surface, parts, polyline, surface
+from pdmesh.slits import Slit, slits_of
 
 __all__ = [
     "Circle",
@@ -83,7 +84,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Crack:
-    """A pre-crack: a polyline no bond may cross."""
+    """A pre-crack as it is drawn: a polyline no bond may cross. `Scene.slits` has it as it is in the plate."""
 
     name: str
     line: LineString
@@ -99,7 +100,7 @@ class Scene:
     horizon: float = 3.0  # m = horizon / spacing of a node
     run: Run = DEFAULT_RUN
     area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
-    units: Literal["m"] | None = None  # "m": a plate of more than 20 m is meant
+    units: Literal["m"] | None = None  # "m": metres are meant, even where the plate is large
     cutouts: tuple[Shape, ...] = ()  # holes and notches
     zones: tuple[Zone, ...] = ()
     refinements: tuple[Refinement, ...] = ()
@@ -117,15 +118,18 @@ class Scene:
     def hole(self, shape: Shape) -> Scene:
         """With a hole in it."""
         place = f"hole {len(self.cutouts) + 1}"
-        if surface(shape, self.finest, place).disjoint(self.whole):
+        if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
             raise SceneError(f"{place}: found outside the plate, expected inside")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def notch(self, shape: Shape) -> Scene:
         """With a notch cut from its edge."""
         place = f"notch {len(self.cutouts) + 1}"
-        if surface(shape, self.finest, place).disjoint(self.whole.boundary):
+        cut = surface(shape, self.finest, place)
+        if cut.disjoint(self.whole.boundary):
             raise SceneError(f"{place}: found no point of the plate's edge in it, expected some (else it is a hole)")
+        if not cut.intersection(self.whole).area > 0:
+            raise SceneError(f"{place}: found outside the plate, expected a shape that cuts from its edge")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def crack(self, points: LineString | Points, name: str = "") -> Scene:
@@ -280,6 +284,11 @@ class Scene:
         """The holes of all parts, from left to right; a node's hole_id counts them from 0."""
         holes = [Polygon(ring) for part in self.parts for ring in part.interiors]
         return tuple(sorted(holes, key=lambda hole: hole.bounds))
+
+    @cached_property
+    def slits(self) -> tuple[Slit, ...]:
+        """The cracks as they are in the plate, their ends on its edge where they were drawn to it."""
+        return slits_of(self)
 
     def one_scale(self) -> Scene:
         """The same plate with the finest spacing everywhere."""

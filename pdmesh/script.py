@@ -34,12 +34,7 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scen
     The file is a program and is run as one. Raises SceneError naming the file and the line.
     """
     text, tree = _parsed(path)
-    constants = {parameter.name: parameter.value for parameter in _parameters(text, tree)}
-    values = dict(constants)
-    for name, word in assignments:
-        if name not in constants:
-            raise SceneError(f"{path}: {unknown(name, constants)}")
-        values[name] = _converted(name, word, constants[name], path)
+    values = {parameter.name: parameter.value for parameter in _assigned(path, _parameters(text, tree), assignments)}
     parts = _in_child(path, values)
     try:
         scene = replace(Scene(**parts), source=path.name, drawing=text, parameters=tuple(values.items()))
@@ -60,9 +55,18 @@ def _refuse_halves(scene: Scene, path: Path) -> None:
             raise SceneError(f"{path}: found {str(word)[:40]!a}, half of a character, expected whole ones") from None
 
 
-def script_parameters(path: Path) -> list[Parameter]:
+def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> list[Parameter]:
     """The parameters of the Python file at `path`, which is not run. Raises SceneError."""
-    return _parameters(*_parsed(path))
+    return _assigned(path, _parameters(*_parsed(path)), assignments)
+
+
+def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[str, str]]) -> list[Parameter]:
+    values = {parameter.name: parameter for parameter in found}
+    for name, word in assignments:
+        if name not in values:
+            raise SceneError(f"{path}: {unknown(name, values)}")
+        values[name] = replace(values[name], value=_converted(name, word, values[name].value, path))
+    return list(values.values())
 
 
 def _parsed(path: Path) -> tuple[str, ast.Module]:

@@ -11,6 +11,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, MultiPolygon, Polygon
 
+from pdmesh.grid import LARGEST
+
+NOTHING = 1e-100  # m
+MOST_CHORDS = 2**16  # of a quarter circle
 CHORD_TOLERANCE = 0.01  # of the local spacing: how far a chord may be off its curve
 ROUND = 16  # segments a quarter circle of a grown shape has
 CIRCUMSCRIBED = 1 / np.cos(np.pi / (4 * ROUND))  # such a shape, made to contain the true one
@@ -34,8 +38,8 @@ class Circle:
 
     def polygon(self, spacing: float) -> Polygon:
         """The disc as a polygon whose chords are off by at most CHORD_TOLERANCE of `spacing`, m."""
-        sagitta = min(CHORD_TOLERANCE * spacing / self.radius, 0.25)
-        quarter = max(int(np.ceil(np.pi / 4 / np.arccos(1 - sagitta))), 4)
+        sagitta = float(np.clip(CHORD_TOLERANCE * spacing / self.radius, 1e-15, 0.25))
+        quarter = min(max(int(np.ceil(np.pi / 4 / np.arccos(1 - sagitta))), 4), MOST_CHORDS)
         return shapely.Point(self.x, self.y).buffer(self.radius, quad_segs=quarter)
 
 
@@ -45,14 +49,14 @@ Shape: TypeAlias = Polygon | MultiPolygon | Circle | Points
 def surface(shape: Shape, spacing: float, place: str) -> Surface:
     """The shape as a polygon; `place` begins the message of the SceneError that a bad one raises."""
     if isinstance(shape, Circle):
-        if not np.isfinite([shape.x, shape.y, shape.radius]).all() or shape.radius <= 0:
-            raise SceneError(f"{place}: found {shape}, expected finite numbers and a positive radius")
-        return shape.polygon(spacing)
+        x, y, radius = _checked(np.array([shape.x, shape.y, shape.radius], dtype=float), place).tolist()
+        if not radius > 0:
+            raise SceneError(f"{place}: found {shape}, expected a positive radius")
+        return Circle(x, y, radius).polygon(checked_spacing(spacing, place))
     if not isinstance(shape, Polygon | MultiPolygon):
         points = coordinates(shape, 3, place)
         shape = Polygon(points)
-    if not np.isfinite(shapely.get_coordinates(shape)).all():
-        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
+    shape = shapely.transform(shape, lambda points: _checked(points, place))
     if not shape.is_valid:
         raise SceneError(
             f"{place}: found {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself"
@@ -65,8 +69,7 @@ def surface(shape: Shape, spacing: float, place: str) -> Surface:
 def polyline(points: Curve | Points, place: str) -> Curve:
     """The points as a polyline. Raises SceneError."""
     line = points if isinstance(points, LineString | MultiLineString) else LineString(coordinates(points, 2, place))
-    if not np.isfinite(shapely.get_coordinates(line)).all():
-        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
+    line = shapely.transform(line, lambda points: _checked(points, place))
     if not line.length > 0:
         raise SceneError(f"{place}: found a length of {line.length:g} m, expected more than 0")
     return line
@@ -78,11 +81,27 @@ def coordinates(points: Iterable[Sequence[float]], least: int, place: str) -> ND
         array = np.array([(float(x), float(y)) for x, y in points]).reshape(-1, 2)
     except (TypeError, ValueError):
         raise SceneError(f"{place}: found {points!r:.80}, expected a list of points (x, y) in metres") from None
-    if not np.isfinite(array).all():
-        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
+    _checked(array, place)
     if len(array) < least:
         raise SceneError(f"{place}: found {len(array)} points, expected at least {least}")
     return array
+
+
+def _checked(numbers: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+    """Coordinates that can be computed with; what is next to nothing is 0."""
+    if not np.isfinite(numbers).all():
+        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
+    largest = float(np.abs(numbers).max(initial=0.0))
+    if largest > LARGEST:
+        raise SceneError(f"{place}: found a coordinate of {largest:g}, expected metres, at most {LARGEST:g}")
+    return np.where(np.abs(numbers) < NOTHING, 0.0, numbers)
+
+
+def checked_spacing(value: float, place: str) -> float:
+    """A spacing or another length that is to be more than 0 and finite, m. Raises SceneError."""
+    if not isinstance(value, float | int) or not 0 < value < np.inf:
+        raise SceneError(f"{place}: found {value!r}, expected more than 0 m")
+    return value
 
 
 def parts(shape: shapely.Geometry) -> tuple[Polygon, ...]:

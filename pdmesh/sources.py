@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pdmesh import checks, soundness
+from pdmesh.additions import added, sorted_out
 from pdmesh.geo import CAD
 from pdmesh.grid import Document, Grid, Settings, document_of, read_file
 from pdmesh.lattice import Shift, build_grid
-from pdmesh.parameters import Parameter
-from pdmesh.scene import Refinement, Scene
+from pdmesh.parameters import Parameter, full_name, unknown
+from pdmesh.scene import Scene
 from pdmesh.shapes import SceneError
 
 MESHES = (
@@ -30,7 +32,6 @@ MESHES = (
     ".off",
     ".stl",
 )
-REFINE = "--refine "  # begins the names under which a model keeps what was refined when it was built
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ class Built:
 
     grid: Grid
     settings: Settings
-    shifts: tuple[Shift, ...] = ()
     notes: tuple[str, ...] = ()
+    shifts: tuple[Shift, ...] = ()
 
     @property
     def document(self) -> Document:
@@ -53,37 +54,20 @@ def read_scene(
     assignments: Sequence[tuple[str, str]] = (),
     refine: Sequence[str] = (),
     trust: bool = False,
+    cracks: Sequence[str] = (),
 ) -> Scene:
     """The scene in a .geo, .py, STEP or BREP file, or the one that the model in a .json file was built from.
 
-    `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, m. Raises SceneError or GridError.
+    `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, `cracks` are more of them, ``x0,y0,x1,y1``;
+    both in the drawing's unit. Raises SceneError or GridError.
     """
     if path.suffix.lower() == ".json":
-        return _again(path, assignments, refine, trust)
+        return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, assignments, trust)
-    kept = dict(scene.parameters)
     try:
-        for word in refine:
-            request = refinement(word)
-            scene = replace(scene, refinements=(*scene.refinements, request))
-            kept[REFINE + word] = word
-        return replace(scene, parameters=tuple(kept.items()))
+        return added(scene, refine, cracks)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-
-
-def refinement(word: str) -> Refinement:
-    """What ``crack:4e-3`` or ``hole:4e-3:2.5e-4`` asks for. Raises SceneError."""
-    target, *numbers = word.split(":")
-    try:
-        distance, *spacing = (float(number) for number in numbers)
-    except ValueError:
-        distance, spacing = 0.0, []
-    if target not in ("crack", "notch", "hole") or len(numbers) not in (1, 2) or distance <= 0:
-        raise SceneError(
-            f"--refine: found '{word}', expected crack, notch or hole, then :DISTANCE or :DISTANCE:SPACING"
-        )
-    return Refinement(target, distance, spacing[0] if spacing else None)  # type: ignore[arg-type]
 
 
 def build(
@@ -91,6 +75,7 @@ def build(
     assignments: Sequence[tuple[str, str]] = (),
     refine: Sequence[str] = (),
     trust: bool = False,
+    cracks: Sequence[str] = (),
 ) -> Built:
     """The grid of the file at `path`; see read_scene, and meshes. Raises SceneError or GridError."""
     if path.suffix.lower() in MESHES:
@@ -98,11 +83,16 @@ def build(
 
         if refine:
             raise SceneError(f"{path}: --refine: found a mesh, expected a drawing")
-        grid, settings, notes = read_mesh(path, assignments, trust)
-        return Built(grid, settings, notes=notes)
-    scene = read_scene(path, assignments, refine, trust)
+        built = Built(*read_mesh(path, assignments, cracks, trust))
+    else:
+        scene = read_scene(path, assignments, refine, trust, cracks)
+        try:
+            grid, settings, shifts = build_grid(scene)
+        except SceneError as error:
+            raise SceneError(f"{path}: {error}") from None
+        built = Built(grid, settings, (*scene.notes, *checks.remarks(scene)), shifts)
     try:
-        return Built(*build_grid(scene), notes=scene.notes)
+        return replace(built, notes=(*built.notes, *soundness.remarks(built.grid, built.settings)))
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -111,11 +101,17 @@ def parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: b
     """The parameters of a drawing, a script or a model. Raises SceneError or GridError."""
     suffix = path.suffix.lower()
     if suffix == ".json":
-        return [Parameter(name, value) for name, value in read_file(path).parameters.items()]
+        found = dict(read_file(path).parameters)
+        for name, value in assignments:
+            whole = name if name in found else full_name(name)
+            if whole not in found:
+                raise SceneError(f"{path}: {unknown(name, found)}")
+            found[whole] = value
+        return [Parameter(name, value) for name, value in found.items()]
     if suffix == ".py":
         from pdmesh.script import script_parameters
 
-        return script_parameters(path)
+        return script_parameters(path, assignments)
     if suffix == ".geo":
         from pdmesh.geo import read_parameters
 
@@ -128,6 +124,8 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
     if suffix == ".py":
         from pdmesh.script import read_script
 
+        if any(name == "Units" for name, _ in assignments):
+            raise SceneError(f"{path}: --unit: found a Python scene, expected none: its lengths are in metres")
         return read_script(path, assignments)
     if suffix == ".geo":
         from pdmesh.geo import read_geo
@@ -141,7 +139,9 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
     raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {', '.join(CAD)}{meshes}")
 
 
-def _again(path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool) -> Scene:
+def _again(
+    path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
+) -> Scene:
     """The scene of a model that carries its drawing, with the parameters it was built with."""
     document = read_file(path)
     if not document.drawing or not document.source:
@@ -152,14 +152,12 @@ def _again(path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[
         raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
     if source.suffix.lower() == ".py" and not trust:
         raise SceneError(f"{path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
-    used = {name: value for name, value in document.parameters.items() if not name.startswith(REFINE)}
-    kept = [str(value) for name, value in document.parameters.items() if name.startswith(REFINE)]
-    words = [(name, str(value)) for name, value in used.items()]
+    words, refined, cracked = sorted_out(document.parameters)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"drawing{source.suffix}"
         copy.write_text(document.drawing, encoding="utf-8", newline="")
         try:
-            scene = read_scene(copy, [*words, *assignments], [*kept, *refine], trust)
+            scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
         except SceneError as error:
             raise SceneError(f"{path}: {str(error).replace(str(copy), source.name)}") from None
     notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)

@@ -27,7 +27,7 @@ class Sight:
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid
-        self._cracks = _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
+        self._cracks = cracks_of(grid)
         self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid)
         for obstacle in (self._cracks, self._void):
             shapely.prepare(obstacle)
@@ -53,10 +53,10 @@ class Sight:
         met = np.zeros(len(pairs.source), dtype=bool)
         if obstacle.is_empty or not len(met):
             return met
-        position, first = self._grid.position, pairs.source[0]
-        farthest = pairs.length.max() * (1 + ROUND_OFF)
-        near = shapely.dwithin(obstacle, shapely.points(position[first : pairs.source[-1] + 1]), farthest)
-        asked = np.flatnonzero(near[pairs.source - first])
+        position, farthest = self._grid.position, pairs.length.max() * (1 + ROUND_OFF)
+        starts = np.flatnonzero(np.diff(pairs.source, prepend=-1))
+        near = shapely.dwithin(obstacle, shapely.points(position[pairs.source[starts]]), farthest)
+        asked = np.flatnonzero(np.repeat(near, np.diff(starts, append=len(met))))
         ends = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1)
         met[asked] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
         return met
@@ -74,6 +74,11 @@ class Sight:
             distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
             void[asked] |= distance > COVERED * widest
         return void
+
+
+def cracks_of(grid: Grid) -> shapely.Geometry:
+    """The pre-cracks of a grid as lines, a little longer, so that they cross the edges they end on."""
+    return _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
 
 
 def _lengthened(segments: NDArray[np.float64], by: float) -> shapely.Geometry:
@@ -100,7 +105,10 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
                 raise GridError(
                     f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
                 )
-    return shapely.union_all(rings["outline"]).difference(shapely.union_all(rings["holes"]))
+    holes = np.array(rings["holes"])
+    return shapely.union_all(  # a part of the plate may be in a hole of another
+        [part.difference(shapely.union_all(holes[~shapely.contains(holes, part)])) for part in rings["outline"]]
+    )
 
 
 def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry | None:
@@ -109,8 +117,9 @@ def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry
         return None
     slack = SLACK * float(grid.delta.min())
     if plate.convex_hull.area - plate.area < CONVEX * plate.area:
-        shapely.prepare(plate)
-        if shapely.dwithin(plate, shapely.points(grid.position), slack).all():
+        inside = plate.buffer(slack, join_style="mitre")
+        shapely.prepare(inside)
+        if shapely.contains_xy(inside, grid.position).all():
             return shapely.Polygon()
     around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
     return around.difference(plate).buffer(-slack, join_style="mitre")

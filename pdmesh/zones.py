@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from pdmesh.checks import limit_nodes
 from pdmesh.scene import Refinement, Scene, Zone
 from pdmesh.shapes import SceneError, Surface, concave_points, grown, parts
 
@@ -38,6 +39,8 @@ def levels(scene: Scene) -> tuple[Level, ...]:
     found: list[Level] = []
     for step in range(max(steps, default=0), 0, -1):
         asked = [zone for zone, its in zip(zones, steps, strict=True) if its == step]
+        for zone in asked:
+            limit_nodes(zone.shape.intersection(scene.shape), zone.spacing, f"zone '{zone.name}': spacing")
         old = scene.spacing / 2 ** (step - 1)
         to_grow = shapely.union_all([finer, *(zone.shape for zone in asked if zone.grown)]).intersection(scene.shape)
         around = _reached(to_grow, scene, old) if not to_grow.is_empty else to_grow
@@ -56,7 +59,7 @@ def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
 def _zone(request: Refinement, scene: Scene) -> Zone:
     """The zone within a distance of what is to be refined. Raises SceneError if the scene has none of it."""
     target = {
-        "crack": lambda: shapely.union_all([crack.line for crack in scene.cracks]),
+        "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
         "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
         "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
     }[request.target]()
@@ -72,6 +75,7 @@ def _reached(shape: Surface, scene: Scene, spacing: float) -> Surface:
     low, high = np.reshape(shape.bounds, (2, 2))
     first = np.floor((low - reach - origin) / spacing).astype(int)
     last = np.ceil((high + reach - origin) / spacing).astype(int)
+    limit_nodes(shapely.box(*(first * spacing), *(last * spacing)), spacing, "zones: coarser spacing around them")
     x, y = (origin[axis] + spacing * np.arange(first[axis], last[axis] + 1) for axis in (0, 1))
     shapely.prepare(shape)
     inset = SLACK * spacing

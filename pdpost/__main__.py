@@ -28,8 +28,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _exits() -> dict[type[Exception], int]:
     from pdpost.export import ExportError
     from pdpost.fields import FieldError
-    from pdpost.figures import FigureError
     from pdpost.paths import PathError
+    from pdpost.style import FigureError
     from pdpost.watching import SilentError
     from pdsolve.results import ResultsError
 

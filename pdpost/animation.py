@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -18,11 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pdpost import fields, figures
-from pdpost.figures import FigureError
-from pdpost.sheets import UNKNOWN, box_of, paint, shape, sheet
+from pdpost.raster import Box
+from pdpost.sheets import box_of, legend, mark, paint, seen, shape, sheet
+from pdpost.style import EDGE, TORN, UNKNOWN, FigureError
 from pdsolve.results import Results, ResultsError
 
 DPI = 110
+LINE = 0.18  # inches of a line of the legend
 RATE = 10.0  # frames a second
 REST = 2.0  # s: how long a GIF stays at its end
 SHADES = 223  # of the 256 colours of a GIF, for the field; the others are greys, far enough apart for Pillow
@@ -39,36 +42,44 @@ def frames(
     scale: float = 0.0,
     largest: float | None = None,
     every: int = 1,
+    window: Box | None = None,
     dpi: float = DPI,
     progress: Progress = iter,
 ) -> Iterator[Pixels]:
     """Pictures of the field `name` of every so many frames of a run, all of one size, with the same colours.
 
-    `part`, `scale`, `largest` as in `figures.draw`; colours end at the usual largest value of all the pictures.
+    `part`, `scale`, `largest`, `window` as in `figures.draw`; colours end at the usual largest value of all of them.
     Raises FieldError, and ResultsError, naming what there is.
     """
     part = fields.component(name, part)
     steps = results.frames()[0][::every].tolist()
     if not steps:
         raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    box = box_of(results, [shape(results, step, scale) for step in (steps if scale else steps[:1])])
+    still = shape(results, steps[0], 0.0)
+    box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
+    inside = seen(still.position, box)
     if largest is None and name != "damage":
-        most = (figures.usual(_known(fields.values(results, name, step, part or None))) for step in steps)
-        largest = max(most) or None
-    on = sheet(box)
+        shots = (figures.values_of(results, name, step, part) for step in steps)
+        largest = max(figures.usual(_known(shot.values[inside & ~shot.torn])) for shot in shots) or None
+    shot = figures.values_of(results, name, steps[-1], part)  # where most is torn
+    words = [(colour, words.split(":")[0]) for colour, words in figures.explained(shot)]
+    on = sheet(box, room=LINE * (len(words) + bool(len(still.plate.cracks))))
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)
     extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
-    shown = figures.colours(name, part, extremes, largest)
-    mappable = figures.bar(on, shown)
+    range_of = figures.colours(name, part, extremes, largest)
+    mappable = figures.bar(on, range_of)
+    mark(on, still._replace(scale=scale))
+    legend(on, *words, columns=1)
     for step in progress(steps):
-        values = fields.values(results, name, step, part or None)
+        shot = figures.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
-            cells = paint(on, shape(results, step, scale), values * shown.factor, mappable)
+            cells = paint(on, shape(results, step, scale, still), shot.values * range_of.factor, mappable, shot.torn)
         on.axes.set_title(figures.title(results, name, part, step, scale))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
-        cells.remove()
+        for artist in cells:
+            artist.remove()
 
 
 def gif(
@@ -80,13 +91,15 @@ def gif(
     largest: float | None = None,
     every: int = 1,
     rate: float = RATE,
+    window: Box | None = None,
     dpi: float = DPI,
     progress: Progress = iter,
 ) -> bytes:
     """The frames of a run as a GIF that starts again, `rate` of them a second; see `frames`. The same bytes each
     time. Raises FieldError and ResultsError."""
     palette = _palette(name, fields.component(name, part))
-    shots = frames(results, name, part=part, scale=scale, largest=largest, every=every, dpi=dpi, progress=progress)
+    how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
+    shots = frames(results, name, dpi=dpi, progress=progress, **how)
     pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     pause = max(round(1000 / rate), 20)  # ms; viewers do not go below
     pauses = [pause] * (len(pictures) - 1) + [pause + round(1000 * REST)]
@@ -149,8 +162,8 @@ def _palette(name: str, part: str) -> Image.Image:
     """256 colours: those of the field, then greys for what is written."""
     shown = figures.colours(name, part, np.zeros(1), 1.0)
     field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
-    unknown = np.array([matplotlib.colors.to_rgb(UNKNOWN)])
-    greys = np.repeat(np.linspace(0, 1, 255 - SHADES)[:, None], 3, axis=1)
+    unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
+    greys = np.repeat(np.linspace(0, 1, 253 - SHADES)[:, None], 3, axis=1)
     palette = Image.new("P", (1, 1))
     palette.putpalette((np.concatenate([field, unknown, greys]) * 255).round().astype(int).ravel().tolist())
     return palette

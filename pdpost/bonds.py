@@ -1,25 +1,26 @@
-"""A picture of the bonds: intact ones blue, broken ones red; of many, the share that is broken."""
+"""A picture of the bonds: intact ones sky blue, broken ones vermilion; of many, the share that is broken."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, triu
 
 from pdpost import figures, raster, sheets
-from pdpost.levels import cracks, legend
-from pdpost.sheets import Shape, Sheet, box_of, shape, sheet
+from pdpost.raster import Box
+from pdpost.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
 from pdpost.strain import broken
+from pdpost.style import SKY_BLUE, VERMILION
 from pdsolve.results import Results
 
-INTACT, BROKEN = "#56b4e9", "#d55e00"  # Okabe and Ito's sky blue and vermilion
+INTACT, BROKEN = SKY_BLUE, VERMILION
+FEW = "#fbe3d0"  # of the bonds broken
 LINES = 200_000  # bonds; more are counted in pixels
 SHARP = 5_000  # lines; more are put into a PDF or SVG as an image
 INK = 60.0  # points of line width over the root of how many lines
@@ -42,20 +43,23 @@ def bonds(results: Results, step: int) -> Bonds:
     return Bonds(np.column_stack([pairs.row, pairs.col]).astype(np.int64), pairs.data == 2)
 
 
-def draw(results: Results, step: int, scale: float, found: Bonds | None = None) -> Figure:
-    """The bonds after `step`, on nodes displaced by `scale` times their displacement; `found` if known already.
+def draw(results: Results, step: int, scale: float, found: Bonds | None = None, window: Box | None = None) -> Figure:
+    """The bonds after `step`, on nodes displaced by `scale` times their displacement.
 
-    Raises ResultsError.
+    `found` are the bonds if they are known already, `window` is seen, m. Raises ResultsError.
     """
     where = shape(results, step, scale)._replace(turned=None)
     found = bonds(results, step) if found is None else found
-    many = len(found.broken) > LINES
-    on = sheet(box_of(results, [where]), bar=many)
+    box = window or box_of([where])
+    some = seen(where.position, box)[found.ends].any(axis=1)
+    drawn = Bonds(found.ends[some], found.broken[some])
+    many = len(drawn.broken) > LINES
+    on = sheet(box, bar=many)
     if many:
-        _count(on, where, found)
+        _count(on, where, drawn)
     else:
-        _draw_lines(on, where, found)
-    cracks(on, results)
+        _draw_lines(on, where, drawn)
+    mark(on, where)
     legend(on)
     on.axes.set_title(f"Bonds {figures.at(results, step, scale)}")
     return on.figure
@@ -82,9 +86,9 @@ def _count(on: Sheet, where: Shape, found: Bonds) -> None:
     x0, _, x1, _ = on.box
     columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
     share, _ = raster.averages(middle, np.zeros(len(middle)), found.broken.astype(float), on.box, columns)
-    cmap = colormaps["YlOrRd"].with_extremes(under=INTACT, bad="#ffffff00")
+    cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
     colours = ScalarMappable(Normalize(1e-9, 1.0), cmap)
-    sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True))
+    sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
     on.figure.colorbar(colours, cax=figures.beside(on), label="share of broken bonds", extend="min")
     for gone, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
         count = int((found.broken == gone).sum())

@@ -13,9 +13,8 @@ from pdpost.balance import Balance
 from pdpost.histories import QUANTITIES, History
 from pdpost.reactions import Reaction
 from pdpost.sheets import prefixed
+from pdpost.style import COLOURS
 
-# M. Okabe, K. Ito, Color Universal Design (2008): blue, vermilion, green, purple, orange, sky blue, black.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
 STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
@@ -41,12 +40,14 @@ def plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def histories(curves: list[History], quantity: str, component: str) -> Figure:
-    """Histories over time; the range of several nodes as a band."""
+def histories(curves: list[History], quantity: str) -> Figure:
+    """Histories over time, perhaps of several components; the range of several nodes as a band."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
     letter, unit = QUANTITIES[quantity]
+    parts = dict.fromkeys(curve.component for curve in curves)
+    symbols = {part: f"|{letter}|" if part == "magnitude" else f"${letter}_{part}$" for part in parts}
     second, seconds = scaled((curve.time for curve in curves), "s")
     factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), UNITS.get(unit, unit))
     for number, curve in enumerate(curves):
@@ -55,9 +56,10 @@ def histories(curves: list[History], quantity: str, component: str) -> Figure:
             sides = (curve.low * factor, curve.high * factor)
             axes.fill_between(curve.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
         name = curve.label if curve.place is None else f"{curve.label} at {_millimetres(curve.place)}"
+        if len(symbols) > 1:
+            name += f", {symbols[curve.component]}"
         axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
-    symbol = f"|{letter}|" if component == "magnitude" else f"${letter}_{component}$"
-    axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {symbol}, {shown}")
+    axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {' and '.join(symbols.values())}, {shown}")
     axes.margins(x=0.01)
     axes.legend(frameon=False)
     return figure

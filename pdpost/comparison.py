@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdpost.cracks import CRACKED, Event, growth
+from pdpost.cracked import CRACKED
+from pdpost.cracks import Event, growth
 from pdpost.paths import Polyline, distance, path
+from pdpost.plates import check_alike
 from pdsolve.results import Results
 
 
@@ -27,7 +29,11 @@ def compare(
     direction: tuple[float, float] = (1.0, 0.0),
     threshold: float = CRACKED,
 ) -> Comparison:
-    """The paths of two runs after their `steps`, and when their cracks started, branched and split the plate."""
+    """The paths of two runs after their `steps`, and when their cracks started, branched and split the plate.
+
+    Raises ResultsError if they are not of one plate.
+    """
+    check_alike(other, one)
     paths = path(one, steps[0], threshold), path(other, steps[1], threshold)
     apart = distance(*paths) if all(paths) else (None, None)
     here, there = (growth(results, direction, threshold) for results in (one, other))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.cracks import CRACKED, DIRECTIONS, Direction, Growth, directions, growth
+from pdpost.cracked import CRACKED
+from pdpost.cracks import DIRECTIONS, Direction, Growth, directions, growth
 from pdpost.fragments import Fragments, fragments
-from pdpost.paths import Branch, Fork, branches, forks, heading
-from pdpost.speed import mean_speed, speeds
+from pdpost.paths import heading
+from pdpost.speed import Speeds
+from pdpost.tips import Branch, Fork, forks, tips
 from pdpost.waves import rayleigh_of
 from pdsolve.results import Results
 
@@ -35,8 +37,9 @@ class Summary:
 
 def summary(results: Results, step: int, threshold: float = CRACKED, along: str | None = None) -> Summary:
     """Follow the cracks of a run; along the direction that most of their length goes by, if none is given."""
-    found = branches(results, step, threshold)
-    along = along or heading([branch.points for branch in found])
+    limit = rayleigh_of(results)
+    found = [replace(branch, speed=_possible(branch.speed, limit)) for branch in tips(results, step, threshold)]
+    along = along or heading([branch.place for branch in found])
     return Summary(
         step,
         float(results.meta()["time_step"]),
@@ -44,15 +47,25 @@ def summary(results: Results, step: int, threshold: float = CRACKED, along: str 
         growth(results, DIRECTIONS[along], threshold),
         directions(results, step, threshold),
         found,
-        forks(found, float(results.nodes().delta.min())),
+        forks(found),
         fragments(results, step, threshold),
-        rayleigh_of(results),
+        limit,
     )
+
+
+def _mean_speed(branch: Branch, limit: float) -> float | None:
+    mean = branch.mean_speed
+    return None if mean is None or mean > limit else mean
+
+
+def _possible(found: Speeds, limit: float) -> Speeds:
+    """Speeds without those that are surely above the Rayleigh speed: there no tip ran, a stretch broke at once."""
+    too_fast = found.low > limit
+    return Speeds(*(np.where(too_fast, np.nan, column) for column in found))
 
 
 def numbers(found: Summary) -> dict[str, object]:
     """The summary as plain numbers, for JSON."""
-    dt = found.time_step
     return {
         **asdict(found.growth),
         "along": found.along,
@@ -61,16 +74,20 @@ def numbers(found: Summary) -> dict[str, object]:
         "rayleigh_speed": found.rayleigh_speed,
         "branches": [
             {
-                "points": branch.points,
-                "time": times(branch, dt),
+                "points": branch.place,
+                "time": branch.time,
                 "along": branch.along,
-                "speed": speeds(branch, dt),
+                "direction": branch.direction,
+                "line": branch.line,
+                "speed": branch.speed.value,
+                "speed_low": branch.speed.low,
+                "speed_high": branch.speed.high,
                 "length": branch.length,
-                "mean_speed": mean_speed(branch, dt),
+                "mean_speed": _mean_speed(branch, found.rayleigh_speed),
             }
             for branch in found.branches
         ],
-        "forks": [asdict(fork) | {"time": fork.step * dt} for fork in found.forks],
+        "forks": [asdict(fork) | {"step": round(fork.time / found.time_step)} for fork in found.forks],
         "fragments": found.fragments._asdict() | {"pieces": [piece._asdict() for piece in found.fragments.pieces]},
     }
 
@@ -79,14 +96,10 @@ def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: every point of the path with its time and speed."""
     rows: list[tuple[object, ...]] = []
     for number, branch in enumerate(found.branches):
-        columns = times(branch, found.time_step), *branch.points.T, branch.along, speeds(branch, found.time_step)
+        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line
         rows += [(number, *row) for row in zip(*columns, strict=True)]
-    return ("branch", "time, s", "x, m", "y, m", "along, m", "speed, m/s"), rows
-
-
-def times(branch: Branch, time_step: float) -> list[float | None]:
-    """When the crack came past each point of a branch, s; None at the tip of a pre-crack."""
-    return [None if since < 0 else since * time_step for since in branch.since.tolist()]
+    speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
+    return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, "direction x", "direction y", "line"), rows
 
 
 def sentences(found: Summary) -> list[str]:
@@ -100,13 +113,11 @@ def sentences(found: Summary) -> list[str]:
         if event is not None
     ]
     for number, branch in enumerate(found.branches[:LISTED]):
-        mean = mean_speed(branch, found.time_step)
-        fast = "" if mean is None else f", {mean:.4g} m/s ({mean / found.rayleigh_speed:.2f} of the Rayleigh speed)"
-        lines.append(f"branch {number}: {branch.length * 1e3:.3g} mm long, to {_place(branch.points[-1])}{fast}")
+        lines.append(f"branch {number}: {_way(branch, found.rayleigh_speed)}")
     if len(found.branches) > LISTED:
         lines.append(f"and {len(found.branches) - LISTED} shorter branches")
     for fork in found.forks[:LISTED]:
-        where = f"{_place(fork.place)}, {fork.step * found.time_step * 1e6:.4g} us"
+        where = f"{_place(fork.place)}, {fork.time * 1e6:.4g} us"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
     for way in found.directions:
         lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
@@ -114,6 +125,19 @@ def sentences(found: Summary) -> list[str]:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in found.fragments.pieces)
         lines.append(f"{len(found.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
     return lines or ["nothing broke"]
+
+
+def _way(branch: Branch, rayleigh: float) -> str:
+    """From where to where and when a tip went, and how fast."""
+    ways = [f"{_place(branch.place[at])} at {branch.time[at] * 1e6:.4g} us" for at in (0, -1)]
+    mean = _mean_speed(branch, rayleigh)
+    if not branch.line.all():
+        fast = ", wider than a crack: no speed"
+    elif mean is None:
+        fast = ", faster than a crack runs: it broke at once"
+    else:
+        fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
+    return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
 def _place(point: Sequence[float] | NDArray[np.float64]) -> str:

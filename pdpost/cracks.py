@@ -1,12 +1,11 @@
-"""Where the crack is: cracked nodes, tips, start, branching, angle, split; from the breaks, to the step.
+"""What became of a crack: when it started, branched, split the plate, and at which angle it left its notch.
 
-Damage is 1 - intact / initial bonds, bonds cut by a pre-crack counted as broken; a node is cracked above `CRACKED`.
-A crack runs along a direction, x unless told otherwise: its tip is the furthest cracked node along it.
+A crack runs along a direction, x unless told otherwise: its tip is the furthest cracked node along it. Where all tips
+were, and when, is in `tips`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,17 +14,18 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pdpost.cracked import CRACKED, LINKED, ROUND_OFF, cracked_since, pre_crack_tips
+from pdpost.lines import distances
+from pdpost.regions import grown
 from pdsolve.results import Nodes, Results
 
-CRACKED = 0.35
-ADVANCE = 1.5  # of the finest spacing: a tip this far from its first place has started
+ADVANCE = 1.5  # of the finest spacing: a crack this far from what was cracked at first has started
 COLUMNS = 3  # that hold two clusters of cracked nodes make a branch
 APART = 2.0  # spacings between two clusters
-LINKED = 1.5  # spacings between two nodes of a chain
+BESIDE = 3.0  # spacings: how far the flanks of a pre-crack reach
 OFF_LINE = 3.0  # of the finest spacing: how far from the line of its notch a crack's direction is measured
 PIECE = 0.02  # of all nodes: smaller parts are crumbs
 FIT = 5  # nodes that a direction needs at least
-ROUND_OFF = 1e-6
 
 DIRECTIONS = {"right": (1.0, 0.0), "left": (-1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
 
@@ -61,62 +61,54 @@ class Direction:
 
 
 def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), threshold: float = CRACKED) -> Growth:
-    """Follow the crack of a run along a direction through all its steps; damage above `threshold` is cracked.
+    """Follow the cracks of a run through all its steps; damage above `threshold` is cracked, places are `direction`'s.
 
-    Start: the tip is 1.5 of the finest spacings further than at first, or, where nothing was cracked, the first
-    node is. Branching: ahead of the first tip, at least three columns across the direction hold two arms of a
-    crack, see `branch_place`. Split: see `is_split`.
+    Start: a node is cracked that is 1.5 of the finest spacings away from all that were at first, or, where none was,
+    the first. Branching: at least three columns across the direction hold two arms of a crack, see `branch_place`; the
+    flanks of pre-cracks do not count. Split: see `is_split`.
     """
-    nodes = results.nodes()
+    nodes, breaks, since = results.nodes(), results.breaks(), cracked_since(results, threshold)
     time_step = float(results.meta()["time_step"])
     along = nodes.position @ np.array(direction)
     across = nodes.position @ np.array([-direction[1], direction[0]])
-    events: dict[str, Event] = {}
-    initial = tip = None
-    for step, damage in damage_by_step(results, nodes):
-        cracked = damage > threshold
-        tip = float(along[cracked].max()) if cracked.any() else None
-        if step == 0:
-            initial = tip
-            continue
-        events.setdefault("first break", Event(step, step * time_step))
-        needed = -np.inf if initial is None else initial + (ADVANCE - ROUND_OFF) * nodes.delta.min()
-        if "start" not in events and tip is not None and tip >= needed:
-            events["start"] = Event(step, step * time_step, tip)
-        if "start" in events and "branching" not in events:
-            ahead = cracked if initial is None else cracked & (along >= initial)
-            place = branch_place(along[ahead], across[ahead], nodes.delta[ahead])
-            if place is not None:
-                events["branching"] = Event(step, step * time_step, place)
+    first = int(breaks.step[0]) if len(breaks.step) else None
+    start = _start(nodes, since)
+    branching = None
+    ahead = np.flatnonzero((since > 0) & ~_flanks(nodes, results.cracks()))
+    for step in np.unique(since[ahead]).tolist() if start is not None else ():
+        rows = ahead[since[ahead] <= step]
+        place = branch_place(along[rows], across[rows], nodes.delta[rows])
+        if place is not None and step >= start:
+            branching = Event(step, step * time_step, place)
+            break
     return Growth(
-        events.get("first break"),
-        initial,
-        events.get("start"),
-        events.get("branching"),
-        _split(results, nodes, time_step, threshold),
-        tip,
+        None if first is None else Event(first, first * time_step),
+        _furthest(along[since == 0]),
+        None if start is None else Event(start, start * time_step, _furthest(along[since == start])),
+        branching,
+        _split(nodes, since, time_step),
+        _furthest(along[since >= 0]),
     )
 
 
-def damage_by_step(results: Results, nodes: Nodes) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Step and damage (n,), for step 0 and then for each step in which a bond broke."""
-    breaks = results.breaks()
-    row = _rows(nodes, breaks.node)
-    gone = nodes.cut.copy()
-    family = np.maximum(nodes.family, 1)
-    yield 0, gone / family
-    steps, starts = np.unique(breaks.step, return_index=True)
-    for step, rows in zip(steps.tolist(), np.split(row, starts[1:]), strict=True) if len(steps) else ():
-        gone += np.bincount(rows, minlength=len(gone))
-        yield step, gone / family
+def _start(nodes: Nodes, since: NDArray[np.int64]) -> int | None:
+    """The step in which a crack starts, of nodes (n,) that are cracked since a step, -1 if they are not."""
+    grown = since > 0
+    if (since == 0).any():
+        away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
+        grown &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
+    return int(since[grown].min()) if grown.any() else None
 
 
-def damage_at(results: Results, step: int) -> NDArray[np.float64]:
-    """Damage (n,) after any step, between frames as well."""
-    nodes, breaks = results.nodes(), results.breaks()
-    row = _rows(nodes, breaks.node[breaks.step <= step])
-    gone: NDArray[np.int64] = nodes.cut + np.bincount(row, minlength=len(nodes.ids))
-    return gone / np.maximum(nodes.family, 1)
+def _flanks(nodes: Nodes, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which nodes (n,) are beside a pre-crack and not ahead of its tips."""
+    away = distances(nodes.position, cracks[:, :2], cracks[:, 2:])
+    tips = np.array([tip for tip, _ in pre_crack_tips(cracks)]).reshape(-1, 2)
+    return (away < BESIDE * nodes.delta) & (away < distances(nodes.position, tips, tips) - ROUND_OFF * nodes.delta)
+
+
+def _furthest(along: NDArray[np.float64]) -> float | None:
+    return float(along.max()) if len(along) else None
 
 
 def branch_place(along: NDArray[np.float64], across: NDArray[np.float64], delta: NDArray[np.float64]) -> float | None:
@@ -164,9 +156,8 @@ def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     return int((piece > PIECE * len(cracked)).sum()) > 1
 
 
-def _split(results: Results, nodes: Nodes, time_step: float, threshold: float) -> Event | None:
+def _split(nodes: Nodes, since: NDArray[np.int64], time_step: float) -> Event | None:
     """The first step at which the plate is split, by bisection: what is cracked stays so."""
-    since = cracked_since(results, threshold)
     steps = np.unique(since[since >= 0])
     low, high = 0, len(steps)
     while low < high:
@@ -178,65 +169,30 @@ def _split(results: Results, nodes: Nodes, time_step: float, threshold: float) -
     return None if low == len(steps) else Event(int(steps[low]), int(steps[low]) * time_step)
 
 
-def cracked_since(results: Results, threshold: float = CRACKED) -> NDArray[np.int64]:
-    """The step (n,) from which on each node's damage is above `threshold`; -1 for nodes that stay sound."""
-    nodes, breaks = results.nodes(), results.breaks()
-    family = np.maximum(nodes.family, 1)
-    most = np.floor(threshold * family).astype(np.int64)  # bonds a node may lose, but for a rounding
-    most += ((most + 1) / family <= threshold).astype(np.int64) - (most / family > threshold)
-    further = most + 1 - nodes.cut  # breaks that a node needs
-    row = _rows(nodes, breaks.node)
-    order = np.lexsort((breaks.step, row))
-    count = np.bincount(row, minlength=len(family))
-    first = np.cumsum(count) - count
-    since = np.where(further <= 0, 0, -1)
-    broke = (further > 0) & (further <= count)
-    since[broke] = breaks.step[order][(first + further - 1)[broke]]
-    return since
-
-
-def _rows(nodes: Nodes, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The rows of nodes with these ids."""
-    order = np.argsort(nodes.ids)
-    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
-
-
 def directions(results: Results, step: int, threshold: float = CRACKED) -> list[Direction]:
     """The directions of the cracks from each inner tip of a pre-crack, after `step`.
 
-    A straight line through the cluster of cracked nodes at the tip, weighted by damage, as far as they are more
-    than three spacings to one side of the line of the pre-crack. Sides without such a crack are left out.
+    A straight line through the nodes of the crack at the tip, weighted by damage, as far as they are more than three
+    spacings to one side of the line of the pre-crack. Sides without such a crack are left out.
     """
-    nodes, damage = results.nodes(), damage_at(results, step)
-    grown = damage > threshold
-    if not grown.any():
+    nodes, here = results.nodes(), grown(results, step, threshold)
+    if not len(here.position):
         return []
     finest = float(nodes.delta.min())
-    position, weight = nodes.position[grown], damage[grown]
-    cluster = clusters(position, nodes.delta[grown])
     low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
     found = []
-    for tip, heading in tips(results.cracks()):
+    for tip, heading in pre_crack_tips(results.cracks()):
         if (tip < low + finest).any() or (tip > high - finest).any():
             continue
-        distance, nearest = cKDTree(position).query(tip)
-        if distance > 3 * finest:
+        distance, nearest = cKDTree(here.position).query(tip)
+        if distance > 3 * finest or here.level[nearest] > 3:  # a crack that came here began elsewhere
             continue
-        along, across = (position - tip) @ heading, (position - tip) @ np.array([-heading[1], heading[0]])
-        mine = (cluster == cluster[nearest]) & (np.abs(across) > OFF_LINE * finest) & (along > -finest)
+        along, across = (here.position - tip) @ heading, (here.position - tip) @ np.array([-heading[1], heading[0]])
+        mine = (here.crack == here.crack[nearest]) & (np.abs(across) > OFF_LINE * finest) & (along > -finest)
         for side in (1.0, -1.0):
             used = mine & (side * across > 0)
             if used.sum() >= FIT:
-                slope, _ = np.polyfit(side * across[used], along[used], 1, w=np.sqrt(weight[used]))
+                slope, _ = np.polyfit(side * across[used], along[used], 1, w=np.sqrt(here.damage[used]))
                 angle = side * float(np.degrees(np.arctan2(1.0, slope)))
                 found.append(Direction((float(tip[0]), float(tip[1])), angle, int(used.sum())))
     return found
-
-
-def tips(cracks: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Ends of pre-cracks that no other segment touches, with the unit vector the crack arrives with."""
-    ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
-    starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])
-    for tip, start in zip(ends, starts, strict=True):
-        if (np.abs(ends - tip).max(axis=1) < 1e-12).sum() == 1:
-            yield tip, (tip - start) / np.hypot(*(tip - start))

@@ -1,26 +1,23 @@
-"""Frames for ParaView and others: VTU, PVD, XDMF through meshio; CSV. SI units, points at reference positions."""
+"""Frames for ParaView and others: VTU and PVD through meshio, XDMF, CSV. SI units, points at reference positions."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
-from meshio.xdmf import TimeSeriesWriter
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
+from pdmesh.files import replacing, write_atomically
 from pdpost import fields
-from pdpost.sheets import CORNERS
+from pdpost import xdmf as xdmf_file
 from pdpost.tables import csv, of_frame
 from pdsolve.results import Results, ResultsError
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
-TENSORS = ("strain", "stress")
+CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
 
@@ -34,7 +31,7 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
 
     Raises ResultsError.
     """
-    nodes, stored = results.nodes(), results.stored(step)
+    stored = results.stored(step)
     data: dict[str, NDArray[np.generic]] = {}
     for name, letter in VECTORS.items():
         if f"{letter}x" in stored and f"{letter}y" in stored:
@@ -48,14 +45,22 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         zero = np.zeros_like(part["xx"])
         xx, yy, xy, zz = (part[which] for which in ("xx", "yy", "xy", "zz"))
         data[name] = np.column_stack([xx, xy, zero, xy, yy, zero, zero, zero, zz])
-    return {**data, "delta": nodes.delta, "area": nodes.area, "node": nodes.ids}
+    return data
+
+
+def node_data(results: Results) -> dict[str, NDArray[np.generic]]:
+    """What is known at each node (n,) and the same in all frames."""
+    nodes = results.nodes()
+    return {"delta": nodes.delta, "area": nodes.area, "node": nodes.ids}
 
 
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
     """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
     points, cells = _points(results, squares)
-    mesh = meshio.Mesh(points, cells, point_data=_data(results, step, also, squares))
-    _by_name(path, lambda temporary: meshio.write(temporary, mesh, file_format="vtu"))
+    data = _each(point_data(results, step, also) | node_data(results), squares)
+    mesh = meshio.Mesh(points, [cells], point_data=data)
+    with replacing(path) as part:
+        meshio.write(part, mesh, file_format="vtu")
 
 
 def pvd(
@@ -88,27 +93,15 @@ def xdmf(
     squares: bool = False,
     progress: Progress = iter,
 ) -> None:
-    """Write frames as one XDMF file, numbers as text."""
-    points, cells = _points(results, squares)
+    """Write frames as XDMF, with a .bin file of the same name beside it."""
     times = _times(results)
-
-    def write(temporary: str) -> None:
-        with TimeSeriesWriter(temporary, data_format="XML") as series:
-            series.write_points_cells(points, cells)
-            for step in progress(steps):
-                series.write_data(times[step], point_data=_data(results, step, also, squares))
-
-    _by_name(path, write)
+    frames = ((times[step], _each(point_data(results, step, also), squares)) for step in progress(steps))
+    xdmf_file.write(path, *_points(results, squares), _each(node_data(results), squares), frames)
 
 
 def _times(results: Results) -> dict[int, float]:
     """The time (s) of each frame's step."""
     return dict(zip(*(column.tolist() for column in results.frames()), strict=True))
-
-
-def _data(results: Results, step: int, also: Sequence[str], squares: bool) -> dict[str, NDArray[np.generic]]:
-    """`point_data` of a frame, for each node or for each corner of its square."""
-    return {name: _each(values, squares) for name, values in point_data(results, step, also).items()}
 
 
 def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:
@@ -131,26 +124,20 @@ def chosen(results: Results, every: int = 1) -> list[int]:
     return steps
 
 
-def _points(results: Results, squares: bool) -> tuple[NDArray[np.float64], list[tuple[str, NDArray[np.int64]]]]:
+def _points(results: Results, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
+    """Points (p, 3), m, and what kind of cells they are the corners of."""
     nodes = results.nodes()
     count = len(nodes.ids)
     if squares:
         corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS).reshape(-1, 2)
-        return _flat(corners), [("quad", np.arange(4 * count).reshape(-1, 4))]
-    return _flat(nodes.position), [("vertex", np.arange(count).reshape(-1, 1))]
+        return _flat(corners), ("quad", np.arange(4 * count).reshape(-1, 4))
+    return _flat(nodes.position), ("vertex", np.arange(count).reshape(-1, 1))
 
 
 def _flat(position: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([position, np.zeros(len(position))])
 
 
-def _each(values: NDArray[np.generic], squares: bool) -> NDArray[np.generic]:
-    return np.repeat(values, 4, axis=0) if squares else values
-
-
-def _by_name(path: Path, write: Callable[[str], None]) -> None:
-    """Let `write` write a file of another name, and then put it at `path`."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}.") as folder:
-        temporary = os.path.join(folder, f"part{path.suffix}")
-        write(temporary)
-        os.replace(temporary, path)
+def _each(data: dict[str, NDArray[np.generic]], squares: bool) -> dict[str, NDArray[np.generic]]:
+    """Data for each node, or for each corner of its square."""
+    return {name: np.repeat(values, 4, axis=0) for name, values in data.items()} if squares else data

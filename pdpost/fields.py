@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.cracks import damage_at
+from pdpost.cracked import CRACKED, damage_at
+from pdpost.stored import scalar, vector
 from pdpost.strain import gradients, green, hooke, stiffness, thinning
 from pdsolve.results import Results
 
@@ -28,6 +29,11 @@ class Field:
     unit: str
     components: tuple[str, ...] = ()  # none: a scalar
     stored: str = ""  # of a vector: the letter its components are stored under
+
+    @property
+    def fitted(self) -> bool:
+        """Whether it is fitted to the bonds that are left: strain and stress."""
+        return self.components[: len(TENSOR)] == TENSOR
 
 
 FIELDS = {
@@ -57,6 +63,16 @@ def component(name: str, given: str | None) -> str:
     return given
 
 
+def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
+    """Nodes (n,) whose value says nothing: of strain and stress, where more than 0.35 of the bonds are broken.
+
+    What is fitted to the few bonds left there is the opening of a crack, not a strain.
+    """
+    if not FIELDS[name].fitted:
+        return np.zeros(len(results.nodes().ids), dtype=bool)
+    return damage_at(results, step) > CRACKED
+
+
 def signed(name: str, part: str) -> bool:
     """Whether the values of a component may be below zero as well as above."""
     return bool(part) and part not in ("magnitude", "mises")
@@ -77,9 +93,9 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     if name == "damage":
         return {"": damage_at(results, step)}
     if name == "energy":
-        return {"": results.field("energy", step).astype(float)}
+        return {"": scalar(results, "energy", step)}
     if field.components == VECTOR:
-        x, y = (results.field(f"{field.stored}{axis}", step).astype(float) for axis in "xy")
+        x, y = vector(results, field.stored, step).T
         return {"magnitude": np.hypot(x, y), "x": x, "y": y}
     strain = green(gradients(results, step))
     modulus, plane = stiffness(results)

@@ -1,13 +1,9 @@
-"""Pictures of a field, with matplotlib: which colours, which unit, what is written. A figure is never shown."""
+"""Pictures of a field: which colours, which unit, what is written. A figure is never shown."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -16,26 +12,16 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
 from pdpost import fields
-from pdpost.sheets import UNKNOWN, Sheet, box_of, paint, prefixed, shape, sheet
+from pdpost.cracked import CRACKED
+from pdpost.raster import Box
+from pdpost.sheets import Sheet, box_of, legend, mark, paint, prefixed, seen, shape, sheet
+from pdpost.style import TORN, UNKNOWN
 from pdsolve.results import Results
 
-STYLE = {
-    "font.size": 9,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "axes.titlesize": 9,
-    "savefig.dpi": 200,
-}
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
 PARTS = {"x": "x", "y": "y", "largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-class FigureError(ValueError):
-    """A picture that cannot be drawn; the message says what was found and what was expected."""
 
 
 class Colours(NamedTuple):
@@ -49,16 +35,11 @@ class Colours(NamedTuple):
     beyond: str  # which ends are arrows: "neither", "min", "max", "both"
 
 
-def styled(style: Mapping[str, str]) -> dict[str, object]:
-    """The house style with a user's matplotlib settings over it. Raises FigureError for one it does not know."""
-    for name, value in style.items():
-        if name not in matplotlib.rcParams:
-            raise FigureError(f"--set {name}: found no such matplotlib setting, expected one such as savefig.dpi")
-        try:
-            matplotlib.RcParams({name: value})
-        except ValueError as error:
-            raise FigureError(f"--set {name}={value}: {error}") from None
-    return STYLE | dict(style)
+class Shown(NamedTuple):
+    """A component of a field as it is drawn."""
+
+    values: NDArray[np.float64]  # (n,) SI; NaN: none
+    torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.torn`
 
 
 def draw(
@@ -69,24 +50,44 @@ def draw(
     part: str | None = None,
     scale: float = 0.0,
     largest: float | None = None,
-    values: NDArray[np.float64] | None = None,
+    window: Box | None = None,
+    shown: Shown | None = None,
 ) -> Figure:
-    """The field called `name` after `step`: each node a square the size of its spacing.
+    """The field called `name` after `step`: each node a cell of the plate, what is nearer to it than to any other.
 
     `part` is the field's component, `scale` what displacements are multiplied by (0: the reference), `largest` where
-    the colours end, in SI units, `values` (n,) the component's if they are known already. Raises FieldError, and
-    ResultsError, naming what there is.
+    the colours end, in SI units, `window` what is seen, m, `shown` the component if it is known already. Raises
+    FieldError, and ResultsError, naming what there is.
     """
     part = fields.component(name, part)
-    if values is None:
-        values = fields.values(results, name, step, part or None)
+    shown = values_of(results, name, step, part) if shown is None else shown
     where = shape(results, step, scale)
-    on = sheet(box_of(results, [where]))
-    shown = colours(name, part, values, largest)
-    mappable = bar(on, shown)
-    paint(on, where, values * shown.factor, mappable)
+    on = sheet(window or box_of([where]))
+    range_of = colours(name, part, shown.values[~shown.torn & seen(where.position, on.box)], largest)
+    mappable = bar(on, range_of)
+    paint(on, where, shown.values * range_of.factor, mappable, shown.torn)
+    mark(on, where)
+    legend(on, *explained(shown, seen(where.position, on.box)))
     on.axes.set_title(title(results, name, part, step, scale))
     return on.figure
+
+
+def values_of(results: Results, name: str, step: int, part: str) -> Shown:
+    """A component of a field after `step`, as it is drawn. Raises ResultsError."""
+    return Shown(fields.values(results, name, step, part or None), fields.torn(results, name, step))
+
+
+def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:
+    """Colours and words for the nodes without a place on the bar of colours, among those `where` (n,) is true."""
+    unknown = where & ~shown.torn & ~np.isfinite(shown.values)
+    found = []
+    for colour, nodes, words in (
+        (TORN, where & shown.torn, f"left out, damage above {CRACKED:g}"),
+        (UNKNOWN, unknown, "too few bonds for a value"),
+    ):
+        if nodes.any():
+            found.append((colour, f"{words}: {int(nodes.sum())} nodes"))
+    return found
 
 
 def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
@@ -158,22 +159,3 @@ def at(results: Results, step: int, scale: float = 0.0) -> str:
     factor, prefix = prefixed(float(times[-1]) if len(times) else step * time_step)
     when = f"at {step * time_step * factor:.4g} {prefix}s (step {step})"
     return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure in the format of the path's suffix, the same bytes each time. Raises FigureError."""
-    kind = check_format(path)
-    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
-    picture = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "pdpost"}):
-        figure.savefig(picture, format=kind, bbox_inches="tight", metadata=undated.get(kind))
-    write_atomically(path, picture.getvalue())
-
-
-def check_format(path: Path) -> str:
-    """The format of the path's suffix. Raises FigureError, naming those there are, if there is none."""
-    formats = Figure().canvas.get_supported_filetypes()
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats:
-        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
-    return kind

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdpost.cracks import CRACKED, PIECE, clusters, damage_at
+from pdpost.cracked import CRACKED, damage_at
+from pdpost.cracks import PIECE, clusters
 from pdsolve.results import Results
 
 

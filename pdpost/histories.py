@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpost.stored import vector
 from pdsolve.results import Results, ResultsError
 
 QUANTITIES = {"displacement": ("u", "m"), "velocity": ("v", "m/s"), "acceleration": ("a", "m/s^2")}
@@ -18,6 +19,7 @@ class History(NamedTuple):
     """A quantity of a node, or the mean of several, at t times."""
 
     label: str
+    component: str  # x, y or magnitude
     nodes: tuple[int, ...]  # ids
     source: str  # "probe" or "frames"
     time: NDArray[np.float64]  # (t,) s
@@ -43,9 +45,9 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
     if len(mine):
         letter = QUANTITIES[quantity][0]
         value = _component(mine[f"{letter}x"], mine[f"{letter}y"], component)
-        return History(label, (node,), "probe", mine["time"], value, value, value, (x, y), 0.0)
+        return History(label, component, (node,), "probe", mine["time"], value, value, value, (x, y), 0.0)
     time, values = _of_frames(results, rows, quantity, component)
-    return History(label, (node,), "frames", time, values[:, 0], values[:, 0], values[:, 0], (x, y), 0.0)
+    return History(label, component, (node,), "frames", time, values[:, 0], values[:, 0], values[:, 0], (x, y), 0.0)
 
 
 def at_place(
@@ -86,7 +88,7 @@ def in_box(
     ids = tuple(nodes.ids[rows].tolist())
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
     middle = values.mean(axis=1)
-    return History(label, ids, "frames", time, middle, values.min(axis=1), values.max(axis=1), None, 0.0)
+    return History(label, component, ids, "frames", time, middle, values.min(axis=1), values.max(axis=1), None, 0.0)
 
 
 def _of_frames(
@@ -97,12 +99,8 @@ def _of_frames(
     if not len(steps):
         raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
     letter = QUANTITIES[quantity][0]
-    axes = "xy" if component == "magnitude" else component
-    found = []
-    for step in steps:
-        read = {axis: results.field(letter + axis, int(step))[rows].astype(float) for axis in axes}
-        found.append(_component(read.get("x", np.zeros(len(rows))), read.get("y", np.zeros(len(rows))), component))
-    return times, np.array(found)
+    found = (vector(results, letter, int(step))[rows] for step in steps)
+    return times, np.array([_component(both[:, 0], both[:, 1], component) for both in found])
 
 
 def _component(x: NDArray[np.float64], y: NDArray[np.float64], component: str) -> NDArray[np.float64]:

@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpost.model import read
 from pdsolve.results import Results, ResultsError
 
 
 class _Named(msgspec.Struct):
-    """What is read of the grid file; the rest, mostly nodes, is passed over."""
+    """What is read of the grid file."""
 
     conditions: list[dict[str, Any]] = []
 
@@ -37,7 +38,7 @@ class Reaction(NamedTuple):
 def reactions(results: Results) -> list[Reaction]:
     """All conditions that act throughout the run. Raises ResultsError if there are none."""
     rows = results.reactions()
-    conditions = msgspec.json.decode(results.model(), type=_Named).conditions
+    conditions = read(results, _Named).conditions
     found = []
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -18,6 +17,7 @@ from pdpost.balance import balance
 from pdpost.crack_summary import sentences, summary
 from pdpost.reactions import reactions
 from pdpost.scene_figure import acted_on, scene
+from pdpost.style import written
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
@@ -159,9 +159,7 @@ def _text(value: object) -> str:
 
 
 def _image(figure: Figure, alternative: str) -> str:
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=DPI, bbox_inches="tight", metadata={"Software": None})
-    return _picture(picture.getvalue(), "png", alternative)
+    return _picture(written(figure, "png", DPI), "png", alternative)
 
 
 def _picture(data: bytes, kind: str, alternative: str) -> str:

@@ -5,23 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pdpost import raster
-from pdpost.charts import COLOURS, WIDTH
-from pdpost.crack_figure import CORNERS, PIXELS
-from pdpost.sheets import SQUARES
+from pdpost.charts import WIDTH
+from pdpost.sheets import box_of, mark, on_axes, shape, tint
+from pdpost.style import COLOURS
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
 
 
 def scene(results: Results, model: dict[str, Any]) -> Figure:
-    """Each node a square of its spacing, grey by its level, in the colour of the last condition that acts on it.
+    """Each node its cell of the plate, grey by its level, in the colour of the last condition that acts on it.
 
     `model` is the grid file as JSON has it.
     """
@@ -42,39 +39,17 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
         keys.append(
             Patch(color=colour, label=f"{condition.get('name') or f'condition {number}'} ({condition['kind']})")
         )
-    few = np.ptp(nodes.position, axis=0).max() / nodes.delta.min() < FEW
-    half = nodes.delta[:, None] / 2
-    low, high = (nodes.position - half).min(axis=0) * 1e3, (nodes.position + half).max(axis=0) * 1e3
-    height = float(np.clip(WIDTH * (high[1] - low[1]) / max(high[0] - low[0], 1e-300), 1.5, 8.0))
-    figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
-    plate = figure.add_subplot()
-    if len(nodes.ids) > SQUARES:
-        _paint(plate, nodes, colours, (low, high))
-    else:
-        squares = (nodes.position[:, None, :] + (0.88 if few else 1.0) * nodes.delta[:, None, None] * CORNERS) * 1e3
-        thin = np.where(acting, 0.0 if few else 0.7, 0.0)  # points, so that a row of small nodes is seen
-        plate.add_collection(PolyCollection(list(squares), facecolors=colours, edgecolors=colours, linewidths=thin))
-    segments = results.cracks().reshape(-1, 2, 2) * 1e3
-    plate.add_collection(LineCollection(list(segments), colors="black", linewidths=1.5))
-    edge = 0.01 * float((high - low).max())
-    plate.set(xlim=(low[0] - edge, high[0] + edge), ylim=(low[1] - edge, high[1] + edge), aspect="equal")
-    plate.set(xlabel="x, mm", ylabel="y, mm")
+    where = shape(results, 0, 0.0)
+    box = box_of([where])
+    width, tall = box[2] - box[0], box[3] - box[1]
+    figure = Figure(figsize=(WIDTH, float(np.clip(WIDTH * tall / width, 1.5, 8.0)) + 0.9), layout="constrained")
+    on = on_axes(figure.add_subplot(), box)
+    few = max(width, tall) / nodes.delta.min() < FEW
+    edges = {"edgecolors": "white", "linewidths": 0.5} if few else {"linewidths": np.where(acting, 0.7, 0.4)}
+    tint(on, where, colours, **edges)  # a row of small nodes is seen
+    mark(on, where)
     figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False)
     return figure
-
-
-def _paint(
-    plate: Axes,
-    nodes: Nodes,
-    colours: NDArray[np.float64],
-    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> None:
-    """The nodes in their colours (n, 3) as an image between two corners, mm."""
-    low, high = ends
-    box = (low[0] / 1e3, low[1] / 1e3, high[0] / 1e3, high[1] / 1e3)
-    layers = [raster.averages(nodes.position, nodes.delta, layer, box, PIXELS) for layer in colours.T]
-    image = np.dstack([np.where(there, mean, 1.0) for mean, there in layers])
-    plate.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), interpolation="nearest")
 
 
 def acted_on(nodes: Nodes, condition: dict[str, Any]) -> NDArray[np.bool_]:

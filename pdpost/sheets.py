@@ -2,42 +2,51 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from pdpost import raster
+from pdpost import plates, raster
+from pdpost.plates import Cells, Plate, around, cells, outlines, plate
 from pdpost.raster import Box
+from pdpost.stored import vector
 from pdpost.strain import fitted, intact
+from pdpost.style import EDGE, THICK, THIN, TORN
 from pdsolve.results import Results
 
 WIDTH, TALLEST, FLATTEST = 5.4, 6.5, 1.2  # inches, of the plate
 LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
-SQUARES = 20_000  # nodes; more are painted as an image
-CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
+MARGIN = 0.01  # of the plate, around it
 ROOM = 0.2  # of the plate, around it, for what is displaced
-UNKNOWN = "#707070"  # nodes without a value
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 class Shape(NamedTuple):
-    """Nodes where they are drawn."""
+    """Nodes where they are drawn, and their plate."""
 
+    plate: Plate
     position: NDArray[np.float64]  # (n, 2) m
     delta: NDArray[np.float64]  # (n,) m
-    turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their squares; None: nothing
+    cells: Cells | None  # None where there are too many to draw them one by one
+    turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
+    scale: float  # what their displacement is multiplied by
 
 
 class Sheet(NamedTuple):
-    """A figure with one plate."""
+    """A plate in a figure."""
 
     figure: Figure
     axes: Axes
@@ -45,25 +54,30 @@ class Sheet(NamedTuple):
     factor: float  # from m to the axes' unit
 
 
-def shape(results: Results, step: int, scale: float) -> Shape:
+def shape(results: Results, step: int, scale: float, still: Shape | None = None) -> Shape:
     """The nodes of a frame displaced by `scale` times their displacement, 0: the reference.
 
-    Raises ResultsError if the frame does not hold displacements and `scale` is not 0.
+    `still` is the shape of another frame, if there is one: their cells are the same. Raises ResultsError if the frame
+    does not hold displacements and `scale` is not 0.
     """
     nodes = results.nodes()
+    if still is None:
+        on = plate(results)
+        own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
+        still = Shape(on, nodes.position, nodes.delta, own, None, 0.0)
     if not scale:
-        return Shape(nodes.position, nodes.delta, None)
+        return still._replace(position=nodes.position, turned=None, scale=0.0)
     moved = displacement(results, step)
     turned = None
-    if len(nodes.ids) <= SQUARES:
+    if still.cells is not None:
         turned = np.eye(2) + scale * fitted(results, moved, intact(results, results.families(), step))
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
-    return Shape(nodes.position + scale * moved, nodes.delta, turned)
+    return still._replace(position=nodes.position + scale * moved, turned=turned, scale=scale)
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
     """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
-    moved = np.column_stack([results.field("ux", step), results.field("uy", step)]).astype(float)
+    moved = vector(results, "u", step)
     return np.where(np.isfinite(moved), moved, 0.0)
 
 
@@ -79,66 +93,117 @@ def chosen_scale(results: Results, step: int) -> float:
     return float(max(power * max(n for n in (1, 2, 5) if n * power <= max(wanted, 1.0)), 1.0))
 
 
-def box_of(results: Results, shapes: list[Shape]) -> Box:
+def box_of(shapes: list[Shape]) -> Box:
     """What is to be seen so that all the shapes are, except for what is thrown far off the plate, m."""
-    nodes = results.nodes()
-    half = nodes.delta[:, None] / 2
-    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
-    room = ROOM * (high - low).max()
-    lowest = np.min([(one.position - half).min(axis=0) for one in shapes], axis=0)
-    highest = np.max([(one.position + half).max(axis=0) for one in shapes], axis=0)
-    x0, y0 = np.maximum(lowest, low - room).tolist()
-    x1, y1 = np.minimum(highest, high + room).tolist()
+    bounds = np.reshape(shapes[0].plate.shape.bounds, (2, 2))
+    size = float(np.ptp(bounds, axis=0).max())
+    low, high = bounds
+    for one in shapes:
+        if one.scale:
+            half = one.delta[:, None] / 2
+            low = np.minimum(low, (one.position - half).min(axis=0))
+            high = np.maximum(high, (one.position + half).max(axis=0))
+    room = (ROOM if any(one.scale for one in shapes) else MARGIN) * size
+    x0, y0 = np.maximum(low - MARGIN * size, bounds[0] - room).tolist()
+    x1, y1 = np.minimum(high + MARGIN * size, bounds[1] + room).tolist()
     return x0, y0, x1, y1
 
 
-def sheet(box: Box, bar: bool = True) -> Sheet:
-    """An empty sheet for what is in `box`, m, with room for a bar of colours beside it."""
+def seen(places: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
+    """Which places (n, 2), m, are in a box."""
+    return np.asarray(((places >= box[:2]) & (places <= box[2:])).all(axis=1), dtype=np.bool_)
+
+
+def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
+    """An empty sheet for what is in `box`, m, with room for a bar of colours beside it, and inches more below it."""
     width, height = box[2] - box[0], box[3] - box[1]
     across = min(WIDTH, TALLEST * width / height)
     tall = max(across * height / width, FLATTEST)
-    size = (max(LEFT + across + RIGHT * bar, 4.0), BELOW + tall + ABOVE)
+    size = (max(LEFT + across + RIGHT * bar, 4.0), room + BELOW + tall + ABOVE)
     figure = Figure(figsize=size)
-    factor, prefix = prefixed(max(width, height))
-    place = (LEFT / size[0], BELOW / size[1], across / size[0], tall / size[1])
-    axes = figure.add_axes(place, aspect="equal", xlabel=f"x, {prefix}m", ylabel=f"y, {prefix}m")
+    place = (LEFT / size[0], (room + BELOW) / size[1], across / size[0], tall / size[1])
+    return on_axes(figure.add_axes(place), box)
+
+
+def on_axes(axes: Axes, box: Box) -> Sheet:
+    """A sheet for what is in `box`, m, on axes that are there already."""
+    factor, prefix = prefixed(max(box[2] - box[0], box[3] - box[1]))
+    axes.set(xlabel=f"x, {prefix}m", ylabel=f"y, {prefix}m", aspect="equal")
     axes.set_xlim(box[0] * factor, box[2] * factor)
     axes.set_ylim(box[1] * factor, box[3] * factor)
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
     return Sheet(figure, axes, box, factor)
 
 
-def paint(on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable) -> Artist:
-    """Put each node's square on the sheet, coloured by its value (n,), in the numbers of `colours`."""
-    if len(values) > SQUARES:
-        return _image(on, nodes, values, colours)
-    corners = nodes.delta[:, None, None] * CORNERS
-    if nodes.turned is not None:
-        corners = np.einsum("nab,ncb->nca", nodes.turned, corners)
-    squares = PolyCollection(
-        (nodes.position[:, None, :] + corners) * on.factor,
-        array=np.ma.masked_invalid(values),
-        cmap=colours.cmap,
-        norm=colours.norm,
-        edgecolors="face",
-        linewidths=0.4,
-    )
-    on.axes.add_collection(squares, autolim=False)
-    return squares
+def paint(
+    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_] | None = None
+) -> list[Artist]:
+    """Put each node's cell on the sheet, coloured by its value (n,), in the numbers of `colours`.
+
+    Nodes without a value are dark grey, those marked in `torn` (n,) light grey.
+    """
+    torn = np.zeros(len(values), dtype=bool) if torn is None else torn
+    values = np.where(torn, np.nan, values)
+    if nodes.cells is None:
+        return [_image(on, nodes, values, colours, torn)]
+    painted = outlines(nodes.cells, nodes.position, nodes.turned, on.factor)
+    found: list[Artist] = [
+        _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
+    ]
+    if torn.any():
+        found.append(_cells(on, [painted[row] for row in np.flatnonzero(torn)], facecolors=TORN))
+    return found
 
 
-def _image(on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable) -> Artist:
-    mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
-    painted = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
-    painted[~there] = 0
-    return show(on, painted)
+def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) -> None:
+    """Put each node's cell on the sheet in a colour (n, 3) of its own; `lines` are what the edges of cells have."""
+    if nodes.cells is not None:
+        _cells(on, outlines(nodes.cells, nodes.position, nodes.turned, on.factor), facecolors=colours, **lines)
+        return
+    layers = [_filled(on, nodes, layer) for layer in colours.T]
+    alpha = layers[0][1].astype(float)
+    show(on, np.dstack([*(np.where(there, mean, 1.0) for mean, there in layers), alpha]), nodes)
 
 
-def show(on: Sheet, painted: NDArray[np.uint8]) -> Artist:
-    """Put an image (rows, columns, 4) of the sheet's box on it, lowest row first."""
+def mark(on: Sheet, nodes: Shape) -> None:
+    """The edges of the plate and of its holes, and the pre-cracks; dotted where they were if nodes are displaced."""
+    style = {"linestyle": ":"} if nodes.scale else {}
+    if nodes.plate.edges:
+        rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
+        on.axes.add_collection(LineCollection(rings, colors=EDGE, linewidths=THIN, zorder=3, **style), autolim=False)
+    ends = nodes.plate.cracks.reshape(-1, 2, 2)
+    inside = (ends.max(axis=1) >= on.box[:2]).all(axis=1) & (ends.min(axis=1) <= on.box[2:]).all(axis=1)
+    lines = ends[inside] * on.factor
+    if len(lines):
+        for colour, width, label in (("white", 1.8 * THICK, None), ("black", THICK, "pre-crack")):
+            cracks = LineCollection(list(lines), colors=colour, linewidths=width, zorder=4, label=label, **style)
+            cracks.set_capstyle("round")
+            on.axes.add_collection(cracks, autolim=False)
+
+
+def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
+    """What the lines on a plate and patches (colour, words) mean, below the plate."""
+    handles, _ = on.axes.get_legend_handles_labels()
+    handles += [Patch(color=colour, label=words) for colour, words in patches]
+    if handles:
+        place = on.axes.get_position()
+        low = place.y0 - 0.42 / on.figure.get_figheight()
+        middle = (place.x0 + place.x1) / 2
+        on.figure.legend(
+            handles=handles, loc="upper center", bbox_to_anchor=(middle, low), ncols=columns, frameon=False, fontsize=8
+        )
+
+
+def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
+    """Put an image (rows, columns, 4) of the sheet's box on it, lowest row first, clipped to the plate."""
     x0, y0, x1, y1 = (edge * on.factor for edge in on.box)
-    return on.axes.imshow(
+    image = on.axes.imshow(
         painted, origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest", aspect="equal", zorder=1
     )
+    if not nodes.scale and nodes.plate.edges:
+        image.set_clip_path(PathPatch(around(nodes.plate.shape, on.factor), transform=on.axes.transData))
+    return image
 
 
 def pixels(on: Sheet) -> int:
@@ -153,3 +218,36 @@ def prefixed(largest: float) -> tuple[float, str]:
     power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**-power, PREFIXES[power]
+
+
+def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
+    found = PathCollection(painted, **{"edgecolors": "face", "linewidths": 0.4, **more})
+    on.axes.add_collection(found, autolim=False)
+    return found
+
+
+def _image(
+    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_]
+) -> Artist:
+    mean, there = _filled(on, nodes, values)
+    painted = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
+    if torn.any():
+        share, _ = _filled(on, nodes, torn.astype(float))
+        painted[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
+    painted[~there] = 0
+    return show(on, painted, nodes)
+
+
+def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """`raster.averages` of the sheet's box; where the plate is and no node's square, the nearest node's value."""
+    mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
+    if nodes.scale or not nodes.plate.edges or there.all():
+        return mean, there
+    rows, columns = np.nonzero(~there)
+    low, high = np.array(on.box[:2]), np.array(on.box[2:])
+    middle = low + (np.column_stack([columns, rows]) + 0.5) / there.shape[::-1] * (high - low)
+    bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / there.shape[1])
+    _, nearest = cKDTree(nodes.position).query(middle[bare])
+    mean[rows[bare], columns[bare]] = values[nearest]
+    there[rows[bare], columns[bare]] = True
+    return mean, there

@@ -10,12 +10,15 @@ are all gone, has no strain: NaN.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.results import Families, Results, ResultsError
+from pdpost.model import read
+from pdpost.stored import vector
+from pdsolve.results import Families, Results
 
 BLOCK = 1 << 15  # nodes at a time, so that memory stays small
 FLAT = 1e-6  # det / trace^2 of a family's shape below which its bonds lie on a line; a full family has 0.25
@@ -24,7 +27,7 @@ BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4}  # Poisson's ratio of bonds, by pl
 
 class _Material(msgspec.Struct):
     E: float  # Pa
-    plane: str = "stress"
+    plane: Literal["stress", "strain"] = "stress"
 
 
 class _Region(msgspec.Struct):
@@ -34,7 +37,7 @@ class _Region(msgspec.Struct):
 
 
 class _Materials(msgspec.Struct):
-    """What the model says of materials; its other keys are skipped."""
+    """What is read of the grid file."""
 
     material: _Material
     regions: list[_Region] = []
@@ -45,8 +48,7 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
     Raises ResultsError if the frame does not hold ux and uy.
     """
-    displacement = np.column_stack([results.field("ux", step), results.field("uy", step)]).astype(float)
-    return fitted(results, displacement, intact(results, results.families(), step))
+    return fitted(results, vector(results, "u", step), intact(results, results.families(), step))
 
 
 def fitted(results: Results, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
@@ -130,13 +132,7 @@ def thinning(strain: NDArray[np.float64], plane: str) -> NDArray[np.float64]:
 
 def stiffness(results: Results) -> tuple[NDArray[np.float64], str]:
     """Young's modulus (n,), Pa, of each node, and "stress" or "strain": which plane. Raises ResultsError."""
-    try:
-        model = msgspec.json.decode(results.model(), type=_Materials)
-        plane = model.material.plane
-        if plane not in BONDS_NU:
-            raise msgspec.ValidationError(f"found plane '{plane}'")
-    except msgspec.DecodeError as error:
-        raise ResultsError(f"{results.name}: found no material in the model ({error}), expected E and plane") from None
+    model = read(results, _Materials)
     nodes = results.nodes()
     modulus = np.full(len(nodes.ids), model.material.E)
     for region in model.regions:
@@ -147,7 +143,7 @@ def stiffness(results: Results) -> tuple[NDArray[np.float64], str]:
             x0, y0, x1, y1 = region.box
             inside &= (x >= x0 - slack) & (x <= x1 + slack) & (y >= y0 - slack) & (y <= y1 + slack)
         modulus[inside] = region.material.E
-    return modulus, plane
+    return modulus, model.material.plane
 
 
 def _blocks(count: int) -> Iterator[tuple[int, int]]:

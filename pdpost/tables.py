@@ -23,12 +23,16 @@ def csv(columns: Columns) -> bytes:
 
 
 def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.generic]]:
-    """Node, reference position and all components of a field after `step`, in SI units."""
+    """Node, reference position and all components of a field after `step`, in SI units.
+
+    With strain and stress the damage, which says where they say nothing.
+    """
     nodes = results.nodes()
     found = fields.components(results, name, step)
     x, y = nodes.position.T
     named = {f"{name}_{part}" if part else name: values for part, values in found.items()}
-    return {"node": nodes.ids, "x": x, "y": y, **named}
+    more = {"damage": fields.values(results, "damage", step)} if fields.FIELDS[name].fitted else {}
+    return {"node": nodes.ids, "x": x, "y": y, **more, **named}
 
 
 def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:

@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
-from pdpost.cracks import CRACKED, DIRECTIONS, Event, damage_at, growth
+from pdpost.cracked import CRACKED, damage_at
+from pdpost.cracks import DIRECTIONS, Event, growth
 from pdpost.paths import Polyline, distance, heading, path
+from pdpost.plates import check_alike
+from pdpost.stored import vector
 from pdsolve.results import Results, ResultsError
 
 AWAY = 2.0  # of the larger spacing: displacements are compared where no crack is nearer
-ALIKE = 2.0  # of the larger spacing: how far the plates of two results of one scene may differ
 
 
 class Cost(NamedTuple):
@@ -101,20 +103,8 @@ def cheapest(cost: NDArray[np.float64], error: NDArray[np.float64], within: floa
     return int(good[cost[good].argmin()]) if len(good) else None
 
 
-def _check(results: Results, reference: Results) -> None:
-    one, other = results.nodes(), reference.nodes()
-    allowed = ALIKE * max(float(one.delta.max()), float(other.delta.max()))
-    sides = [np.concatenate([nodes.position.min(axis=0), nodes.position.max(axis=0)]) for nodes in (one, other)]
-    if np.abs(sides[0] - sides[1]).max() > allowed:
-        low, high = sides[0][:2], sides[0][2:]
-        raise ResultsError(
-            f"{results.name}: found a plate from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) m, expected the"
-            f" reference's, ({sides[1][0]:g}, {sides[1][1]:g}) to ({sides[1][2]:g}, {sides[1][3]:g}) m"
-        )
-
-
 def _common_time(results: Results, reference: Results) -> float:
-    _check(results, reference)
+    check_alike(results, reference)
     last = []
     for run in (results, reference):
         _, times = run.frames()
@@ -165,10 +155,7 @@ def _at(results: Results, time: float) -> NDArray[np.float64]:
     gap = float(times[after] - times[before])
     share = (time - float(times[before])) / gap if gap > 0 else 1.0
     share = min(max(share, 0.0), 1.0)
-    old, new = (
-        np.column_stack([results.field("ux", int(steps[at])), results.field("uy", int(steps[at]))]).astype(float)
-        for at in (before, after)
-    )
+    old, new = (vector(results, "u", int(steps[at])) for at in (before, after))
     return np.asarray((1 - share) * old + share * new)
 
 

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from pdpost.charts import COLOURS, WIDTH, plain
+from pdpost.charts import WIDTH, plain
+from pdpost.style import BLUE, VERMILION
 from pdpost.tradeoff import Point, front
 
 LEAST = 1e-6  # errors below are drawn there
@@ -31,7 +32,7 @@ def tradeoff(points: Sequence[Point], by: str, kinds: Sequence[str], within: flo
         draw(panel, cost, error, [point.name for point in points])
         panel.set(xlabel=COSTS[by], title=f"error of {kind}" if kind != "worst" else "largest error")
         if within is not None:
-            panel.axhline(within, color=COLOURS[1], lw=0.8, ls="--")
+            panel.axhline(within, color=VERMILION, lw=0.8, ls="--")
     for panel in panels[len(kinds) :]:
         panel.remove()
     return figure
@@ -50,16 +51,16 @@ def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], name
     best = [at for at in front(cost, error) if there[at]]
     others = [at for at in range(len(names)) if at not in best]
     axes.plot(cost[others], shown[others], "o", ms=4, mfc="white", mec="0.5", ls="none")
-    axes.plot(cost[best], shown[best], "o-", ms=5, color=COLOURS[0], lw=1, drawstyle="steps-post")
+    axes.plot(cost[best], shown[best], "o-", ms=5, color=BLUE, lw=1, drawstyle="steps-post")
     for at in range(len(names)):
         if there[at]:
-            colour = COLOURS[0] if at in best else "0.45"
+            colour = BLUE if at in best else "0.45"
             where = (float(cost[at]), float(shown[at]))
             axes.annotate(names[at], where, (4, 3), textcoords="offset points", fontsize=6, color=colour)
     missing = np.flatnonzero(~there).tolist()
     if missing:
         words = "did not happen in " + ", ".join(names[at] for at in missing)
-        axes.text(0.02, 0.02, words, transform=axes.transAxes, fontsize=6, color=COLOURS[1], wrap=True)
+        axes.text(0.02, 0.02, words, transform=axes.transAxes, fontsize=6, color=VERMILION, wrap=True)
     for axis, words in ((axes.xaxis, "{x:.3g}"), (axes.yaxis, "{x:.3%}")):
         axis.set_major_locator(LogLocator(subs=SUBS[bool(np.ptp(np.log10(axis.get_data_interval())) > CROWDED)]))
         axis.set_major_formatter(FuncFormatter(lambda x, _, words=words: _short(words.format(x=x))))

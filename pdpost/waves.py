@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Literal
 
 import msgspec
 import numpy as np
 
+from pdpost.model import read
+from pdpost.strain import BONDS_NU
 from pdsolve.results import Results
-
-BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}  # Poisson ratio that bonds have
 
 
 def rayleigh_ratio(nu: float) -> float:
@@ -29,18 +29,24 @@ def rayleigh_speed(E: float, rho: float, plane: str) -> float:
 
     In plane stress the edge of a plate is that of plane strain with the Poisson ratio nu / (1 + nu).
     """
-    nu = BOND_BASED_NU[plane]
+    nu = BONDS_NU[plane]
     shear = np.sqrt(E / (2 * (1 + nu)) / rho)
     return float(shear * rayleigh_ratio(nu / (1 + nu) if plane == "stress" else nu))
 
 
-class _Plate(msgspec.Struct):
-    """What is read of the grid file; the rest, mostly nodes, is passed over."""
+class _Material(msgspec.Struct):
+    E: float  # Pa
+    rho: float  # kg/m^3
+    plane: Literal["stress", "strain"] = "stress"
 
-    material: dict[str, Any]
+
+class _Plate(msgspec.Struct):
+    """What is read of the grid file."""
+
+    material: _Material
 
 
 def rayleigh_of(results: Results) -> float:
     """Speed of Rayleigh waves of the plate's own material, m/s, regions of others aside."""
-    material = msgspec.json.decode(results.model(), type=_Plate).material
-    return rayleigh_speed(material["E"], material["rho"], material.get("plane", "stress"))
+    material = read(results, _Plate).material
+    return rayleigh_speed(material.E, material.rho, material.plane)

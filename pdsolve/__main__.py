@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
@@ -37,7 +38,10 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
-        "--fields", metavar="A,B", help="fields to store: ux uy vx vy ax ay energy damage (run.fields)"
+        "--fields",
+        metavar="A,B",
+        help="fields to store: of ux uy vx vy ax ay energy damage those named, +A,B besides the model's, or all"
+        " (run.fields; default: all)",
     )
     program.add_argument(
         "--probe",
@@ -70,10 +74,12 @@ def _leave_out_blas() -> None:
 def _solve(args: argparse.Namespace) -> int:
     _leave_out_blas()
     from pdsolve.model import ModelWarning, read_model
+    from pdsolve.results import ResultsWarning
     from pdsolve.simulation import Options, plan, resume, simulate
 
     with _Watch(args) as watch, warnings.catch_warnings():
-        warnings.simplefilter("always", ModelWarning)
+        for kind in (ModelWarning, ResultsWarning):
+            warnings.simplefilter("always", kind)
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
@@ -101,7 +107,7 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     """The flags that stand for settings, as assignments."""
     flags = [] if args.every is None else [("run.every", args.every)]
     if args.fields is not None:
-        flags.append(("run.fields", str(args.fields.split(","))))
+        flags.append(("run.fields", args.fields))
     if args.probe:
         flags.append(("run.probes", f"[{', '.join(f'[{place}]' for place in args.probe)}]"))
     if args.until is not None:
@@ -157,8 +163,10 @@ class _Watch:
         if self._bar is not None:
             self._bar.close()
 
-    def _stop(self, *_: object) -> None:
+    def _stop(self, number: int, frame: FrameType | None) -> None:
         if self._stopped:  # asked twice: at once
+            if callable(self._before):
+                self._before(number, frame)
             raise KeyboardInterrupt
         self._stopped = True
 

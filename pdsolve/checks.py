@@ -18,9 +18,9 @@ from pdmesh.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.trees import tree_of
 from pdsolve.lattice import lattice_ratios
 from pdsolve.laws.bilinear import critical_stretch, limits
-from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.model import MOST, Model, ModelError, ModelWarning
 
-LEAST, MOST = 1e-30, 1e30  # of a material's numbers; beyond, products of them leave what a number can hold
+LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
@@ -65,7 +65,7 @@ def refuse(model: Model, partial_cells: bool) -> None:
         place = f"{model.name}: $.material" if number == 0 else f"{model.name}: $.regions[{number - 1}].material"
         for name in ("E", "rho", "G0"):
             value = getattr(material, name)
-            if not LEAST <= value <= MOST:
+            if value < LEAST:
                 raise ModelError(f"{place}.{name}: found {value:g}, expected {LEAST:g} to {MOST:g} in SI units")
         ratio = model.settings.horizon.ratio
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c11 > ROUND_OFF:

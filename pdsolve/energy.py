@@ -48,17 +48,18 @@ def ledger(
     """
     strain, softened = energies
     velocity = motion.v.astype(np.float64)
-    return Ledger(
-        step,
-        time,
-        kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
-        strain=float(np.sum(area * strain)),
-        dissipated=float(np.sum(area * (motion.dissipated + softened))),
-        work=float(np.sum(area * motion.work)),
-        momentum_x=float(np.sum(rho * area * velocity[:, 0])),
-        momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-        broken=broken,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
+        return Ledger(
+            step,
+            time,
+            kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
+            strain=float(np.sum(area * strain)),
+            dissipated=float(np.sum(area * (motion.dissipated + softened))),
+            work=float(np.sum(area * motion.work)),
+            momentum_x=float(np.sum(rho * area * velocity[:, 0])),
+            momentum_y=float(np.sum(rho * area * velocity[:, 1])),
+            broken=broken,
+        )
 
 
 def strain_energies(bonds: Bonds, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from pdmesh.grid import (
     GridError,
     Load,
     Material,
+    Run,
     Selection,
     Settings,
     Velocity,
@@ -34,6 +35,8 @@ from pdmesh.grid import (
 )
 from pdmesh.grid import read_document as parse_document
 
+NESTED = "found values nested too deep to be read, expected those of the grid file"
+MOST = 1e30  # of any number; beyond, products of them leave what a number can hold
 BOND_BASED_NU = {"stress": 1 / 3, "strain": 1 / 4}
 
 
@@ -59,6 +62,11 @@ class Model:
                 f"{self.name}: $.material: found none, expected E, rho and G0"
                 " (in the file, a --settings TOML or --set material.E=...)"
             )
+        beyond = _beyond(self.settings, "$")
+        if beyond is not None:
+            place, found = beyond
+            raise ModelError(f"{self.name}: {place}: found {found:g}, expected a number from {-MOST:g} to {MOST:g}")
+        self._check_end(self.settings.run)
         order = np.lexsort(self.grid.position.T)
         same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
         if same.any():
@@ -82,6 +90,12 @@ class Model:
                     f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
                     f" '{self.settings.material.plane}' as elsewhere"
                 )
+
+    def _check_end(self, run: Run) -> None:
+        if run.until == "quiet" and run.quiet is None:
+            raise ModelError(f"{self.name}: $.run.quiet: found none, expected seconds, as until is quiet")
+        if run.until is None and run.quiet is not None:
+            raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
 
     def _check_condition(self, condition: AnyCondition, place: str) -> None:
         self._selected(condition, place)
@@ -157,19 +171,35 @@ def model_of(text: str, name: str) -> Model:
 def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
     """The model in a grid file, with the keys of a TOML file and then ``NAME=VALUE`` assignments laid over it.
 
-    Names are dotted (``run.steps``), values TOML. Raises GridError or ModelError.
+    Names are dotted (``run.steps``), values TOML; fields may also be ``all``, ``ux,uy`` or ``+energy``. Raises
+    GridError or ModelError.
     """
     document = read_file(path)
     layers = msgspec.to_builtins(_settings_of(document), builtin_types=())
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
-        layers = _laid_over(layers, _nested(name, _toml_value(text)))
+        value = _toml_value(name, text)
+        if name == "run.fields" and isinstance(value, str):
+            value = _fields(value, layers["run"])
+        layers = _laid_over(layers, _nested(name, value))
     try:
         merged = msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
         raise ModelError(f"{' + '.join(map(str, filter(None, [path, settings])))}: {error}") from None
     return Model(grid_of(document, str(path)), merged, str(path))
+
+
+def _beyond(value: object, place: str) -> tuple[str, float] | None:
+    """Place and value of the first number inside that is not from -MOST to MOST."""
+    if isinstance(value, float):
+        return None if abs(value) <= MOST else (place, value)
+    parts: Iterable[tuple[str, object]] = ()
+    if isinstance(value, msgspec.Struct):
+        parts = ((f"{place}.{name}", getattr(value, name)) for name in value.__struct_fields__)
+    elif isinstance(value, tuple):
+        parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
+    return next(filter(None, (_beyond(part, at) for at, part in parts)), None)
 
 
 def _settings_of(document: Document) -> Settings:
@@ -181,15 +211,28 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # a number may be too long
         raise ModelError(f"{path}: {error}") from None
+    except RecursionError:
+        raise ModelError(f"{path}: {NESTED}") from None
 
 
-def _toml_value(text: str) -> Any:
+def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:
         return text  # a bare word
+    except RecursionError:
+        raise ModelError(f"--set {name}: {NESTED}") from None
+
+
+def _fields(text: str, run: Any) -> list[str]:
+    """The names of fields in a user's list: all, these, or after a plus these besides those of the layers below."""
+    if text == "all":
+        return list(Run().fields)
+    names = text.removeprefix("+").split(",")
+    below = run.get("fields", Run().fields) if isinstance(run, dict) and text.startswith("+") else ()
+    return list(dict.fromkeys([*below, *names] if isinstance(below, list | tuple) else names))
 
 
 def _nested(name: str, value: Any) -> dict[str, Any]:

@@ -40,6 +40,9 @@ if not numba.config.DISABLE_JIT:
     drop_stale(Path(__file__).parent, [Path(kernel.stats.cache_path) for kernel in (advance_blocks, energy_densities)])
 
 
+Energies = tuple[NDArray[np.float64], NDArray[np.float64]]  # as of `Problem.energies`
+
+
 @dataclass(frozen=True)
 class Options:
     """How to solve, as opposed to what."""
@@ -102,12 +105,12 @@ class Problem:
             return
         advance(self.assembly.bonds, self.motion, self.drive, self.rho, self.time_step, first, last)
 
-    def books(self, step: int) -> Ledger:
-        """The ledger after `step`."""
-        area, rho = self.area, self.model.rho
-        return ledger(self.energies(), self.motion, area, rho, len(self.broken()), step, step * self.time_step)
+    def books(self, step: int, energies: Energies | None = None) -> Ledger:
+        """The ledger after `step`; `energies` are those of now, if they are known already."""
+        area, rho, held = self.area, self.model.rho, energies or self.energies()
+        return ledger(held, self.motion, area, rho, len(self.broken()), step, step * self.time_step)
 
-    def energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def energies(self) -> Energies:
         """Densities (n,), J/m^3, of the energy that the nodes' bonds hold, and have spent on softening so far."""
         if self.fast:
             return layout.energies(self.fast.blocks, self.fast.tracks, len(self.model.grid))
@@ -140,15 +143,15 @@ class Problem:
         """The rows (k,) of both nodes of the bonds with these numbers (k,)."""
         return layout.ends(self.fast.blocks, bonds) if self.fast else lists.ends(self.assembly.bonds, bonds)
 
-    def fields(self, names: Iterable[str]) -> dict[str, NDArray[np.floating]]:
-        """The fields (n,) of these names now."""
+    def fields(self, names: Iterable[str], energies: Energies | None = None) -> dict[str, NDArray[np.floating]]:
+        """The fields (n,) of these names now; `energies` as in `books`."""
         motion = self.motion
         found: dict[str, NDArray[np.floating]] = {}
         for name in names:
             if name == "damage":
                 found[name] = self.damage()
             elif name == "energy":
-                found[name] = self.energies()[0]
+                found[name] = (energies or self.energies())[0]
             else:
                 found[name] = getattr(motion, name[0])[:, "xy".index(name[1])]
         return found

@@ -20,7 +20,7 @@ from pdsolve.energy import Ledger
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.problem import Options, Problem, prepare
 from pdsolve.reactions import Reaction, grips, reactions
-from pdsolve.results import Frame, Results, ResultsError, Writer, remove
+from pdsolve.results import Frame, Results, ResultsError, Writer, writing_to
 from pdsolve.schemes import PARTIAL_CELLS, SYMMETRIC
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
@@ -68,24 +68,30 @@ def simulate(
     """Solve a model; the results are in the file `output`, or in memory if None.
 
     `watch` is called many times a second and stops the run by returning True; `provenance` says who asked.
-    Raises ModelError, UnstableError (the frames so far are kept), ResultsError.
+    No other run may be writing to that file. Raises ModelError, UnstableError (the frames so far are kept),
+    ResultsError.
     """
-    problem = prepare(model, options)
-    advise(model, problem.count, PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
-    return run(problem, output, watch, provenance)
+    with writing_to(output):
+        problem = prepare(model, options)
+        advise(model, problem.count, PARTIAL_CELLS[options.mode], SYMMETRIC[options.mode])
+        return _run(problem, output, watch, provenance)
 
 
 def run(problem: Problem, output: Path | None = None, watch: Watcher | None = None, provenance: str = "") -> Results:
     """Solve a model that is prepared; the rest as in `simulate`. Raises UnstableError, ResultsError."""
+    with writing_to(output):
+        return _run(problem, output, watch, provenance)
+
+
+def _run(problem: Problem, output: Path | None, watch: Watcher | None, provenance: str) -> Results:
     cracks = problem.model.grid.cracks
+    writer = Writer.create(output, problem.nodes(), problem.families, cracks, _meta(problem, provenance))
     try:
-        writer = Writer.create(output, problem.nodes(), problem.families, cracks, _meta(problem, provenance))
         notes = _Notes(problem, 0)
         notes.take(0)
         writer.write(notes.frame(0, whole=True, state=True))
-    except ResultsError:
-        if output is not None:
-            remove(output)
+    except BaseException:
+        writer.discard()
         raise
     return _finish(problem, writer, output, notes, watch)
 
@@ -93,12 +99,25 @@ def run(problem: Problem, output: Path | None = None, watch: Watcher | None = No
 def resume(output: Path, threads: int | None = None, watch: Watcher | None = None) -> Results:
     """Go on with the run in the file `output` from its last checkpoint, to the same bits as without a stop.
 
-    A run that is finished is left as it is. Raises ResultsError, ModelError, UnstableError.
+    A run that is finished is left as it is. All that is in the file is looked at before. Raises ResultsError,
+    ModelError, UnstableError.
     """
+    if not _is_finished(output):
+        with writing_to(output):
+            if not _is_finished(output):
+                return _resume(output, threads, watch)
+    return Results.open(output)
+
+
+def _is_finished(output: Path) -> bool:
     with Results.open(output) as results:
+        return results.meta().get("status") == "finished"
+
+
+def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results:
+    with Results.open(output) as results:
+        results.verify()
         meta, nodes = results.meta(), results.nodes()
-        if meta.get("status") == "finished":
-            return Results.open(output)
         model = model_of(results.model(), str(output))
         problem = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         same = float(meta["time_step"]) == problem.time_step and np.array_equal(nodes.family, problem.family)
@@ -140,7 +159,8 @@ class _Notes:
         self._watch = Watch(problem.model)
         self.written = step
         self._kept = clock.perf_counter()
-        self.last = problem.books(step)
+        self._energies = problem.energies()
+        self.last = problem.books(step, self._energies)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -149,7 +169,8 @@ class _Notes:
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         problem = self._problem
-        self.last = problem.books(step)
+        self._energies = problem.energies()
+        self.last = problem.books(step, self._energies)
         _check_physics(problem, self.last)
         self._watch.look(problem.motion.u, problem.intact_neighbours, step)
         self._ledgers.append(self.last)
@@ -161,12 +182,13 @@ class _Notes:
         self._reactions += reactions(self._grips, *plate, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields, with the `state` now or when it is time."""
+        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
+        `state` now or when it is time."""
         problem = self._problem
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        fields = problem.fields(problem.model.settings.run.fields) if whole else None
+        fields = problem.fields(problem.model.settings.run.fields, self._energies) if whole else None
         frame = Frame(
             step,
             step * problem.time_step,
@@ -183,15 +205,14 @@ class _Notes:
 
 
 def _finish(problem: Problem, writer: Writer, output: Path | None, notes: _Notes, watch: Watcher | None) -> Results:
-    status = "failed"
     _give_back_memory()
     try:
         status = _march(problem, writer, notes, watch)
-    except UnstableError:
-        status = "unstable"
+    except BaseException as error:
+        ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
+        writer.abandon(ends.get(type(error), "failed"))
         raise
-    finally:
-        writer.close(status)
+    writer.close(status)
     return Results(writer.connection, "results in memory") if output is None else Results.open(output)
 
 
@@ -209,22 +230,27 @@ def _march(problem: Problem, writer: Writer, notes: _Notes, watch: Watcher | Non
     run, step = problem.model.settings.run, notes.written
     chunk = max(1, int(PATIENCE / max(problem.bonds, 1)))
     interrupted = done = False
+
+    def asked() -> bool:
+        """Whether the watcher wants the run to stop."""
+        balance = notes.last.balance(problem.initial_energy)
+        return watch is not None and watch(Progress(step, run.steps, len(problem.broken()), balance))
+
+    writer.stop = asked
     while step < run.steps and not (interrupted or done):
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         problem.march(step + 1, min(ends) + 1)
         step = min(ends)
-        if watch is not None:
-            balance = notes.last.balance(problem.initial_energy)
-            interrupted = watch(Progress(step, run.steps, len(problem.broken()), balance))
-        noting = step in ends[1:] or interrupted
-        if noting:
+        interrupted = asked()
+        if step in ends[1:]:
             notes.take(step)
             done = _is_enough(problem, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
-    writer.tell({"summary": json.dumps(_summary(problem, notes.last, notes.wall(), done))})
-    balance, spent = notes.last.balance(problem.initial_energy), notes.last.dissipated
+    books = notes.last if notes.last.step == step else problem.books(step)
+    writer.tell({"summary": json.dumps(_summary(problem, books, notes.wall(), done))})
+    balance, spent = books.balance(problem.initial_energy), books.dissipated
     closing(problem.model, balance, spent, SYMMETRIC[problem.options.mode])
     return "finished" if done or step == run.steps else "interrupted"
 

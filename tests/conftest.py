@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from plates import GEOMETRIES, plate, square_grid
@@ -65,6 +66,24 @@ def small_plate() -> Model:
         ),
         run=Run(time_step=50e-9, steps=60, every=20),
     )
+
+
+@pytest.fixture
+def probed(small_plate: Model) -> Model:
+    """The small plate with something in every table of its results."""
+    run = msgspec.structs.replace(small_plate.settings.run, every=10, ledger=5, probes=((0.0, 0.0), (1e-2, 0.0)))
+    return dataclasses.replace(small_plate, settings=msgspec.structs.replace(small_plate.settings, run=run))
+
+
+@pytest.fixture
+def few_results(small_plate: Model, tmp_path: Path) -> Path:
+    """The database of the small plate without energies and accelerations."""
+    from pdsolve.simulation import simulate
+
+    run = msgspec.structs.replace(small_plate.settings.run, fields=("ux", "uy", "vx", "vy", "damage"))
+    settings = msgspec.structs.replace(small_plate.settings, run=run)
+    simulate(dataclasses.replace(small_plate, settings=settings), tmp_path / "few.sqlite").close()
+    return tmp_path / "few.sqlite"
 
 
 @pytest.fixture

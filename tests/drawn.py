@@ -39,3 +39,15 @@ def run(nodes: Nodes, cracked: list[tuple[int, int, int]], notch: np.ndarray = N
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
     writer.write(Frame(100, 1e-4, None, breaks, [(100, 1e-4, *[0.0] * 6, len(rows))], [], {}))
     return Results(writer.connection, "memory")
+
+
+def at_steps(nodes: Nodes, steps: np.ndarray, time_step: float = 1e-6) -> Results:
+    """Results in which each node (n,) loses four of its ten bonds in its step; those below 1 keep theirs."""
+    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": time_step, "model": "{}"})
+    cracked = np.flatnonzero(steps > 0)
+    order = np.repeat(cracked[np.argsort(steps[cracked], kind="stable")], 4)
+    step, node = steps[order].astype(np.int64), nodes.ids[order]
+    last = int(step.max(initial=0))
+    books = [(last, last * time_step, *[0.0] * 6, len(step))]
+    writer.write(Frame(last, last * time_step, None, Breaks(step, node, np.ones_like(node)), books, [], {}))
+    return Results(writer.connection, "memory")

@@ -26,11 +26,16 @@ PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.[a-z]+)'(?:, line ([0-9]+))?", re.
 
 
 def read_copies(
-    copies: Mapping[str, Copy], assignments: list[tuple[str, str]], limit: float, tolerance: float = 0.0
+    copies: Mapping[str, Copy],
+    assignments: list[tuple[str, str]],
+    limit: float,
+    tolerance: float = 0.0,
+    unit: str = "M",
 ) -> dict[str, Any]:
     """What Gmsh finds in copies of which the first is the drawing or the CAD file. Raises SceneError.
 
-    Gmsh has `limit` seconds. `tolerance` is how far a chord of a CAD file may be off its curve, m; 0: by its size.
+    Gmsh has `limit` seconds. `tolerance` is how far a chord of a CAD file may be off its curve; 0: by its size. `unit`,
+    a name of Open CASCADE's, is that in which a CAD file is to be read, and of the tolerance.
     """
     first = next(iter(copies))
     with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
@@ -41,6 +46,7 @@ def read_copies(
             "cad": not first.endswith(".geo"),
             "assignments": assignments,
             "tolerance": tolerance,
+            "unit": unit,
             "walls": WALLS,
         }
         found = _run(copies[first].path, job, limit, Path(folder))
@@ -50,7 +56,8 @@ def read_copies(
 
 def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
     """What Gmsh finds in a drawing where it is, with all that it may do there. Raises SceneError."""
-    job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "walls": False}
+    job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "unit": "M"}
+    job["walls"] = False
     return _run(path, job, limit, None)
 
 

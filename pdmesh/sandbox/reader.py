@@ -36,7 +36,7 @@ def main(result: str) -> None:
 
 def _read(job: dict[str, Any], file: TextIO) -> None:
     found: dict[str, Any] = {"missing": "", "library": "", "parameters": [], "groups": []}
-    found |= {"unknown": [], "not numbers": [], "messages": [], "walls": []}
+    found |= {"supplied": [], "not numbers": [], "messages": [], "walls": []}
     try:
         import gmsh
     except ModuleNotFoundError as error:
@@ -47,13 +47,13 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
         return
     gmsh.initialize(interruptible=False, readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.logger.start()
     if job["walls"]:
         os.environ.clear()
         found["walls"] = raise_walls(Path.cwd(), job["seconds"])
     try:
         if job["cad"]:
+            gmsh.option.setString("Geometry.OCCTargetUnit", job["unit"])
             gmsh.model.occ.importShapes(job["path"])
             gmsh.model.occ.synchronize()
             found["groups"] = _cad_groups(gmsh, job["tolerance"])
@@ -71,9 +71,7 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
     found["parameters"] = _parameters_of(gmsh)
     if assignments:
         known = {entry["name"] for entry in found["parameters"]}
-        found["unknown"] = [name for name, _ in assignments if name not in known]
-        if found["unknown"]:
-            return
+        found["supplied"] = [name for name, _ in assignments if name not in known]
         for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
             reset()
         found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
@@ -91,17 +89,20 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
 
 
 def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
-    """Set parameters; returns those that should be numbers and are not."""
+    """Set parameters, also some that the drawing does not define; returns those that should be numbers and are not."""
     wrong = []
     kinds = {entry["name"]: entry["type"] for entry in known}
     for name, value in assignments:
-        if kinds[name] == "string":
+        if kinds.get(name) == "string":
             gmsh.onelab.setString(name, [value])
             continue
         try:
             gmsh.onelab.setNumber(name, [float(value)])
         except ValueError:
-            wrong.append([name, value])
+            if name in kinds:
+                wrong.append([name, value])
+            else:
+                gmsh.onelab.setString(name, [value])
     return wrong
 
 
@@ -130,7 +131,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
     least = LEAST_TOLERANCE * _size(gmsh)
 
     def sampled(curve: int) -> list[list[float]]:
-        return _sample(gmsh, curve, max(tolerances.get(curve, chords * finest), least))
+        return _sample(gmsh, curve, max(tolerances.get(curve) or chords * finest, least))
 
     return [
         {

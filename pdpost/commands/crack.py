@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import numbers
-from pdpost.commands.shared import add_csv, add_results
+from pdpost.commands.shared import add_csv, add_results, add_window, check_window
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -21,15 +21,19 @@ def add(commands: Commands) -> None:
         "crack",
         help="draw the path and the speed of the crack; when it started, branched, split the plate",
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
-        " split the plate, and what pieces are left. Speeds are slopes over seven points of the path, two spacings of"
-        " the nodes apart; cracked nodes belong to no piece. Start, branching and split are those of the whole run.",
+        " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with a"
+        " band, and left out where that is too wide to say anything or what cracked is no line; cracked nodes belong to"
+        " no piece. Start, branching and split are those of the whole run.",
     )
     add_results(crack)
     crack.add_argument(
         "--along", choices=("right", "left", "up", "down"), help="where the crack runs (default: as it did)"
     )
     crack.add_argument("--step", type=int, metavar="N", help="path and pieces after this step (default: the last)")
-    crack.add_argument("--compare", type=Path, metavar="OTHER", help="lay the path of another run over this one's")
+    add_window(crack)
+    crack.add_argument(
+        "--compare", type=Path, metavar="OTHER", help="lay the path of another run of this plate over it"
+    )
     commandline.add_common_options(
         crack,
         output="the picture, in the format of its suffix (default: the results' name with .crack.png; none with --json"
@@ -43,13 +47,13 @@ def add(commands: Commands) -> None:
 def _crack(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import figures
+    from pdpost import style
     from pdsolve.results import Results
 
     threshold = _threshold(args)
     path = numbers.picture_path(args, ".compare.png" if args.compare else ".crack.png")
-    style = figures.styled({name: value for name, value in args.assignments if name != "cracked"})
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+    look = style.styled({name: value for name, value in args.assignments if name != "cracked"})
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -57,20 +61,22 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, crack_summary, figures
+    from pdpost import crack_figure, crack_summary, style
 
+    check_window(results, args)
     found = crack_summary.summary(results, _step(args, results), threshold, args.along)
     if path is not None:
-        figures.save(crack_figure.crack(results, found), path)
+        style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
     return numbers.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, cracks, figures, paths
+    from pdpost import crack_figure, cracks, paths, style
     from pdpost.comparison import compare
 
+    check_window(one, args)
     steps = _step(args, one), _step(args, other)
     along = args.along or paths.heading(paths.path(one, steps[0], threshold))
     found = compare(one, other, steps, cracks.DIRECTIONS[along], threshold)
@@ -84,7 +90,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         names = args.results.stem, args.compare.stem
         if names[0] == names[1]:
             names = str(args.results), str(args.compare)
-        figures.save(crack_figure.comparison(one, steps[0], found.paths, names, lines[0]), path)
+        style.save(crack_figure.comparison(one, steps[0], found.paths, names, lines[0], args.window), path)
     rows = [
         (str(name), number, *point)
         for name, lines_of in zip((args.results, args.compare), found.paths, strict=True)
@@ -108,7 +114,7 @@ def _step(args: argparse.Namespace, results: Results) -> int:
 
 
 def _threshold(args: argparse.Namespace) -> float:
-    from pdpost.cracks import CRACKED
+    from pdpost.cracked import CRACKED
 
     threshold = CRACKED
     for name, value in args.assignments:

@@ -19,8 +19,8 @@ def add(commands: Commands) -> None:
         "export",
         help="write frames for ParaView (.pvd, .vtu, .xdmf) or as a table (.csv)",
         description="Write frames for other programs: .pvd and .xdmf all of them, .vtu and .csv one. A .pvd lists VTU"
-        " files, which are put in a folder of its name beside it. In ParaView, show points as Point Gaussian, or"
-        " export --squares; Warp By Vector shows the displacement.",
+        " files, which are put in a folder of its name beside it; a .xdmf has its numbers in a .bin file beside it. In"
+        " ParaView, show points as Point Gaussian, or export --squares; Warp By Vector shows the displacement.",
     )
     add_results(export)
     commandline.add_common_options(
@@ -43,7 +43,7 @@ def _tensors(text: str) -> tuple[str, ...]:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from pdpost import export
+    from pdpost import export, xdmf
     from pdsolve.results import Results
 
     if args.assignments:
@@ -61,6 +61,9 @@ def _export(args: argparse.Namespace) -> int:
     folder = path.with_suffix("")
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
         raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
+    numbers = xdmf.beside(path)
+    if kind == ".xdmf" and numbers.exists() and not args.force:
+        raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
     with Results.open(args.results) as results:
         steps = [chosen_frame(results, args)[0]] if one else export.chosen(results, args.every)
         progress = counted(args, "writing")

@@ -32,7 +32,13 @@ def add(commands: Commands) -> None:
             help=f"{text}; may be repeated",
         )
     history.add_argument("--quantity", choices=("displacement", "velocity", "acceleration"), default="displacement")
-    history.add_argument("--component", choices=("x", "y", "magnitude"), default="magnitude")
+    history.add_argument(
+        "--component",
+        action="append",
+        dest="components",
+        choices=("x", "y", "magnitude"),
+        help="which one; may be repeated (default: magnitude)",
+    )
     history.set_defaults(run=_history)
     numbers.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
         run=_balance
@@ -69,28 +75,30 @@ def _place(name: str, count: int) -> Any:
 def _history(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import charts, figures, histories
+    from pdpost import charts, histories, style
     from pdsolve.results import Results
 
     path = numbers.picture_path(args, ".history.png")
-    style = figures.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
-        curves = [_curve(results, place, args) for place in args.places or _usual(results)]
+    look = style.styled(dict(args.assignments))
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+        parts = list(dict.fromkeys(args.components or ["magnitude"]))
+        places = args.places or _usual(results)
+        curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
         if path is not None:
-            figures.save(charts.histories(curves, args.quantity, args.component), path)
+            style.save(charts.histories(curves, args.quantity), path)
     unit = histories.QUANTITIES[args.quantity][1]
     found = {
         "quantity": args.quantity,
-        "component": args.component,
+        "components": parts,
         "unit": unit,
         "curves": [curve._asdict() for curve in curves],
     }
     rows = [
-        (curve.label, *row)
+        (curve.label, curve.component, *row)
         for curve in curves
         for row in zip(curve.time, curve.value, curve.low, curve.high, strict=True)
     ]
-    header = ("curve", "time, s", f"{args.quantity} {args.component}, {unit}", "smallest", "largest")
+    header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
     return numbers.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
 
 
@@ -98,6 +106,7 @@ def _usual(results: Results) -> list[Place]:
     """Where to look if nobody said: the probes, or the node that has moved most at the end."""
     import numpy as np
 
+    from pdpost.stored import vector
     from pdsolve.results import ResultsError
 
     probed = np.unique(results.probes()["node"])
@@ -106,15 +115,15 @@ def _usual(results: Results) -> list[Place]:
     steps, _ = results.frames()
     if not len(steps):
         raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    moved = np.hypot(*(results.field(name, int(steps[-1])).astype(float) for name in ("ux", "uy")))
+    moved = np.hypot(*vector(results, "u", int(steps[-1])).T)
     return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
 
 
-def _curve(results: Results, place: Place, args: argparse.Namespace) -> History:
+def _curve(results: Results, place: Place, *what: str) -> History:
+    """The history at a place of a quantity and its component."""
     from pdpost import histories
 
     option, values = place
-    what = args.quantity, args.component
     if option == "--node":
         return histories.of_node(results, int(values[0]), *what)
     if option == "--at":
@@ -128,23 +137,24 @@ def _told(curve: History, unit: str) -> str:
     where = "" if curve.place is None else f" at ({curve.place[0]:g}, {curve.place[1]:g}) m"
     off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
     low, high = float(np.min(curve.low)), float(np.max(curve.high))
-    return f"{curve.label}{where}{off}: {len(curve.time)} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    values = f"{len(curve.time)} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
 
 def _balance(args: argparse.Namespace) -> int:
     import matplotlib
     import numpy as np
 
-    from pdpost import charts, figures
+    from pdpost import charts, style
     from pdpost.balance import balance
     from pdsolve.results import Results
 
     path = numbers.picture_path(args, ".balance.png")
-    style = figures.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+    look = style.styled(dict(args.assignments))
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         books = balance(results)
         if path is not None:
-            figures.save(charts.balance(books), path)
+            style.save(charts.balance(books), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
     lines = [
@@ -167,17 +177,17 @@ def _balance(args: argparse.Namespace) -> int:
 def _reaction(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import charts, figures
+    from pdpost import charts, style
     from pdpost.reactions import chosen, reactions
     from pdsolve.results import Results
 
     path = numbers.picture_path(args, ".reaction.png")
-    style = figures.styled(dict(args.assignments))
+    look = style.styled(dict(args.assignments))
     axis = None if args.component is None else "xy".index(args.component)
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         found = chosen(reactions(results), args.condition)
         if path is not None:
-            figures.save(charts.reactions(found, axis), path)
+            style.save(charts.reactions(found, axis), path)
     lines = []
     for one in found:
         along = one.axis if axis is None else axis

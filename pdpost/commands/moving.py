@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands.shared import (
@@ -12,6 +12,8 @@ from pdpost.commands.shared import (
     add_every,
     add_results,
     add_scale,
+    add_window,
+    check_window,
     chosen_scale,
     counted,
     positive,
@@ -50,6 +52,7 @@ def _add_field(command: argparse.ArgumentParser, output: str) -> None:
     command.add_argument("--field", choices=NAMES, default="damage", help="what is shown (default: damage)")
     command.add_argument("--component", metavar="NAME", help="which one, as in the command of the field's name")
     add_scale(command, default="0")
+    add_window(command)
     add_colours(command)
 
 
@@ -57,20 +60,24 @@ def _animate(args: argparse.Namespace) -> int:
     import matplotlib
 
     from pdmesh.files import write_atomically
-    from pdpost import animation, figures
+    from pdpost import animation, style
     from pdsolve.results import Results, ResultsError
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.gif", args.force)
     kind = animation.check_format(path)
-    style = figures.styled({"savefig.dpi": str(animation.DPI), **dict(args.assignments)})
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+    look = style.styled(dict(args.assignments))
+    if "savefig.dpi" not in dict(args.assignments):
+        look["savefig.dpi"] = animation.DPI
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         steps, times = results.frames()
         if not len(steps):
             raise ResultsError(f"{args.results}: found no frame yet, expected at least one")
+        check_window(results, args)
         how = {
             "part": args.component,
             "scale": chosen_scale(results, int(steps[-1]), args),
             "largest": args.largest,
+            "window": args.window,
             "every": args.every,
             "dpi": float(dpi) if (dpi := matplotlib.rcParams["savefig.dpi"]) != "figure" else animation.DPI,
             "progress": counted(args, "drawing"),
@@ -89,21 +96,23 @@ def _animate(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> int:
     import matplotlib
 
-    from pdpost import fields, figures, watching
+    from pdpost import fields, figures, style, watching
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.png", args.force)
-    figures.check_format(path)
+    style.check_format(path)
     part = fields.component(args.field, args.component)
-    style = figures.styled(dict(args.assignments))
+    look = style.styled(dict(args.assignments))
     drawn = 0
     for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
-        with matplotlib.rc_context(rc=style):
+        with matplotlib.rc_context(rc=look):
             with Results.open(args.results) as results:
                 scale = chosen_scale(results, step, args)
                 time = step * float(results.meta()["time_step"])
-                figure = figures.draw(results, args.field, step, part=part or None, scale=scale, largest=args.largest)
-            figures.save(figure, Path(path))
+                check_window(results, args)
+                how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
+                figure = figures.draw(results, args.field, step, part=part or None, **how)
+            style.save(figure, Path(path))
         drawn += 1
         commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)
     with Results.open(args.results) as results:

@@ -13,7 +13,9 @@ from pdpost.commands.shared import (
     add_frame,
     add_results,
     add_scale,
+    add_window,
     check_csv,
+    check_window,
     chosen_frame,
     chosen_scale,
     numbers,
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from pdsolve.results import Results
 
 
-class Shown(NamedTuple):
+class Drawn(NamedTuple):
     """A picture, and what is said of it."""
 
     figure: Figure
@@ -77,6 +79,7 @@ def _add_picture(commands: Commands, name: str, does: str, default: str) -> argp
     )
     add_frame(picture)
     add_scale(picture, default)
+    add_window(picture)
     add_csv(picture)
     picture.set_defaults(picture=name)
     return picture
@@ -88,15 +91,17 @@ def _field(args: argparse.Namespace) -> int:
     name = args.picture
     part = fields.component(name, args.component)
 
-    def show(results: Results, step: int, scale: float) -> Shown:
-        values = fields.values(results, name, step, part or None)
-        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest}
-        figure = figures.draw(results, name, step, values=values, **how)
+    def show(results: Results, step: int, scale: float) -> Drawn:
+        shown = figures.values_of(results, name, step, part)
+        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
+        figure = figures.draw(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
-        told = {"component": part or None, **numbers(values), "unit": unit}
+        told = {"component": part or None, **numbers(shown), "unit": unit}
         largest = told["largest"]
         words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
-        return Shown(figure, told, words, lambda: tables.of_field(results, name, step))
+        if told["torn"]:
+            words += f", {told['torn']} torn nodes left out"
+        return Drawn(figure, told, words, lambda: tables.of_field(results, name, step))
 
     return _drawn(args, show)
 
@@ -106,12 +111,14 @@ def _nodes(args: argparse.Namespace) -> int:
 
     from pdpost import levels, tables
 
-    def show(results: Results, step: int, scale: float) -> Shown:
+    def show(results: Results, step: int, scale: float) -> Drawn:
         spacings, counts = np.unique(results.nodes().delta.round(12), return_counts=True)
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
         told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
-        return Shown(levels.draw(results, step, scale), told, words, lambda: tables.of_frame(results, step))
+        return Drawn(
+            levels.draw(results, step, scale, args.window), told, words, lambda: tables.of_frame(results, step)
+        )
 
     return _drawn(args, show)
 
@@ -119,31 +126,34 @@ def _nodes(args: argparse.Namespace) -> int:
 def _bonds(args: argparse.Namespace) -> int:
     from pdpost import bonds, tables
 
-    def show(results: Results, step: int, scale: float) -> Shown:
+    def show(results: Results, step: int, scale: float) -> Drawn:
         found = bonds.bonds(results, step)
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"
-        return Shown(bonds.draw(results, step, scale, found), told, words, lambda: tables.of_bonds(results, found))
+        return Drawn(
+            bonds.draw(results, step, scale, found, args.window), told, words, lambda: tables.of_bonds(results, found)
+        )
 
     return _drawn(args, show)
 
 
-def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Shown]) -> int:
+def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
     """Draw the frame asked for, and report what is shown there."""
     import matplotlib
 
-    from pdpost import figures, tables
+    from pdpost import style, tables
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
-    figures.check_format(path)
+    style.check_format(path)
     check_csv(args, path)
-    style = figures.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=style):
+    look = style.styled(dict(args.assignments))
+    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
         step, time = chosen_frame(results, args)
+        check_window(results, args)
         scale = chosen_scale(results, step, args)
         shown = show(results, step, scale)
-        figures.save(shown.figure, path)
+        style.save(shown.figure, path)
         if args.csv is not None:
             write_csv(args, tables.csv(shown.table()))
     if args.csv != "-":

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from pdpost.figures import Shown
     from pdsolve.results import Results
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -28,7 +26,7 @@ def add_frame(command: argparse.ArgumentParser) -> None:
     """Which frame: --frame or --time."""
     which = command.add_mutually_exclusive_group()
     which.add_argument("--frame", type=int, default=-1, metavar="N", help="frame, from 0; from the end if negative")
-    which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time, in seconds")
+    which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, in seconds")
 
 
 def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float]:
@@ -42,8 +40,9 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
     if not count:
         raise ResultsError(f"{args.results}: found no frame yet, expected at least one")
     if args.time is not None:
-        if not np.isfinite(args.time):
-            raise ResultsError(f"--time: found {args.time}, expected seconds, {times[0]:g} to {times[-1]:g}")
+        slack = 1e-9 * times[-1]  # of what is typed
+        if not times[0] - slack <= args.time <= times[-1] + slack:
+            raise ResultsError(f"--time: found {args.time:g}, expected seconds, {times[0]:g} to {times[-1]:g}")
         at = int(np.abs(times - args.time).argmin())
     elif -count <= args.frame < count:
         at = args.frame
@@ -89,6 +88,42 @@ def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float
     return chosen_scale(results, step)
 
 
+def add_window(command: argparse.ArgumentParser) -> None:
+    """What part of the plate is seen."""
+    command.add_argument(
+        "--window",
+        type=_window,
+        metavar="X0,Y0,X1,Y1",
+        help="see this part of the plate, m (--window=X0,... if X0 is negative; default: all of it)",
+    )
+
+
+def _window(text: str) -> tuple[float, float, float, float]:
+    import math
+
+    try:
+        x0, y0, x1, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        x0, y0, x1, y1 = math.nan, 0.0, 0.0, 0.0
+    if not (all(map(math.isfinite, (x0, y0, x1, y1))) and x0 < x1 and y0 < y1):
+        expected = "the lower left and the upper right corner, four finite numbers with commas in between"
+        raise argparse.ArgumentTypeError(f"found '{text}', expected {expected}")
+    return x0, y0, x1, y1
+
+
+def check_window(results: Results, args: argparse.Namespace) -> None:
+    """Raises ResultsError where there is no plate to be seen."""
+    from pdpost.plates import plate
+    from pdsolve.results import ResultsError
+
+    if args.window is None:
+        return
+    x0, y0, x1, y1 = plate(results).shape.bounds
+    if args.window[0] >= x1 or args.window[2] <= x0 or args.window[1] >= y1 or args.window[3] <= y0:
+        found = ",".join(f"{edge:g}" for edge in args.window)
+        raise ResultsError(f"--window: found {found}, expected some of the plate, {x0:g},{y0:g},{x1:g},{y1:g}")
+
+
 def add_colours(command: argparse.ArgumentParser) -> None:
     """Where the colours end."""
     command.add_argument(
@@ -96,7 +131,8 @@ def add_colours(command: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="N",
         help="where the colours end, in SI units, and at -N of what has a sign (default: damage 1; others at the"
-        " largest value, or at what 99.5 %% of the nodes stay below where a few are far above)",
+        " largest value, or at what 99.5 %% of the nodes stay below where a few are far above; of strain and stress,"
+        " nodes that have lost more than 0.35 of their bonds do not count)",
     )
 
 
@@ -139,13 +175,14 @@ def write_csv(args: argparse.Namespace, table: bytes) -> None:
         write_atomically(Path(args.csv), table)
 
 
-def numbers(values: NDArray[np.float64]) -> dict[str, float | int | None]:
-    """The least and the largest of values (n,) that are known, and how many are not."""
+def numbers(shown: Shown) -> dict[str, float | int | None]:
+    """The least and the largest value that is known and says something, and how many nodes have no such value."""
     import numpy as np
 
-    known = values[np.isfinite(values)]
+    known = shown.values[np.isfinite(shown.values) & ~shown.torn]
     ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
-    return {"smallest": ends[0], "largest": ends[1], "nodes": len(values), "unknown": len(values) - len(known)}
+    torn, count = int(shown.torn.sum()), len(shown.values)
+    return {"smallest": ends[0], "largest": ends[1], "nodes": count, "unknown": count - torn - len(known), "torn": torn}
 
 
 def add_every(command: argparse.ArgumentParser) -> None:

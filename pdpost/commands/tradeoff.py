@@ -51,7 +51,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdmesh.files import write_atomically
-    from pdpost import figures, tradeoff
+    from pdpost import style, tradeoff
     from pdpost.tradeoff_figure import tradeoff as chart
     from pdsolve.results import Results
 
@@ -60,7 +60,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
     table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
     check_csv(args, picture, table)
-    style = figures.styled(dict(args.assignments))
+    look = style.styled(dict(args.assignments))
     points = []
     with Results.open(args.reference) as reference:
         for path in compared:
@@ -93,9 +93,9 @@ def _tradeoff(args: argparse.Namespace) -> int:
         "within": args.within,
         "cheapest": None if chosen is None else points[chosen].name,
     }
-    with matplotlib.rc_context(rc=style):
+    with matplotlib.rc_context(rc=look):
         shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
-        figures.save(chart(points, args.cost, shown, args.within), picture)
+        style.save(chart(points, args.cost, shown, args.within), picture)
     write_atomically(table, json.dumps(numbers.finite(found), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from plates import GEOMETRIES
 
@@ -83,6 +84,32 @@ def test_two_refinements_of_the_same_kind(here: Path) -> None:
     assert (here / "a.json").read_bytes() == (here / "b.json").read_bytes()
 
 
+IN_MM = """
+SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, WIDTH, 10};
+DefineConstant[ s = {1, Name "Peridynamics/Zones/plate/Spacing"} ];
+Physical Surface("zone:plate") = {1};
+"""
+
+
+@pytest.mark.parametrize(("width", "expected"), [("18", 18), ("2.1", 10), ("1800", None)])
+def test_a_large_plate_is_said_to_be_in_metres(
+    width: str, expected: float | None, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "plate.geo").write_text(IN_MM.replace("WIDTH", width))
+    assert main(["build", "plate.geo"]) == (0 if expected else 2)
+    out, err = capsys.readouterr()
+    assert err.startswith("warning: found a plate of") == bool(expected)
+    assert '"mm" (--unit mm) says that it is drawn in millimetres' in out + err
+    assert main(["build", "plate.geo", "--unit", "mm", "-o", "mm.json"]) == 0
+    assert "found a plate" not in capsys.readouterr().out
+    position = np.array([node.position for node in read_file(here / "mm.json").nodes])
+    assert position[:, :2].max() == pytest.approx(max(float(width) // 1, 10) * 1e-3)
+    assert main(["build", "plate.geo", "--unit", "m", "-o", "m.json"]) == 0
+    assert "found a plate" not in capsys.readouterr().out
+    assert main(["build", "mm.json", "-o", "again.json"]) == 0
+    assert (here / "again.json").read_bytes() == (here / "mm.json").read_bytes()
+
+
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", DURAN, "-q"]) == 0
     found = said(capsys, "info", "duran50.json")
@@ -140,10 +167,24 @@ REFUSED = {
     "no such model": (["info", "missing.json"], "missing.json: cannot be read"),
     "no such mesh": (["build", "missing.vtu"], "missing.vtu: cannot be read"),
     "unknown suffix": (["build", "plate.dxf"], "found suffix '.dxf', expected .geo, .py, .json"),
-    "unknown parameter": (["build", DURAN, "--set", "Zones/fin/Spacing=1"], "Zones/fin/Spacing' is not in"),
+    "unknown zone": (["build", DURAN, "--set", "Zones/fin/Spacing=1"], "(or is Peridynamics/Zones/fine meant?)"),
+    "unknown name": (["build", DURAN, "--set", "Fixs/a/Box=0 0 1 1"], "one such as 'Peridynamics/Fixes/a/Box'"),
+    "unknown number": (["build", DURAN, "--set", "Plate/Lenth=1"], "'Peridynamics/Plate/Lenth' is not in the drawing,"
+                       " expected one such as 'Peridynamics/Plate/Length'"),
+    "unknown to list": (["params", DURAN, "--set", "Zone/fine/Spacing=1"], "as 'Peridynamics/Zones/fine/Spacing'"),
+    "unknown constant": (["params", SCRIPT, "--set", "spacin=1"], "expected one such as 'spacing'"),
+    "unit of a script": (["build", SCRIPT, "--unit", "mm"], "--unit: found a Python scene, expected none"),
     "no number": (["build", DURAN, "--set", "Zones/fine/Spacing=x"], "found 'x', expected a number"),
     "wrong ratio": (["build", DURAN, "--set", "Zones/fine/Spacing=7e-4"], "over a power of 2"),
     "crack too long": (["build", DURAN, "--set", "Plate/Crack length=0.2"], "crack 'notch': found"),
+    "refine by nothing": (["build", DURAN, "--refine", "crack:1e-3:5e-324"], "crack: spacing: found 4.94066e-324"),
+    "refine too far": (["build", DURAN, "--refine", "crack:1e308"], "crack: distance: found 1e+308 m"),
+    "refine too finely": (["build", DURAN, "--refine", f"crack:1e-3:{2e-3 / 2**20}"], "about 3e+13 nodes"),
+    "smallest spacing": (["build", SCRIPT, "--set", "spacing=5e-324"], "about inf nodes on 0.1 x 0.04 m"),
+    "largest horizon": (["build", DURAN, "--set", "Horizon ratio=12.5"], "expected a number from 2 to 12"),
+    "horizon of a script": (["build", SCRIPT, "--set", "horizon=1e18"], "horizon: found 1e+18, expected a ratio"),
+    "crack of words": (["build", DURAN, "--crack", "a,b,c,d"], "--crack: found 'a,b,c,d', expected the places"),
+    "crack along the edge": (["build", DURAN, "--crack", "0,0.02,0.05,0.02"], "found along the plate's edge from"),
     "refine what": (["build", DURAN, "--refine", "edge:1"], "--refine: found 'edge:1', expected crack, notch or hole"),
     "refine how far": (["build", DURAN, "--refine", "crack"], "--refine: found 'crack', expected"),
     "refine no hole": (["build", DURAN, "--refine", "hole:1e-3"], "refine hole: found none"),

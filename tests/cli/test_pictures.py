@@ -14,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
+from pdpost import style
 from pdpost.__main__ import main
 from pdpost.commands import moving, pictures
 from pdpost.fields import FIELDS
@@ -64,15 +66,42 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
         (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
         (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
         (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
         (["damage", "-o", "x.png", "--csv", "./x.png"], "--csv: found x.png, which is written to as well"),
         (["history", "-o", "x.png", "--csv", "x.png"], "--csv: found x.png, which is written to as well"),
         (["bonds", "--frame", "4"], "found no frame 4, expected 0 to 3 or -4 to -1"),
+        (["bonds", "--frame", "-5"], "found no frame -5, expected 0 to 3 or -4 to -1"),
+        (["damage", "--time", "5"], "--time: found 5, expected seconds, 0 to 3e-06"),
+        (["stress", "--time", "-1"], "--time: found -1, expected seconds, 0 to 3e-06"),
+        (["nodes", "--time", "3.1e-6"], "--time: found 3.1e-06, expected seconds, 0 to 3e-06"),
+        (["bonds", "--time", "nan"], "--time: found nan, expected seconds, 0 to 3e-06"),
+        (["export", "-o", "x.vtu", "--time", "1"], "--time: found 1, expected seconds, 0 to 3e-06"),
+        (["crack", "--step", "61"], "--step: found 61, expected 0 to 60"),
+        (["crack", "--step", "-1"], "--step: found -1, expected 0 to 60"),
+        (
+            ["damage", "--window", "1,1,2,2"],
+            "1,1,2,2, expected some of the plate, -0.0005,-0.006,0.0205,0.006",
+        ),
+        (["watch", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
+        (["animate", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
+        (["crack", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
+        (["damage", "--set", "savefig.dpi=0"], "--set savefig.dpi=0: found 0, expected 10 to 1200"),
+        (["crack", "--set", "savefig.dpi=-5"], "--set savefig.dpi=-5: found -5, expected 10 to 1200"),
+        (["report", "--set", "savefig.dpi=1e9"], "--set savefig.dpi=1e9: found 1e+09, expected 10 to 1200"),
+        (["balance", "--set", "figure.dpi=nan"], "--set figure.dpi=nan: found nan, expected 10 to 1200"),
+        (["history", "--set", "font.size=inf"], "--set font.size=inf: found inf, expected 1 to 72"),
+        (["nodes", "--set", "font.size=0"], "--set font.size=0: found 0, expected 1 to 72"),
+        (["bonds", "--set", "lines.linewidth=nan"], "--set lines.linewidth=nan: found nan, expected -1000 to 1000"),
+        (
+            ["reaction", "--set", "axes.titlesize=0"],
+            "--set axes.titlesize=0: found settings that no picture can be d",
+        ),
+        (["animate", "--set", "font.family=None Such"], "--set font.family=None Such: found settings that no picture"),
+        (["watch", "--set", "path.simplify_threshold=7"], "--set path.simplify_threshold=7: "),
+        (["damage", "--set", "webagg.port=1"], "--set webagg.port: found no such matplotlib setting"),
         (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
-        (["animate", "--field", "acceleration"], "found no field 'ax'"),
         (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
         (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
         (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
@@ -92,6 +121,30 @@ def test_what_cannot_be_drawn_is_two_and_one_line(
 
 
 @pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
+        (["animate", "--field", "acceleration"], "found no field 'ax'"),
+        (["history", "--quantity", "acceleration", "--node", "5"], "found no field 'ax', expected one of"),
+    ],
+)
+def test_fields_that_were_not_stored_are_named(
+    few_results: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([arguments[0], str(few_results), *arguments[1:]]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+    assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
+
+
+@pytest.mark.parametrize("name", ["energy", "acceleration"])
+def test_energy_and_acceleration_need_no_option(small_results: Path, here: Path, name: str) -> None:
+    assert main([name, str(small_results), "-q"]) == 0
+    assert (here / f"small.{name}.png").is_file()
+
+
+@pytest.mark.parametrize(
     "arguments",
     [["damage", "--scale", "-1"], ["damage", "--largest", "0"], ["animate", "--every", "0"], ["export", "--also", "u"]],
 )
@@ -99,6 +152,49 @@ def test_options_that_make_no_sense(small_results: Path, arguments: list[str]) -
     with pytest.raises(SystemExit) as stop:
         main([arguments[0], str(small_results), *arguments[1:]])
     assert stop.value.code == 2
+
+
+def test_the_table_of_a_stress_says_where_it_says_nothing(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["stress", str(small_results), "--json", "--csv", "a.csv"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    rows = list(csv.DictReader(io.StringIO((here / "a.csv").read_text())))
+    torn = [row for row in rows if float(row["damage"]) > 0.35]
+    assert told["torn"] == len(torn) > 0
+    sound = [float(row["stress_largest"]) for row in rows if float(row["damage"]) <= 0.35]
+    assert told["largest"] == pytest.approx(max(sound), rel=1e-8)
+
+
+@pytest.mark.parametrize("command", [*PICTURES, "watch", "crack"])
+def test_every_picture_has_a_window(
+    small_results: Path, here: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """The axes end at the window, whatever is drawn; the picture differs from the whole one."""
+    kept = []
+    save = style.save
+    monkeypatch.setattr(style, "save", lambda figure, path: kept.append(figure) or save(figure, path))
+    assert main([command, str(small_results), "--window", "0.006,-0.002,0.016,0.003", "-o", "a.png", "-q"]) == 0
+    assert main([command, str(small_results), "-o", "b.png", "-q"]) == 0
+    axes = kept[0].axes[0]
+    assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx((6, 16, -2, 3))
+    assert (here / "a.png").read_bytes() != (here / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize("words", ["0,0,1", "0,0,0,1", "1,0,0,1", "0,0,1,nan", "a,b,c,d", ""])
+def test_windows_that_are_none(small_results: Path, capsys: pytest.CaptureFixture[str], words: str) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["damage", str(small_results), f"--window={words}"])
+    assert stop.value.code == 2
+    assert f"found '{words}', expected the lower left and the upper right corner" in capsys.readouterr().err
+
+
+def test_the_first_and_the_last_time_are_of_the_run(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for at, step in (("0", 0), ("3e-6", 60), ("1.4e-6", 20)):
+        assert main(["damage", str(small_results), "--time", at, "--force", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["step"] == step
 
 
 def spoilt(good: Path, what: str) -> tuple[Path, str]:
@@ -113,7 +209,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
         return path, "malformed, expected a whole one (was the file cut short?)"
     if what == "older":
         path.write_bytes(data[:63] + b"\x01" + data[64:])
-        return path, "found schema version 1, expected 2"
+        return path, "found schema version 1, expected 3"
     if what == "no frame":
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
@@ -154,16 +250,29 @@ def test_a_database_that_someone_keeps_to_himself(
 def test_a_frame_without_displacements_is_drawn_where_it_was(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    connection = sqlite3.connect(small_results)
-    connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM field_chunk WHERE field <> 'damage'")
+        connection.execute("UPDATE frame SET fields = 'damage'")
     assert main(["nodes", str(small_results), "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["scale"] == 0.0
     assert "holds no displacements; the reference is drawn" in err
     assert main(["damage", str(small_results), "--scale", "2"]) == 2
     assert "found no field 'ux', expected one of damage" in capsys.readouterr().err
+
+
+def test_a_film_of_a_window(small_results: Path, here: Path) -> None:
+    for name, more in (("a.gif", []), ("b.gif", ["--window", "0.006,-0.002,0.016,0.003"])):
+        assert main(["animate", str(small_results), "--field", "stress", "-o", name, *more, "-q"]) == 0
+    assert (here / "a.gif").read_bytes() != (here / "b.gif").read_bytes()
+
+
+def test_numbers_are_not_written_over(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "a.bin").write_text("mine")
+    assert main(["export", str(small_results), "-o", "a.xdmf"]) == 2
+    assert "a.bin: found a file there already, expected none (--force overwrites it)" in capsys.readouterr().err
+    assert (here / "a.bin").read_text() == "mine"
+    assert main(["export", str(small_results), "-o", "a.xdmf", "--force", "-q"]) == 0
 
 
 def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,7 +288,7 @@ def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[s
         ([], ["small", "small.pvd"]),
         (["-o", "a.vtu", "--frame", "1", "--also", "strain,stress"], ["a.vtu"]),
         (["-o", "a.vtu", "--squares"], ["a.vtu"]),
-        (["-o", "a.xdmf", "--every", "3"], ["a.xdmf"]),
+        (["-o", "a.xdmf", "--every", "3"], ["a.bin", "a.xdmf"]),
         (["-o", "a.csv", "--time", "1e-6", "--also", "stress"], ["a.csv"]),
     ],
 )
@@ -201,10 +310,8 @@ def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: 
 
 def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: Path) -> None:
     """A run that was killed still says it is running: 1 when patience ends, 130 at Ctrl-C."""
-    connection = sqlite3.connect(small_results)
-    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
-    connection.commit()
-    connection.close()
+    with tampered(small_results) as connection:
+        connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
     assert main(["watch", str(small_results), "--patience", "0.1", "-q"]) == 1
     command = [sys.executable, "-m", "pdpost", "watch", str(small_results), "--force"]
 

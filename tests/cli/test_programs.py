@@ -21,6 +21,7 @@ import pdsolve.__main__
 from pdmesh import VERSION
 from pdmesh.grid import document_of, write_file
 from pdsolve.model import Model
+from pdsolve.results import Results
 
 MAIN: dict[str, Callable[[list[str]], int]] = {
     "pdmesh": pdmesh.__main__.main,
@@ -118,6 +119,14 @@ def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: p
         (["pdsolve", "models/plate.json", "--settings", "none.toml"], "none.toml: cannot be read"),
         (["pdsolve", "models/plate.json", "-o", "gone/x.sqlite"], "gone/x.sqlite: found no folder"),
         (["pdsolve", "models/plate.json", "--threads", "1000"], "threads: found 1000, expected 1 to"),
+        (["pdsolve", "models/plate.json", "--probe", "nan,0"], "$.run.probes[0][0]: found nan, expected a number"),
+        (
+            ["pdsolve", "models/plate.json", "--set", "run.time_step=inf"],
+            "$.run.time_step: found inf, expected",
+        ),
+        (["pdsolve", "models/plate.json", "--set", "run.until=quiet"], "$.run.quiet: found none, expected seconds"),
+        (["pdsolve", "models/plate.json", "--until", "quiet:nan"], "at `$.run.quiet`"),
+        (["pdsolve", "models/plate.json", "--every", "inf"], "Expected `int`, got `float` - at `$.run.every`"),
         (["pdsolve", "--resume", "none.sqlite"], "none.sqlite: found no such file"),
         (["pdsolve", "--resume", "models/plate.json"], "plate.json: file is not a database"),
         (["pdsolve", "--resume", "x.sqlite", "--mode", "thesis"], "--resume: found mode given anew"),
@@ -185,6 +194,47 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
     assert "--until: found 'quiet', expected split or quiet:SECONDS" in capsys.readouterr().err
     assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
     assert "Invalid enum value 'heat' - at `$.run.fields[0]`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("asked", "stored"),
+    [
+        ([], "ux uy vx vy ax ay energy damage"),
+        (["--fields", "uy,energy"], "uy energy"),
+        (["--set", "run.fields=['uy']", "--fields", "+energy,ax"], "uy ax energy"),
+        (["--set", "run.fields=uy,damage", "--set", "run.fields=+vx,uy"], "uy vx damage"),
+        (["--fields", "+energy"], "ux uy vx vy ax ay energy damage"),
+        (["--set", "run.fields=['uy']", "--fields", "all"], "ux uy vx vy ax ay energy damage"),
+    ],
+)
+def test_fields_are_added_or_taken(model: Path, here: Path, asked: list[str], stored: str) -> None:
+    assert MAIN["pdsolve"]([str(model), "-q", "--set", "run.steps=1", *asked]) == 0
+    with Results.open(here / "plate.sqlite") as results:
+        assert results.stored(1) == stored.split()
+
+
+def test_fields_besides_those_of_a_model(model: Path, here: Path) -> None:
+    """Which a file names, not the program."""
+    text = json.loads(model.read_text())
+    model.write_text(json.dumps(text | {"run": text["run"] | {"fields": ["vy"], "steps": 1}}))
+    assert MAIN["pdsolve"]([str(model), "-q", "--fields", "+energy"]) == 0
+    with Results.open(here / "plate.sqlite") as results:
+        assert results.stored(1) == ["vy", "energy"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (["--fields", "+heat"], "Invalid enum value 'heat' - at `$.run.fields[8]`"),
+        (["--fields", ""], "Invalid enum value '' - at `$.run.fields[0]`"),
+        (["--set", "run.fields=3", "--fields", "+ax,"], "Invalid enum value '' - at `$.run.fields[1]`"),
+    ],
+)
+def test_fields_that_are_none(model: Path, capsys: pytest.CaptureFixture[str], asked: list[str], message: str) -> None:
+    assert MAIN["pdsolve"]([str(model), *asked]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
 
 
 def test_a_dry_run_writes_nothing(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:

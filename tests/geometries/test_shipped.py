@@ -46,6 +46,11 @@ def test_counts(name: str, built: dict[str, Built]) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
+def test_nothing_is_to_be_warned_of(name: str, built: dict[str, Built]) -> None:
+    assert built[name].notes == ()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
 def test_cells_tile_the_plate(name: str, built: dict[str, Built]) -> None:
     from pdmesh.visibility import plate_of
 

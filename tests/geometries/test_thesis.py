@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
-from pdpost.cracks import CRACKED, damage_at
+from pdpost.cracked import CRACKED, damage_at
 from pdsolve.problem import Options, prepare
 from pdsolve.results import Results
 

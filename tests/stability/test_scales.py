@@ -137,8 +137,10 @@ def test_millimetres_taken_for_metres(failure: Callable[..., None]) -> None:
     failure(
         fails="A drawing in millimetres is a plate a thousand times too large, with waves that take a thousand times "
         "as long.",
-        noticed="`pdmesh` refuses plates of more than 20 m (exit code 2).",
+        noticed="`pdmesh` refuses plates of more than 20 m whose unit is not said (exit code 2), and warns of those of "
+        "more than 2 m.",
         says=[str(refused.value)],
-        cure='`Units = "m"` says that it is meant: plates of 2e-8, 0.02 and 2e4 m are then the same '
+        cure='`Units = "mm"`, or `--unit mm`, says what it is, `"m"` that it is meant: plates of 2e-8, 0.02 and '
+        "2e4 m are then the same "
         f"{len(middle)} nodes and areas but for their size, to 1e-9.",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pdmesh.conditions import parse_profile
 from pdmesh.drawing import Group, scene_of
 from pdmesh.grid import Displacement, InitialVelocity, Load, Velocity
 from pdmesh.lattice import build_grid
+from pdmesh.parameters import NAMES
 from pdmesh.scene import Scene, SceneError
 
 
@@ -64,7 +66,7 @@ def test_every_parameter_has_its_place() -> None:
             "Run/Frame every": 10.0,
             "Refine/crack/Distance": 1e-3,
             "Zones/plate/Grown": 0.0,
-            "Anything/of the user's": 5.0,
+            "Plate/Anything/of the user's": 5.0,
         },
         Group("move:side", 1, curves=([[0, 0, 0], [0, 0.01, 0]],)),
         Group("move:core", 2, surfaces=(ring(0.01, 0.004, 0.014, 0.008),)),
@@ -120,8 +122,118 @@ def test_bad_profiles(text: str) -> None:
         parse_profile(text, "here")
 
 
+UNKNOWN = {  # what was meant by a name that means nothing
+    "Horizn ratio": "Horizon ratio",
+    "horizon ratio": "Horizon ratio",
+    "Zone/plate/Spacing": "Zones/plate/Spacing",
+    "Zones/plate/Spcing": "Zones/plate/Spacing",
+    "material/E": "Material/E",
+    "Material/e": "Material/E",
+    "Materials/core/Rho": "Materials/core/rho",
+    "Loadz/top/Traction y": "Loads/top/Traction y",
+    "Fixs/foot/Box": "Fixes/foot/Box",
+    "Run/Time stp": "Run/Time step",
+    "Refine/crak/Distance": "Refine/crack/Distance",
+    "Unit": "Units",
+    "Plat/Length": "Plate/Length",
+    "Anything/of the user's": "Plate/of the user's",
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_a_name_that_means_nothing_is_refused_with_the_nearest(name: str) -> None:
+    expected = rf"parameter 'Peridynamics/{name}': found a name.*expected one such as 'Peridynamics/{UNKNOWN[name]}'"
+    with pytest.raises(SceneError, match=expected):
+        scene({name: 1.0})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_asked_for(name: str) -> None:
+    """A value of the wrong kind is found, so none of them is ignored."""
+    groups = [
+        Group("fix:NAME", 1, curves=([[0, 0, 0], [0.02, 0, 0]],)),
+        Group("move:NAME", 1, curves=([[0, 0, 0], [0, 0.01, 0]],)),
+        Group("load:NAME", 1, curves=([[0.02, 0, 0], [0.02, 0.01, 0]],)),
+        Group("material:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
+        Group("zone:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
+    ]
+    values = {"Zones/NAME/Spacing": 1e-3, "Loads/NAME/Traction x": 1.0, "Moves/NAME/Velocity x": 1.0}
+    scene(values, *groups)
+    refused = 0
+    for wrong in (1.0, "word"):
+        try:
+            scene(values | {name: wrong}, *groups)
+        except SceneError:
+            refused += 1
+    assert refused
+
+
+KINDS = {
+    "zones:fine": (2, "zone:fine"),
+    "craks:a": (1, "crack:a"),
+    "laod:top": (1, "load:top"),
+    "material": (2, "material:NAME"),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_group_of_no_known_kind_is_refused_with_the_nearest(name: str) -> None:
+    dimension, meant = KINDS[name]
+    with pytest.raises(SceneError, match=rf'Physical .*\("{name}"\): expected Physical .*\("{meant}"\), or'):
+        scene({}, Group(name, dimension))
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", 0.0254)])
+def test_all_lengths_are_in_the_unit_of_the_drawing(unit: str, metres: float) -> None:
+    def drawn(scale: float, unit: str) -> Scene:
+        def scaled(*points: tuple[float, float]) -> list[list[float]]:
+            return [[x / scale, y / scale, 0] for x, y in points]
+
+        corners = [(0, 0), (0.02, 0), (0.02, 0.01), (0, 0.01), (0, 0)]
+        groups = [
+            Group("zone:plate", 2, surfaces=(tuple(scaled(*ends) for ends in itertools.pairwise(corners)),)),
+            Group("load:top", 1, curves=(scaled((0, 0.01), (0.02, 0.01)),)),
+            Group("crack:slit", 1, curves=(scaled((0, 0.0052), (0.004, 0.0052)),)),
+        ]
+        values = {
+            "Units": unit,
+            "Zones/plate/Spacing": 1e-3 / scale,
+            "Refine/crack/Distance": 1e-3 / scale,
+            "Refine/crack/Spacing": 5e-4 / scale,
+            "Loads/top/Traction y": 1e6,
+            "Loads/top/Rows": 2.0,
+            "Fixes/foot/Box": " ".join(str(number / scale) for number in (0, 0, 0.02, 0.0015)),
+            "Fixes/foot/Displacement y": 1e-6 / scale,
+            "Moves/left/Velocity x": 3.0,
+            "Moves/left/Box": " ".join(str(number / scale) for number in (0, 0.004, 0.0015, 0.009)),
+            "Material/E": 65e9,
+            "Material/rho": 2235.0,
+            "Material/G0": 204.0,
+        }
+        return scene_of(groups, {f"Peridynamics/{name}": value for name, value in values.items()}, "test.geo")
+
+    in_metres, in_unit = build_grid(drawn(1.0, "m")), build_grid(drawn(metres, unit))
+    for field in ("position", "delta", "areas", "cracks"):
+        assert getattr(in_unit[0], field) == pytest.approx(getattr(in_metres[0], field), rel=1e-9, abs=1e-15), field
+    load, fix, move = in_unit[1].conditions
+    before = in_metres[1].conditions
+    assert [one.nodes for one in (load, fix, move)] == [one.nodes for one in before]
+    assert isinstance(load, Load)
+    assert (load.traction, load.length) == ((0, 1e6), pytest.approx(0.02))
+    assert isinstance(fix, Displacement)
+    assert fix.y == pytest.approx(1e-6)
+    assert isinstance(move, Velocity)
+    assert move.x == 3
+
+
+def test_a_displacement_that_is_not_held_is_refused() -> None:
+    with pytest.raises(SceneError, match="Displacement x': found one, expected none of a component that is not held"):
+        scene({"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "y", "Fixes/a/Displacement x": 1e-6})
+
+
 BAD = {
-    "unknown kind": ([Group("laod:top", 1)], {}, r'Curve\("laod:top"\): expected Physical Surface\("zone:NAME"\)'),
+    "unknown unit": ([], {"Units": "furlong"}, "Units': found 'furlong', expected one of m, cm, mm"),
+    "unknown kind": ([Group("laod:top", 1)], {}, r'Curve\("laod:top"\): expected .* or Surface\("load:top"'),
     "no kind": ([Group("top", 1)], {}, r'Physical Curve\("top"\)'),
     "crack as a surface": ([Group("crack:a", 2)], {}, r'Physical Surface\("crack:a"\)'),
     "a point": ([Group("load:a", 0)], {}, r'Physical Point\("load:a"\)'),
@@ -137,13 +249,15 @@ BAD = {
     "unknown law": ([], {"Material/Force law": "elastic"}, "Invalid enum value 'elastic'"),
     "half a row": ([], {"Loads/top/Rows": 1.5}, "Rows': found 1.5, expected a whole number"),
     "neither 0 nor 1": ([], {"Loads/top/Breakable": 2.0}, "Breakable': found 2, expected 0 or 1"),
+    "a box and a group": ([], {"Loads/top/Box": "0 0 1 1"}, "Box': found a group 'load:top' too"),
+    "endless box": ([], {"Fixes/a/Box": "-inf 0 1 1"}, "Box': found '-inf 0 1 1', expected x0 < x1"),
     "bad box": ([], {"Fixes/a/Box": "0 0 1"}, "Fixes/a/Box': found '0 0 1', expected four numbers"),
     "box inside out": ([], {"Fixes/a/Box": "1 0 0 1"}, "expected x0 < x1"),
     "unknown components": ([], {"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "z"}, "found 'z', expected one of xy"),
     "step without duration": ([], {"Run/Time step": 1e-8}, "Run: found Time step 1e-08 s and Duration None s"),
     "too many steps": ([], {"Run/Time step": 1e-300, "Run/Duration": 1.0}, "Run: found 1e[+]300 steps"),
     "half a material": ([], {"Materials/x/E": 1.0}, r'Physical Surface\("material:x"\): found none'),
-    "refine what": ([], {"Refine/edge/Distance": 1.0}, "refine: found 'edge'"),
+    "refine what": ([], {"Refine/edge/Distance": 1.0}, r"found a name.*'Peridynamics/Refine/\w+/Distance'"),
     "area rule": ([], {"Area rule": "voronoi"}, "Area rule': found 'voronoi', expected one of"),
     "open outline": (
         [Group("zone:plate2", 2, surfaces=(ring(0, 0, 0.01, 0.01)[:3],))],

@@ -128,7 +128,7 @@ def cad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     import gmsh
 
     folder = tmp_path_factory.mktemp("cad")
-    for name, unit in (("plate.step", 1.0), ("plate.brep", 1e-3)):
+    for name, unit in (("plate.step", 1.0), ("plate.brep", 1e-3), ("mm.brep", 1.0)):
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         plate = gmsh.model.occ.addRectangle(0, 0, 0, 40 * unit, 20 * unit)
@@ -147,13 +147,66 @@ def test_cad_files(name: str, cad: Path) -> None:
     assert scene.shape.area == pytest.approx(area, rel=2e-4)  # measured: 1.4e-4, of the chords
     assert len(scene.holes) == 1
     assert len(build_grid(scene)[1].conditions[0].nodes or ()) == 41
+    assert scene.units is None
+    in_mm = [("Units", "mm"), ("Zones/plate/Spacing", "1"), ("Fixes/foot/Box", "0 0 40 0.5")]
+    again = read_cad(cad / name, in_mm) if name == "plate.step" else read_cad(cad / "mm.brep", in_mm)
+    assert shapely.get_coordinates(again.shape) == pytest.approx(shapely.get_coordinates(scene.shape), abs=1e-15)
+    assert build_grid(again)[1].conditions[0].nodes == build_grid(scene)[1].conditions[0].nodes
     outline = read_outline(cad / name, 1e-4)
     assert outline.area == pytest.approx(area, rel=2e-5)  # measured: 8.7e-6
+    assert read_outline(cad / "mm.brep", 1e-4, unit="mm").area == pytest.approx(outline.area, rel=1e-12)
 
 
-def test_a_drawing_may_merge_a_cad_file_of_its_folder(cad: Path) -> None:
-    text = HEAD + 'Merge "plate.step";\nPhysical Surface("zone:plate") = {1};\nPhysical Curve("load:top") = {3};\n'
-    assert read_geo(written(cad, text, "merging.geo")).shape.area == pytest.approx(0.000721, abs=1e-6)
+@pytest.mark.parametrize("spacing", ["5e-324", "1e-300", "1e-12", "1e308", "nan", "inf", "-1"])
+@pytest.mark.parametrize("name", ["plate.step", "plate.brep"])
+def test_absurd_spacings_of_a_cad_file(name: str, spacing: str, cad: Path) -> None:
+    with pytest.raises(SceneError, match=rf"{name}: .*[Ss]pacing'?: found \S+"):
+        read_cad(cad / name, [("Zones/plate/Spacing", spacing)])
+
+
+def test_a_name_that_means_nothing_is_refused_for_a_cad_file_too(cad: Path) -> None:
+    for name in ("Fixs/foot/Box", "Plate/Length"):
+        with pytest.raises(SceneError, match=rf"plate\.step: parameter 'Peridynamics/{name}': found a name that means"):
+            read_cad(cad / "plate.step", [("Zones/plate/Spacing", "1e-3"), (name, "0 0 1 1")])
+
+
+MERGING = HEAD + 'Merge "plate.step";\nPhysical Surface("zone:plate") = {1};\nPhysical Curve("load:top") = {3};\n'
+IN_MM = 'DefineConstant[ unit = {"mm", Name "Peridynamics/Units"} ];\n'
+
+
+@pytest.mark.parametrize("where", ["in the drawing", "on the command line"])
+def test_a_drawing_may_merge_a_cad_file_of_its_folder(where: str, cad: Path) -> None:
+    """Its coordinates are those that Gmsh's window shows, 40 x 20, and the drawing says what they are."""
+    path = written(cad, (IN_MM if where == "in the drawing" else "") + MERGING, "merging.geo")
+    assignments = [("Zones/plate/Spacing", "0.1"), *([("Units", "mm")] if where == "on the command line" else [])]
+    scene = read_geo(path, assignments)
+    assert scene.shape.area == pytest.approx(0.000721, abs=1e-6)
+    assert scene.shape.bounds == pytest.approx((0, 0, 0.04, 0.02))
+    assert scene.spacing == 1e-4
+    with pytest.raises(SceneError, match="found 40 x 20 m, expected metres, not millimetres, or the parameter Units"):
+        read_geo(written(cad, MERGING, "merging.geo"))
+
+
+def test_assignments_may_supply_what_the_drawing_leaves_out(tmp_path: Path) -> None:
+    path = written(tmp_path, BUILT_IN)
+    given = [("Fixes/foot/Box", "0 0 0.04 0.0005"), ("Fixes/foot/Components", "y"), ("Horizon ratio", "4")]
+    scene = read_geo(path, [*given, ("Material/nu", "0.2"), ("Loads/top/Rows", "2")])
+    _, found, _ = build_grid(scene)
+    load, fix = found.conditions
+    assert (len(load.nodes or ()), len(fix.nodes or ())) == (82, 41)
+    assert (found.horizon.ratio, found.material.nu if found.material else 0) == (4, 0.2)
+    assert dict(scene.parameters)["Peridynamics/Fixes/foot/Box"] == "0 0 0.04 0.0005"
+    with pytest.raises(SceneError, match="'Peridynamics/Fixs/foot/Box': found a name that means nothing"):
+        read_geo(path, [("Fixs/foot/Box", "0 0 1 1")])
+    with pytest.raises(SceneError, match="'Peridynamics/Plate/Size' is not in the drawing, expected one such as"):
+        read_geo(path, [("Plate/Size", "2")])
+
+
+def test_chords_follow_a_spacing_that_was_supplied(tmp_path: Path) -> None:
+    text = BUILT_IN.replace('Name "Peridynamics/Zones/plate/Spacing"', 'Name "Peridynamics/Plate/Spacing"')
+    hole = read_geo(written(tmp_path, text), [("Zones/plate/Spacing", "1e-4")]).holes[0]
+    corners = shapely.get_coordinates(hole.exterior) - (0.02, 0.01)
+    assert 0 < 0.005 - np.hypot(*((corners[1:] + corners[:-1]) / 2).T).min() <= 0.01 * 1e-4
 
 
 def test_a_drawing_may_include_a_drawing_of_its_folder(tmp_path: Path) -> None:
@@ -197,11 +250,15 @@ BAD = {
     "unknown group": (BUILT_IN.replace("load:top", "laod:top"), r'Physical Curve\("laod:top"\): expected'),
     "unknown zone": (
         BUILT_IN.replace("zone:plate", "zon:plate"),
-        r'Surface\("zon:plate"\): expected Physical Surface\("zone:NAME"\)',
+        r'Surface\("zon:plate"\): expected Physical Surface\("zone:plate"\)',
     ),
     "half a material": (
-        BUILT_IN.replace("Material/rho", "Material/rhoo"),
+        BUILT_IN.replace(', rho = {2235, Name "Peridynamics/Material/rho"}', ""),
         "'Peridynamics/Material/rho': found none, expected a number",
+    ),
+    "a name that means nothing": (
+        BUILT_IN.replace("Material/rho", "material/rhoo"),
+        "'Peridynamics/material/rhoo': found a name .* one such as 'Peridynamics/Material/rho'",
     ),
     "empty": ("\n", "zones: found none, expected at least one"),
     "negative spacing": (
@@ -209,6 +266,10 @@ BAD = {
         "zone 'plate': spacing: found -0.001 m, expected more than 0 m",
     ),
     "spacing below its least": (BUILT_IN.replace("{1e-3,", "{1e-6,"), "found 1e-06, expected a number from 1e-05"),
+    "smallest spacing there is": (
+        BUILT_IN.replace("{1e-3, Min 1e-5, Max 0.1,", "{5e-324,"),
+        r"spacing: found 4.94066e-324 m, about inf nodes on 0.04 x 0.02 m, expected no more than 2e\+07",
+    ),
     "absurd spacing": (BUILT_IN.replace("{1e-3,", "{0.09,"), "found 0.09 m, expected less than"),
     "open outline": (BUILT_IN.replace("{1, 2, 3, 4}; Curve", "{1, 2, 3}; Curve"), "found an outline open at"),
     "crossing": (BUILT_IN.replace(*CROSSING), "zone 'plate': found .*expected an outline that does not cross itself"),
@@ -237,7 +298,7 @@ def test_bad_drawings(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     [
         (
             ("Zones/plat/Spacing", "1"),
-            "'Peridynamics/Zones/plat/Spacing' is not in the drawing, expected one such as 'Peridynamics/Zones/plate/S",
+            r'Surface\("zone:plat"\): found none, expected one for .*\(or is Peridynamics/Zones/plate meant\?\)',
         ),
         (("Zones/plate/Spacing", "wide"), "Spacing': found 'wide', expected a number"),
         (("Zones/plate/Spacing", "nan"), "Spacing': found nan, expected a number from"),

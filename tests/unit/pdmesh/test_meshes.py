@@ -75,6 +75,60 @@ def test_cells_become_nodes(tmp_path: Path) -> None:
     assert notes == ("group 'glass': no material of its own (--set Materials/glass/E=... gives one)",)
 
 
+def named(face: str, line: str) -> meshio.Mesh:
+    """The plate with other names for the triangles' group and the crack's."""
+    mesh = plate()
+    mesh.field_data = {
+        "steel": np.array([1, 2]),
+        face: np.array([2, 2]),
+        "load:top": np.array([3, 1]),
+        line: np.array([4, 1]),
+    }
+    return mesh
+
+
+def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
+    grids = []
+    for scale, unit in ((1.0, []), (1e3, [("Units", "mm")])):
+        mesh = plate()
+        mesh.points *= scale
+        meshio.write(tmp_path / "part.msh", mesh, file_format="gmsh22", binary=False)
+        grids.append(read_mesh(tmp_path / "part.msh", [*SET, *unit]))
+    (first, settings, _), (second, others, _) = grids
+    for field in ("position", "delta", "areas", "cracks", "border", "hole_id"):
+        assert getattr(second, field) == pytest.approx(getattr(first, field), rel=1e-12), field
+    assert others.conditions[0].nodes == settings.conditions[0].nodes
+
+
+@pytest.mark.parametrize(
+    ("face", "line", "message"),
+    [
+        ("zones:fine", "crack:slit", r'Surface\("zones:fine"\): expected Physical Surface\("zone:fine"\)'),
+        ("glass", "craks:a", r'Curve\("craks:a"\): expected Physical Curve\("crack:a"\)'),
+        ("crack:a", "crack:slit", r'Surface\("crack:a"\): expected Physical Curve\("crack:a"\)'),
+    ],
+)
+def test_groups_that_mean_nothing(face: str, line: str, message: str, tmp_path: Path) -> None:
+    meshio.write(tmp_path / "part.msh", named(face, line), file_format="gmsh22", binary=False)
+    with pytest.raises(SceneError, match=message):
+        read_mesh(tmp_path / "part.msh", SET)
+
+
+def test_a_group_of_lines_without_a_kind_is_said_not_to_be_used(tmp_path: Path) -> None:
+    meshio.write(tmp_path / "part.msh", named("glass", "slit"), file_format="gmsh22", binary=False)
+    _, _, notes = read_mesh(tmp_path / "part.msh", SET)
+    assert "curve 'slit': not used (crack:, load:, fix: or move:slit would be)" in notes
+
+
+@pytest.mark.parametrize("name", ["Fixs/rim/Box", "Plate/Length", "Material/Rho"])
+def test_a_parameter_that_means_nothing(name: str, tmp_path: Path) -> None:
+    meshio.write(tmp_path / "part.msh", plate(), file_format="gmsh22", binary=False)
+    with pytest.raises(
+        SceneError, match=rf"part\.msh: parameter 'Peridynamics/{name}': found a name that means nothing"
+    ):
+        read_mesh(tmp_path / "part.msh", [*SET, (name, "1")])
+
+
 @pytest.mark.parametrize("suffix", [".vtu", ".inp", ".msh"])
 def test_formats(suffix: str, tmp_path: Path) -> None:
     mesh = plate()

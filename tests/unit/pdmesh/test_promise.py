@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 from pathlib import Path
@@ -97,6 +98,13 @@ def test_drawn_zones_keep_their_shape_and_ratio() -> None:
     again = read_scene(GEOMETRIES / "duran50.geo", list(asked.items()))
     assert [one.place.rows for one in again.conditions] == [8, 8]
     assert again.finest == 5e-4
+
+
+def test_what_is_proposed_is_in_the_unit_of_the_drawing() -> None:
+    scene = read_scene(GEOMETRIES / "duran50.geo")
+    in_mm = dataclasses.replace(scene, parameters=(*scene.parameters, ("Peridynamics/Units", "mm")))
+    found = promise.Proposal(0.1, 0.02, "", 0.1, False, changed(in_mm, 5e-4, 4.0))
+    assert settings(found)["Zones/fine/Spacing"] == "0.5"
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from pdpost import animation
-from pdpost.figures import FigureError
+from pdpost.style import FigureError
 from pdsolve.results import Results
 
 
@@ -47,8 +47,8 @@ def test_colours_are_the_same_in_all_frames(small_results: Path, monkeypatch: py
     monkeypatch.setattr(
         animation,
         "paint",
-        lambda on, where, values, colours: (
-            drawn.append((values, colours.get_clim())) or paint(on, where, values, colours)
+        lambda on, where, values, colours, torn: (
+            drawn.append((values, colours.get_clim())) or paint(on, where, values, colours, torn)
         ),
     )
     with Results.open(small_results) as results:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from drawn import alone, at, lattice, run
 
-from pdpost.cracks import branch_place, clusters, cracked_since, damage_at, directions, growth, is_split
+from pdpost.cracked import cracked_since, damage_at
+from pdpost.cracks import branch_place, clusters, directions, growth, is_split
 from pdsolve.results import Breaks, Frame, Nodes, Results, Writer
 
 
@@ -19,6 +20,21 @@ def test_a_crack_starts_when_its_tip_is_one_and_a_half_spacings_on() -> None:
     assert (found.start.step, found.start.time, found.start.along) == pytest.approx((7, 7e-6, 6e-3))
     assert found.branching is None
     assert found.final_tip == pytest.approx(7e-3)
+
+
+def test_a_crack_that_starts_elsewhere_has_started() -> None:
+    """Below and behind the tip of the pre-crack, whichever direction is looked along."""
+    steps = [(3, 2, -4), (5, 3, -4), (50, 5, 0), (60, 6, 0)]
+    for direction in ((1.0, 0.0), (0.0, 1.0)):
+        found = growth(run(lattice(), steps), direction)
+        assert found.start is not None
+        assert found.start.step == 3
+
+
+def test_flanks_of_a_pre_crack_are_no_branch() -> None:
+    """Nodes beside the pre-crack crack on both of its sides, linked around its tip."""
+    flanks = [(10 + x, x, y) for x in range(6) for y in (-2, 2)] + [(9, 6, y) for y in (-1, 0, 1)]
+    assert growth(run(lattice(), flanks)).branching is None
 
 
 ARMS = [(10 + x, x, side * (x - 6)) for x in (7, 8, 9, 10) for side in (-1, 1)]
@@ -124,6 +140,20 @@ def test_the_direction_of_a_crack_from_its_notch(angle: float) -> None:
     (found,) = directions(run(nodes, line), 10)
     assert found.tip == (4.5e-3, 0.0)
     assert found.angle == pytest.approx(angle, abs=0.2)  # measured 45.00 and 63.37
+
+
+def test_a_crack_that_comes_to_a_notch_did_not_leave_it() -> None:
+    """From below, to the tip and beyond."""
+    steps = [(30 + y, 5, y) for y in range(-20, 12)]
+    assert directions(run(lattice(40, 60, below=30), steps), 100) == []
+
+
+def test_directions_are_those_of_the_crack_at_the_notch() -> None:
+    """Another crack, which joins the first one late, is not taken for its other side."""
+    first = [(5 + k, 4 + k, k) for k in range(1, 14)]
+    other = [(5 + k, 12 + k, -8) for k in range(20)] + [(60, 10, y) for y in range(-8, 6)] + [(60, 11, -8)]
+    (found,) = directions(run(lattice(40, 40, below=20), first + other), 100)
+    assert found.angle == pytest.approx(45, abs=0.5)
 
 
 def test_a_crack_that_goes_straight_on_has_no_other_direction() -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pytest
+from tampered import tampered
 
 from pdpost import export
 from pdpost.export import ExportError
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 
 
 def moved(results: Results, step: int) -> np.ndarray:
@@ -59,17 +61,61 @@ def test_a_series_as_pvd(small_results: Path, tmp_path: Path) -> None:
     assert np.array_equal(mesh.point_data["displacement"], u)
 
 
+def number_of(item: ElementTree.Element, folder: Path) -> np.ndarray:
+    """What an item of XDMF points at, read as the format says: so many numbers of a kind from a place of a file."""
+    kind = {"Float": "f", "Int": "i"}[item.attrib["NumberType"]]
+    dtype = np.dtype(f"<{kind}{item.attrib['Precision']}")
+    shape = [int(size) for size in item.attrib["Dimensions"].split()]
+    assert (item.attrib["Format"], item.attrib["Endian"]) == ("Binary", "Little")
+    data = (folder / str(item.text)).read_bytes()
+    return np.frombuffer(data, dtype, int(np.prod(shape)), int(item.attrib["Seek"])).reshape(shape)
+
+
 def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
+    """Each frame with its time, places, cells and fields, bit for bit; what stays is written once."""
     with Results.open(small_results) as results:
-        export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
-        u = moved(results, 60)
-    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(("a.", "."))] == ["a.xdmf"]
-    with meshio.xdmf.TimeSeriesReader(tmp_path / "a.xdmf") as series:
-        points, _ = series.read_points_cells()
-        read = [series.read_data(number) for number in range(series.num_steps)]
-    assert points.shape == (252, 3)
-    assert [time for time, _, _ in read] == pytest.approx([0.0, 2e-6, 3e-6])
-    assert read[2][1]["displacement"] == pytest.approx(u, rel=1e-6)
+        export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60], also=("stress",))
+        u, nodes = moved(results, 60), results.nodes()
+    names = sorted(path.name for path in tmp_path.iterdir() if path.name.startswith(("a.", ".")))
+    assert names == ["a.bin", "a.xdmf"]
+    frames = ElementTree.parse(tmp_path / "a.xdmf").getroot().findall("Domain/Grid/Grid")
+    assert [float(frame.find("Time").attrib["Value"]) for frame in frames] == pytest.approx([0.0, 2e-6, 3e-6])  # type: ignore[union-attr]
+    places = {frame.findtext("Geometry/DataItem", "") for frame in frames}
+    assert places == {"a.bin"}
+    items = {one.attrib["Name"]: one.find("DataItem") for one in frames[2].findall("Attribute")}
+    found = {name: number_of(item, tmp_path) for name, item in items.items() if item is not None}
+    assert np.array_equal(found["displacement"], u)
+    assert np.array_equal(found["node"].ravel(), nodes.ids)
+    assert found["stress"].shape == (252, 9)
+    for path, expected in (("Geometry", nodes.position), ("Topology", np.arange(252)[:, None])):
+        seeks = {item.attrib["Seek"] for frame in frames for item in frame.findall(f"{path}/DataItem")}
+        (item,) = frames[0].findall(f"{path}/DataItem")
+        assert len(seeks) == 1
+        assert np.array_equal(number_of(item, tmp_path)[:, : expected.shape[1]], expected)
+    each = 3 * 252 * (3 * 3 * 4 + 2 * 4 + 9 * 8)  # displacement, velocity, acceleration, energy, damage, stress
+    assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
+
+
+def test_a_series_is_about_as_large_as_its_pvd(solved: Callable[[str], Path], tmp_path: Path) -> None:
+    """As text it was six times as large."""
+    with Results.open(solved("conservative")) as results:
+        steps = export.chosen(results)
+        export.pvd(results, tmp_path / "a.pvd", steps)
+        export.xdmf(results, tmp_path / "b.xdmf", steps)
+    sizes = [sum(file.stat().st_size for file in tmp_path.rglob(name)) for name in ("a*", "b.*")]
+    assert 0.5 < sizes[1] / sizes[0] < 1.5  # measured 1.15
+
+
+def test_what_fails_leaves_no_half_of_a_series(small_results: Path, tmp_path: Path) -> None:
+    with tampered(small_results) as connection:
+        connection.execute("DELETE FROM field_chunk WHERE field = 'ux' AND step = 40")
+        connection.execute("UPDATE frame SET fields = replace(fields, 'ux ', '') WHERE step = 40")
+    with (
+        Results.open(small_results) as results,
+        pytest.raises(ResultsError, match="found no field 'ux'"),
+    ):
+        export.xdmf(results, tmp_path / "a.xdmf", [0, 20, 40], also=("strain",))
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(("a.", "."))] == []
 
 
 def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
@@ -80,7 +126,7 @@ def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [int(row["node"]) for row in rows] == nodes.ids.tolist()
     assert np.array_equal(np.array([row["uy"] for row in rows], dtype=np.float32), uy)
-    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "damage"]
+    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".xdmf"])
@@ -88,9 +134,10 @@ def test_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: s
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
-            path = tmp_path / f"{name}{suffix}"
+            (tmp_path / name).mkdir()
+            path = tmp_path / name / f"a{suffix}"
             export.vtu(results, 60, path) if suffix == ".vtu" else export.xdmf(results, path, [0, 60])
-            written.append(path.read_bytes())
+            written.append([file.read_bytes() for file in sorted(path.parent.iterdir())])
     assert written[0] == written[1]
 
 
@@ -126,7 +173,7 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
 
     with Results.open(small_results) as results:
         export.xdmf(results, tmp_path / "a.xdmf", [0, 40, 60])
-        u = moved(results, 60)
+        u, nodes = moved(results, 60), results.nodes()
     reader = vtk.vtkXdmfReader()
     reader.SetFileName(str(tmp_path / "a.xdmf"))
     reader.UpdateInformation()
@@ -135,5 +182,9 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
     times = [information.Get(key, number) for number in range(information.Length(key))]
     assert times == pytest.approx([0.0, 2e-6, 3e-6])
     reader.UpdateTimeStep(times[-1])
-    data = reader.GetOutputDataObject(0).GetBlock(0).GetPointData()
-    assert vtk_to_numpy(data.GetArray("displacement")) == pytest.approx(u, rel=1e-6)
+    grid = reader.GetOutputDataObject(0)
+    data = grid.GetPointData()
+    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (252, 252)
+    assert vtk_to_numpy(grid.GetPoints().GetData())[:, :2] == pytest.approx(nodes.position)
+    assert np.array_equal(vtk_to_numpy(data.GetArray("displacement")), u)
+    assert np.array_equal(vtk_to_numpy(data.GetArray("node")), nodes.ids)

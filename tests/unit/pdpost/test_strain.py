@@ -177,5 +177,5 @@ def test_regions_have_their_own_stiffness() -> None:
 
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
-    with pytest.raises(ResultsError, match="memory: found no material in the model"):
+    with pytest.raises(ResultsError, match="memory: found no model to read"):
         strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}))

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tampered import tampered
 
-import pdsolve.results
+import pdsolve.results.writer
 from pdmesh.grid import document_of, write_file
-from pdpost import figures, watching
+from pdpost import figures, style, watching
 from pdpost.watching import SilentError
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError, Writer
@@ -34,10 +35,8 @@ class Clock:
 
 def running(path: Path) -> None:
     """Say that the run at `path` goes on, as one that was killed does."""
-    connection = sqlite3.connect(path)
-    connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
-    connection.commit()
-    connection.close()
+    with tampered(path) as connection:
+        connection.execute("UPDATE meta SET value = 'running' WHERE key = 'status'")
 
 
 def test_a_run_that_has_ended_is_shown_once(small_results: Path) -> None:
@@ -82,7 +81,7 @@ def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path
         steps, early = [], 0
         for step in watching.frames(watched, 120.0, print, poll=0.01):
             with Results.open(watched) as results:
-                figures.save(figures.draw(results, "damage", step), tmp_path / "a.png")
+                style.save(figures.draw(results, "damage", step), tmp_path / "a.png")
             steps.append(step)
             early += child.poll() is None
     assert child.returncode == 0
@@ -99,7 +98,7 @@ def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path
 
 def test_a_reader_does_not_fail_the_end_of_a_run(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who has the database open when the run ends keeps SQLite from tidying up, and no more."""
-    monkeypatch.setattr(pdsolve.results, "READERS", 0.1)
+    monkeypatch.setattr(pdsolve.results.writer, "READERS", 0.1)
     writer = Writer.reopen(small_results)
     with Results.open(small_results) as reader:
         query = reader.connection.execute("SELECT * FROM node")

@@ -121,6 +121,45 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     assert fast.books(120)[2:] == pytest.approx(textbook.books(120)[2:], rel=1e-10, abs=1e-9)
 
 
+def stretched(problem: Problem, strain: float) -> None:
+    """Put the plate, at rest, under this strain along x."""
+    problem.motion.u[:] = 0
+    problem.motion.u[:, 0] = strain * problem.model.grid.position[:, 0]
+    problem.motion.v[:], problem.motion.a[:] = 0, 0
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> None:
+    """Far below the peak of the law again, and after a resume there: weaker than new, and the same to the last bit."""
+    model = plate(GRIDS["two scales"], material=SOFT, run=Run(time_step=1e-12))
+    fast, textbook = both(model, mode)
+    new, again = both(model, mode)[0], both(model, mode)[0]
+    flags, of_new, of_again = (problem.fast.blocks.softened for problem in (fast, new, again) if problem.fast)
+    at_rest = {name: values.copy() for name, values in new.state().items()}
+    peak = float(textbook.assembly.bonds.peak.min())
+    for problem in (fast, textbook):
+        stretched(problem, 1.2 * peak)
+        problem.march(1, 2)
+        assert not problem.motion.broken.any()
+    for problem in (fast, textbook, new):
+        stretched(problem, 0.1 * peak)
+        problem.march(2, 3)
+    assert nearly(fast.motion.a, textbook.motion.a, 1e-11)  # measured 2e-15
+    assert not nearly(fast.motion.a, new.motion.a, 0.05)  # measured 0.095 and 0.12
+    assert nearly(fast.energies()[1], textbook.energies()[1], 1e-12)
+    assert fast.energies()[1].max() > 0
+    again.restore(2, {name: values.copy() for name, values in fast.state().items()}, fast.breaks_after(0))
+    assert flags.any()
+    assert np.array_equal(of_again, flags)
+    for problem in (fast, again):
+        problem.march(3, 6)
+    assert fast.motion.a.tobytes() == again.motion.a.tobytes()
+    fast.motion.worst[:] = 0
+    fast.restore(0, at_rest, fast.breaks_after(0))
+    assert not flags.any()
+    assert not of_new.any()
+
+
 def test_held_components() -> None:
     """Displacements, velocities and accelerations prescribed in time, and what holding them takes."""
     conditions = (

@@ -65,8 +65,8 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
 
 
 def test_the_material_of_a_region_is_named() -> None:
-    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e40))
-    with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e\+40, expected 1e-30 to 1e\+30"):
+    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e-40))
+    with pytest.raises(ModelError, match=r"\$\.regions\[0\]\.material\.E: found 1e-40, expected 1e-30 to 1e\+30"):
         refuse(plate(square_grid(9, 8), regions=(region,)), True)
 
 

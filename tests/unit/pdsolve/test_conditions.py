@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
@@ -44,6 +46,20 @@ def test_a_held_velocity_is_held() -> None:
     problem.march(1, 31)
     assert problem.motion.v[left(problem), 0].tolist() == [1.0] * 6
     assert problem.motion.u[left(problem), 0] == pytest.approx(30 * DT, rel=1e-14)
+
+
+@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+def test_a_held_velocity_follows_its_profile(kernel: str) -> None:
+    """In each step with the factor in its middle, so that the way is the integral of the profile, exactly."""
+    model = plate(square_grid(10, 6), conditions=(Velocity(box=LEFT, x=2.0, profile=RAMP),), run=Run(time_step=DT))
+    problem = prepare(model, Options(kernel=kernel))
+    corners = np.array(RAMP)
+    for first, last in itertools.pairwise((0, 1, 20, 40, 41, 60, 70, 80, 120)):
+        problem.march(first + 1, last + 1)
+        time = np.union1d(corners[corners[:, 0] < last * DT, 0], [0.0, last * DT])
+        way = np.trapezoid(np.interp(time, *corners.T), time)
+        assert problem.motion.u[left(problem), 0] == pytest.approx(2 * way, rel=1e-12, abs=1e-22)  # measured 7e-16
+        assert problem.motion.v[left(problem), 0] == pytest.approx(2 * factor(last), rel=1e-12, abs=1e-12)
 
 
 def test_an_initial_velocity_is_not() -> None:

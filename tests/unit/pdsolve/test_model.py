@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Horizon, Load, Run, Settings, document_of, write_file
+from pdmesh.grid import GridError, Horizon, Load, Run, Settings, document_of, write_file
 from pdsolve.conditions import drive
 from pdsolve.model import ModelError, model_of, read_model
 
@@ -85,6 +85,17 @@ def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
         read_model(bare, tmp_path / "settings.toml")
 
 
+@pytest.mark.parametrize(
+    "text", ["run = " + 20_000 * "[" + 20_000 * "]", "run = " + 20_000 * "{a=" + "1" + 20_000 * "}"]
+)
+def test_a_toml_file_nested_too_deep_is_named(text: str, bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text(text)
+    with pytest.raises(ModelError, match=r"settings\.toml: found values nested too deep to be read"):
+        read_model(bare, tmp_path / "settings.toml")
+    with pytest.raises(ModelError, match="--set run: found values nested too deep to be read"):
+        read_model(bare, assignments=[("run", text.removeprefix("run = "))])
+
+
 def test_a_traction_as_the_thesis_spreads_it_and_exactly() -> None:
     """12 MPa over 4 rows of 2 mm: 1.5e9 N/m^3 at each node; or so much that the sum is traction * length."""
     grid = square_grid(51, 10, delta=2e-3)
@@ -109,3 +120,70 @@ def test_horizons_follow_the_spacing() -> None:
     assert plate(square_grid(3, 3, delta=2e-3), ratio=4).horizons == pytest.approx(8e-3)
     assert Settings().horizon == Horizon(3.0)
     assert GLASS.law == "brittle"
+
+
+CONDITION = 'conditions = [{kind = "%s", box = [-1, -1, 1, 1], %s}]'
+LOAD = "traction = [1, 1], rows = 2, length = 0.01"
+POSITIVE = (  # settings that are above 0
+    "material.E = X",
+    "material.rho = X",
+    "material.G0 = X",
+    "material.kr = X",
+    "horizon.ratio = X",
+    "run.time_step = X",
+    "run.steps = X",
+    "run.every = X",
+    "run.ledger = X",
+    "run = {until = 'quiet', quiet = X}",
+    CONDITION % ("load", LOAD.replace("0.01", "X")),
+    CONDITION % ("load", LOAD.replace("2", "X")),
+    "regions = [{material = {E = X, rho = 1e3, G0 = 1}, box = [-1, -1, 1, 1]}]",
+)
+SIGNED = (
+    "material.nu = X",
+    "run.probes = [[X, 0]]",
+    "run.probes = [[0, 0], [0, X]]",
+    CONDITION % ("load", LOAD.replace("[1,", "[X,")),
+    CONDITION % ("load", "body_force = [0, X]"),
+    CONDITION % ("load", "body_force = [0, 1], profile = [[0, 1], [X, 2]]"),
+    CONDITION % ("load", "body_force = [0, 1], profile = [[0, 1], [1, X]]"),
+    CONDITION % ("displacement", "x = X"),
+    CONDITION % ("velocity", "y = X"),
+    CONDITION % ("acceleration", "x = X"),
+    CONDITION % ("initial velocity", "y = X"),
+    "conditions = [{kind = 'velocity', box = [X, 0, 1, 1], x = 1}]",
+    "regions = [{material = {E = 1, rho = 1, G0 = 1}, box = [0, 0, X, 1]}]",
+)
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "-1", "1e300", "-1e300", "1" + 40 * "0", "1" + 5000 * "0"])
+@pytest.mark.parametrize("setting", [*POSITIVE, *SIGNED])
+def test_numbers_that_are_none(bare: Path, tmp_path: Path, setting: str, number: str) -> None:
+    """One line that names the setting, whether it is assigned or in a file."""
+    if setting in SIGNED and number == "-1" and setting != "material.nu = X":
+        return
+    name, text = setting.replace("X", number).split(" = ", 1)
+    (tmp_path / "settings.toml").write_text("material = {E = 1e9, rho = 1e3, G0 = 1}\n")
+    with pytest.raises((ModelError, GridError)) as error:
+        read_model(bare, tmp_path / "settings.toml", [(name, text)])
+    assert str(error.value).startswith(str(bare))
+    assert f"$.{name.split('.')[0]}" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_numbers_that_are_none_in_a_file(bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text(TOML.replace("25e-9", "inf"))
+    with pytest.raises(ModelError, match=r"\$\.run\.time_step: found inf, expected a number from -1e\+30 to 1e\+30"):
+        read_model(bare, tmp_path / "settings.toml")
+    for text in ("run.steps = 1" + 5000 * "0", "x = " + 20000 * "["):
+        (tmp_path / "settings.toml").write_text(text)
+        with pytest.raises(ModelError, match=r"settings\.toml: "):
+            read_model(bare, tmp_path / "settings.toml")
+
+
+def test_quiet_needs_its_seconds() -> None:
+    with pytest.raises(ModelError, match=r"model: \$\.run\.quiet: found none, expected seconds, as until is quiet"):
+        plate(square_grid(5, 4), run=Run(until="quiet"))
+    with pytest.raises(ModelError, match=r"model: \$\.run\.quiet: found 1e-06, expected none, as until is not quiet"):
+        plate(square_grid(5, 4), run=Run(quiet=1e-6))
+    assert plate(square_grid(5, 4), run=Run(until="split", quiet=1e-6)).settings.run.until == "split"

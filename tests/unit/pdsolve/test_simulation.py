@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sqlite3
 import time as clock
 from pathlib import Path
 
@@ -11,10 +10,13 @@ import msgspec
 import numba
 import numpy as np
 import pytest
+from plates import plate, square_grid
+from tampered import tampered
 
 from pdmesh.grid import Run
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.results import Results, ResultsError
+from pdsolve.problem import CRACKED
+from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.simulation import Options, Progress, UnstableError, plan, prepare, resume, simulate
 
 
@@ -192,6 +194,25 @@ def test_a_run_stops_when_the_plate_has_split(small_plate: Model) -> None:
         assert results.summary()["stopped"] is None  # not ten steps before
 
 
+@pytest.mark.parametrize("kernel", ["blocks", "textbook"])
+def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
+    """Three columns of nodes have lost their bonds to each other, and have all those to both sides."""
+    problem = prepare(plate(square_grid(21, 12)), Options(kernel=kernel))
+    column, bonds = np.arange(21 * 12) % 21, problem.assembly.bonds
+    source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
+    between = np.abs(column - 10) <= 1
+    inside = between[source] & between[target]
+    assert problem.pieces() == 1
+    ids = problem.model.grid.ids
+    breaks = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
+    problem.restore(1, problem.state(), breaks)
+    assert problem.damage()[between].min() > CRACKED
+    assert problem.damage()[~between].max() == 0
+    for side in (column < 9, column > 11):
+        assert (between[source] & side[target]).sum() > 100
+    assert problem.pieces() == 2
+
+
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:
     model = with_run(small_plate, steps=5000, until="quiet", quiet=2e-6, ledger=10)
     with simulate(model) as results:
@@ -243,9 +264,7 @@ def test_a_stop_at_the_last_step_keeps_the_last_frame(small_plate: Model) -> Non
 def test_a_run_of_other_bonds_does_not_go_on(small_plate: Model, tmp_path: Path) -> None:
     path = tmp_path / "plate.sqlite"
     simulate(small_plate, path, watch=lambda progress: True).close()
-    connection = sqlite3.connect(path)
-    connection.execute("UPDATE meta SET value = 1e-9 WHERE key = 'time_step'")
-    connection.commit()
-    connection.close()
+    with tampered(path) as connection:
+        connection.execute("UPDATE meta SET value = 1e-9 WHERE key = 'time_step'")
     with pytest.raises(ResultsError, match=r"found a run by pdsolve .* with a step of 1e-09 s, expected .* 5e-08 s"):
         resume(path)

@@ -1,0 +1,29 @@
+"""Fields of a frame as they were stored, and how to store those that were not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.results import Results, ResultsError
+
+
+def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:
+    """A field (n,) of the frame at `step`, SI. Raises ResultsError, naming those there are."""
+    return _fields(results, (name,), step)[0]
+
+
+def vector(results: Results, letter: str, step: int) -> NDArray[np.float64]:
+    """The components (n, 2) of u, v or a of the frame at `step`, SI. Raises ResultsError, naming those there are."""
+    return np.column_stack(_fields(results, (f"{letter}x", f"{letter}y"), step))
+
+
+def _fields(results: Results, names: tuple[str, ...], step: int) -> list[NDArray[np.float64]]:
+    there = results.stored(step)
+    missing = [name for name in names if name not in there]
+    if missing and there:
+        raise ResultsError(
+            f"{results.name}: found no field '{missing[0]}', expected one of {', '.join(there)}"
+            f" (pdsolve --fields +{','.join(missing)} stores it)"
+        )
+    return [results.field(name, step).astype(float) for name in names]

@@ -1,0 +1,79 @@
+"""XDMF: what is where in a file of XML, the numbers as they are in a .bin file beside it (xdmf.org, Model and Format).
+
+What does not change from frame to frame is written once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.files import replacing, write_atomically
+
+CELLS = {"vertex": "Polyvertex", "quad": "Quadrilateral"}  # meshio's word: XDMF's
+RANKS = {1: "Scalar", 3: "Vector", 9: "Tensor"}  # by how many numbers there are
+KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
+
+Data = Mapping[str, NDArray[np.generic]]  # (n,), (n, 3) or (n, 9) by name
+
+
+def write(
+    path: Path,
+    points: NDArray[np.float64],
+    cells: tuple[str, NDArray[np.int64]],
+    always: Data,
+    frames: Iterable[tuple[float, Data]],
+) -> None:
+    """Write frames, their times (s) and data at `points` (n, 3), m; `always` are data that all of them have."""
+    root = Element("Xdmf", Version="3.0")
+    series = SubElement(
+        SubElement(root, "Domain"), "Grid", Name="frames", GridType="Collection", CollectionType="Temporal"
+    )
+    numbers = beside(path)
+    with replacing(numbers) as part, part.open("wb") as file:
+        kind, corners = cells
+        put = partial(_put, file, numbers.name)
+        of_cells, of_points = (put(array) for array in (corners, points))
+        same = {name: put(array) for name, array in always.items()}
+        for time, data in frames:
+            grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
+            SubElement(grid, "Time", Value=repr(time))
+            shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
+            shape.append(of_cells)
+            SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
+            for name, item in {
+                **{name: put(array) for name, array in data.items()},
+                **same,
+            }.items():
+                rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
+                SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
+    write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def beside(path: Path) -> Path:
+    """The file of numbers that goes with the XDMF file at `path`."""
+    return path.with_suffix(".bin")
+
+
+def _put(file: BinaryIO, name: str, array: NDArray[np.generic]) -> Element:
+    """Write an array (n,) or (n, k) to a file of that name in the end; what points at it there."""
+    table = array.reshape(len(array), -1)
+    item = Element(
+        "DataItem",
+        Dimensions=" ".join(map(str, table.shape)),
+        NumberType=KINDS[table.dtype.kind],
+        Precision=str(table.dtype.itemsize),
+        Format="Binary",
+        Endian="Little",
+        Seek=str(file.tell()),
+    )
+    item.text = name
+    file.write(table.astype(table.dtype.newbyteorder("<")).tobytes())
+    return item

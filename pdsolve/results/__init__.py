@@ -1,0 +1,31 @@
+"""The database of a run: schema, writer, reader. Everything that looks at results needs this package alone.
+
+A plain SQLite file. Fields of nodes are float32, in chunks of `CHUNK` nodes; the view ``node_state`` decodes them
+in SQL, so ``SELECT time, uy FROM node_state WHERE node = 7`` works in any client. One transaction writes a frame
+with its broken bonds and its ledger: a killed run loses at most the last frame. About once a second it holds a
+checkpoint in full precision as well, from which a run goes on.
+"""
+
+from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
+from pdsolve.results.lock import writing_to
+from pdsolve.results.reader import Results
+from pdsolve.results.schema import FIELDS, Breaks, Families, Frame, Nodes
+from pdsolve.results.writer import Writer, remove
+
+__all__ = [
+    "FIELDS",
+    "Breaks",
+    "BusyError",
+    "DamagedError",
+    "EmptyError",
+    "Families",
+    "Frame",
+    "Nodes",
+    "Results",
+    "ResultsError",
+    "ResultsWarning",
+    "WriteError",
+    "Writer",
+    "remove",
+    "writing_to",
+]

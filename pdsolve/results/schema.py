@@ -1,0 +1,131 @@
+"""What a database of results holds: its tables, and the tuples that go in and come out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+APPLICATION_ID = 0x70647273  # "pdrs"
+SCHEMA_VERSION, WITHOUT_CHECKSUMS = 3, 2
+CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
+FIELDS = {  # name: unit, in the order of the view
+    "ux": "m",
+    "uy": "m",
+    "vx": "m/s",
+    "vy": "m/s",
+    "ax": "m/s^2",
+    "ay": "m/s^2",
+    "energy": "J/m^3",
+    "damage": "1",
+}
+
+
+class Nodes(NamedTuple):
+    """What a run knows of its n nodes from the start."""
+
+    ids: NDArray[np.int64]  # (n,)
+    position: NDArray[np.float64]  # (n, 2) reference position, m
+    delta: NDArray[np.float64]  # (n,) spacing, m
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    cut: NDArray[np.int64]  # (n,) bonds cut by a pre-crack
+
+
+class Families(NamedTuple):
+    """Who is bonded to whom at the start, those of node i at start[i]:start[i + 1]; cut and unseen ones left out."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int64]  # (b,) rows of the nodes, not their ids
+
+
+class Breaks(NamedTuple):
+    """Bonds broken in a run, in the order of their steps; a bond of both its nodes is there twice."""
+
+    step: NDArray[np.int64]  # (b,)
+    node: NDArray[np.int64]  # (b,) id of the node whose bond it was
+    neighbour: NDArray[np.int64]  # (b,) id
+
+
+class Frame(NamedTuple):
+    """What one transaction writes."""
+
+    step: int
+    time: float  # s
+    fields: Mapping[str, NDArray[np.floating]] | None  # (n,) each; None: a checkpoint between two frames
+    breaks: Breaks  # since the last transaction
+    ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
+    probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
+    checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
+    reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
+    wall_time: float = 0.0  # s spent so far
+
+
+TABLES = {  # name: columns
+    "meta": "key TEXT PRIMARY KEY, crc INTEGER, value",
+    "node": """"row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL, delta REAL, area REAL,
+    family INTEGER, cut INTEGER""",
+    "family_chunk": """chunk INTEGER PRIMARY KEY, crc INTEGER, bonds BLOB, ahead BLOB -- deflated int32: the bonds of
+    -- each node, and for each bond how many rows further its neighbour is
+    """,
+    "crack": "x0 REAL, y0 REAL, x1 REAL, y1 REAL -- segments of pre-cracks\n",
+    "frame": "step INTEGER PRIMARY KEY, time REAL NOT NULL, fields TEXT -- names, with a space between\n",
+    "field_chunk": """step INTEGER, field TEXT, chunk INTEGER, crc INTEGER, data BLOB NOT NULL,
+    PRIMARY KEY (step, field, chunk)""",
+    "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
+    "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
+    momentum_x REAL, momentum_y REAL, broken INTEGER""",
+    "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
+    PRIMARY KEY (node, step)""",
+    "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
+    displacement_x REAL, displacement_y REAL, PRIMARY KEY (condition, step) -- N/m that each of the model's
+    -- conditions, counted from 0, acts with on the plate, and the mean displacement of its nodes, m
+    """,
+    "checkpoint": "name TEXT PRIMARY KEY, step INTEGER, type TEXT, crc INTEGER, data BLOB",
+    "float32_prefix": "prefix INTEGER PRIMARY KEY, base REAL, unit REAL -- sign and exponent of a float32\n",
+    "checksum": """name TEXT PRIMARY KEY, rows INTEGER, crc INTEGER -- of the rows of each table, in their order, and of
+    -- the SQL of all tables
+    """,
+}
+STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction")  # tables that grow with the run
+
+
+def prefixes() -> list[tuple[int, float | None, float | None]]:
+    """For each sign and exponent of a float32 the value at mantissa 0 and of one unit of mantissa."""
+    rows: list[tuple[int, float | None, float | None]] = []
+    for prefix in range(512):
+        sign, exponent = (-1.0 if prefix & 256 else 1.0), prefix & 255
+        if exponent == 255:
+            rows.append((prefix, None, None))  # infinite or not a number
+        elif exponent == 0:
+            rows.append((prefix, 0.0, sign * 2.0**-149))
+        else:
+            rows.append((prefix, sign * 2.0 ** (exponent - 127), sign * 2.0 ** (exponent - 150)))
+    return rows
+
+
+def statements() -> list[str]:
+    """SQL that makes an empty database."""
+    tables = [f"CREATE TABLE {name} ({columns})" for name, columns in TABLES.items()]
+    marks = [f"PRAGMA application_id = {APPLICATION_ID}", f"PRAGMA user_version = {SCHEMA_VERSION}"]
+    return [*tables, _view(), *marks]
+
+
+def _view() -> str:
+    every_byte = f"x'{bytes(range(256)).hex()}'"
+
+    def decoded(field: str) -> str:
+        one = ", ".join(
+            f'instr({every_byte}, substr(data, 4 * (n."row" % {CHUNK}) + {b + 1}, 1)) - 1 AS b{b}' for b in range(4)
+        )
+        return f"""(SELECT base + unit * (((b2 & 127) << 16) | (b1 << 8) | b0) FROM (SELECT {one} FROM field_chunk
+    WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
+    JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
+
+    columns = [decoded(field) for field in FIELDS]
+    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
+        columns.insert(at, name)
+    return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
+    n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n"""

@@ -1,0 +1,122 @@
+"""Reads the tables of a database, and compares them with their checksums."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.results.checksums import KEYS, RECORDS, Checksum, Row, is_whole, select, select_schema
+from pdsolve.results.errors import DamagedError, EmptyError, ResultsError, explained
+from pdsolve.results.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES, WITHOUT_CHECKSUMS
+
+
+class Tables:
+    """The tables of a database called `name`. All methods raise ResultsError, for what is damaged DamagedError."""
+
+    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+        self.connection = connection
+        self.name = name
+        ((version,),) = self.rows("PRAGMA user_version")
+        self.checked = version != WITHOUT_CHECKSUMS
+
+    def expect_ours(self) -> None:
+        """Look whether this is a database of ours, with the tables that it was made with."""
+        ((found,),), ((version,),) = (self.rows(f"PRAGMA {name}") for name in ("application_id", "user_version"))
+        there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
+        if not there:
+            raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
+        if found != APPLICATION_ID:
+            raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
+        if version not in (WITHOUT_CHECKSUMS, SCHEMA_VERSION):
+            raise ResultsError(f"{self.name}: found schema version {version}, expected {SCHEMA_VERSION}")
+        if self.checked != ("checksum" in there):
+            self.damaged("schema")
+        self.compare("schema", self.rows(select_schema()))
+
+    def verify(self) -> None:
+        """Read all there is and look whether it is what was written; without checksums it cannot be said."""
+        if not self.checked:
+            return
+        with self.snapshot():
+            ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
+            if found != "ok":
+                raise DamagedError(f"{self.name}: found {' '.join(found.split())}, expected a whole database")
+            for table in TABLES:
+                if table != "checksum":
+                    self.compare(table, self.each(table))
+
+    @contextmanager
+    def snapshot(self) -> Iterator[None]:
+        """Inside, nothing that a run writes meanwhile is seen."""
+        if self.connection.in_transaction:
+            yield
+            return
+        with explained(Path(self.name)):
+            self.connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            if self.connection.in_transaction:  # an error may have ended it
+                self.connection.execute("ROLLBACK")
+
+    def rows(self, query: str, values: Row = ()) -> list[Row]:
+        """What a query finds, not compared with anything."""
+        with explained(Path(self.name)), closing(self.connection.execute(query, values)) as cursor:
+            return cursor.fetchall()
+
+    def each(self, table: str, where: str = "", values: Row = ()) -> Iterator[Row]:
+        """Rows of a table in their order; such with large values, which are the last ones, compared with their CRC."""
+        with explained(Path(self.name)), closing(self.connection.execute(select(table, where), values)) as rows:
+            for row in rows:
+                if self.checked and table in KEYS and not is_whole(table, row):
+                    self.damaged(table)
+                yield row
+
+    def all(self, table: str) -> list[Row]:
+        """All rows of a table in their order."""
+        with self.snapshot():
+            rows = list(self.each(table))
+            self.compare(table, rows)
+        return rows
+
+    def records(self, table: str) -> NDArray[np.void]:
+        """All rows of a table of many, its columns named f0, f1 and so on."""
+        with self.snapshot():
+            ((count,),) = self.rows(f"SELECT count(*) FROM {table}")
+            try:
+                found = np.fromiter(self.each(table), RECORDS[table], count)
+            except ResultsError:
+                raise
+            except (TypeError, ValueError, OverflowError):
+                self.damaged(table)
+            self.compare(table, found)
+        return found
+
+    def count(self, table: str) -> int | None:
+        """How many rows were written to a table; None if it is not known."""
+        rows = self.rows("SELECT rows FROM checksum WHERE name = ?", (table,)) if self.checked else []
+        return rows[0][0] if rows else None
+
+    def compare(self, table: str, rows: Iterable[Row] | NDArray[np.void]) -> None:
+        """Look whether these are all rows of the table, as they were written."""
+        if not self.checked:
+            return
+        expected = self.rows("SELECT rows, crc FROM checksum WHERE name = ?", (table,))
+        try:
+            found = Checksum().of(table, rows)
+        except ResultsError:
+            raise
+        except (TypeError, ValueError, OverflowError):
+            self.damaged(table)
+        if expected != [found]:
+            self.damaged(table)
+
+    def damaged(self, table: str) -> NoReturn:
+        """Raises DamagedError."""
+        raise DamagedError(f"{self.name}: found its {table} damaged, expected what its checksum says was written")

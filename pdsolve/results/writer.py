@@ -1,0 +1,272 @@
+"""Writes the database of a run."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import time
+import warnings
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.files import irregular
+from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
+from pdsolve.results.errors import ResultsError, ResultsWarning, WriteError, explained
+from pdsolve.results.reader import Results
+from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Families, Frame, Nodes, prefixes, statements
+
+PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
+READERS = 3.0  # s that a run waits in the end for those who read its database
+LOOK = 0.1  # s between two looks whether another program has let go of it
+LEAST_WAIT = 1.0  # s that it is waited for, even by a run that is to stop
+FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice as long, and so on
+
+
+class Writer:
+    """Writes one run. Use `create` for a new database, `reopen` for one to go on with; close it in the end.
+
+    Where another program keeps the database to itself it waits, with a ResultsWarning now and then, until `stop` says
+    that it is not to.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, path: Path | None) -> None:
+        self.connection = connection
+        self.path = path  # None: in memory
+        self.stop: Callable[[], bool] = lambda: False
+        self._checksums: dict[str, Checksum] = {}  # within a transaction
+
+    @classmethod
+    def create(
+        cls,
+        path: Path | None,
+        nodes: Nodes,
+        families: Callable[[int, int], Families],
+        cracks: NDArray[np.float64],
+        meta: Mapping[str, Any],
+    ) -> Writer:
+        """A new database at `path` (in memory if None), replacing what is there; `cracks` (k, 4) are segments, m.
+
+        `families(first, last)` gives those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
+        written, and then leaves nothing behind.
+        """
+        if path is not None:
+            remove(path)
+        writer = cls(_connected(path), path)
+        try:
+            with writer._transaction(new=True) as connection:
+                for statement in statements():
+                    connection.execute(statement)
+                writer._checksums = dict.fromkeys(TABLES, Checksum())
+                writer._checksums["schema"] = Checksum().of("schema", connection.execute(select_schema()))
+                writer._insert("INSERT", "checksum", [(name, 0, 0) for name in writer._checksums])
+                writer._append("float32_prefix", prefixes())
+                writer._write_start(nodes, families)
+                writer._append("crack", cracks.tolist())
+                writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
+        except BaseException:
+            writer.discard()
+            raise
+        return writer
+
+    @classmethod
+    def reopen(cls, path: Path) -> Writer:
+        """The database at `path`, to go on writing from its checkpoint: what it has of later steps is dropped.
+
+        Raises ResultsError if it is not one of ours or has no checkpoint.
+        """
+        with Results.open(path) as results:
+            step, _ = results.checkpoint()
+        writer = cls(_connected(path), path)
+        with writer._transaction() as connection:
+            for table in STEPPED:
+                if connection.execute(f"DELETE FROM {table} WHERE step > ?", (step,)).rowcount:
+                    writer._add_up(table)
+            writer._tell({"status": "running"})
+        return writer
+
+    def tell(self, meta: Mapping[str, Any]) -> None:
+        """Set keys of the table `meta`. Raises WriteError."""
+        with self._transaction():
+            self._tell(meta)
+
+    def write(self, frame: Frame) -> None:
+        """Write a frame in one transaction. Raises WriteError where the disk does not take it."""
+        with self._transaction():
+            if frame.fields is not None:
+                self._append("frame", [(frame.step, frame.time, " ".join(frame.fields))])
+                for name, values in frame.fields.items():
+                    self._write_field(frame.step, name, values)
+            self._append("bond_break", records("bond_break", frame.breaks))
+            self._append("history", frame.ledger)
+            self._append("probe", frame.probes)
+            self._append("reaction", frame.reactions)
+            if frame.checkpoint is not None:
+                self._write_checkpoint(frame.step, frame.checkpoint)
+                self._tell({"wall_time": frame.wall_time})
+
+    def close(self, status: str) -> None:
+        """Leave one single file behind, with `status` in its meta; with SQLite's log beside it if someone reads on.
+
+        One in memory stays open. Raises WriteError.
+        """
+        if self.path is None:
+            self.tell({"status": status})
+            return
+        try:
+            self.tell({"status": status})
+            with explained(self.path, WriteError):
+                deadline = time.monotonic() + READERS
+                while not self._alone() and time.monotonic() < deadline:
+                    time.sleep(0.02)
+        finally:
+            self.connection.close()
+
+    def abandon(self, status: str) -> None:
+        """Close after an error, as well as can be without waiting for anyone; the error is what is to be told."""
+        self.stop = lambda: True
+        with suppress(ResultsError):
+            self.close(status)
+
+    def discard(self) -> None:
+        """Leave nothing behind, as well as can be."""
+        self.connection.close()
+        if self.path is not None:
+            with suppress(ResultsError):
+                remove(self.path)
+
+    @contextmanager
+    def _transaction(self, new: bool = False) -> Iterator[sqlite3.Connection]:
+        """All that is written inside or, after an error, nothing; a database that is `new` has no tables yet.
+
+        Raises WriteError.
+        """
+        with explained(self.path, WriteError):
+            if self.connection.in_transaction:  # the last one met an error, or an interrupt
+                self.connection.execute("ROLLBACK")
+            self._begin()
+            before = [] if new else self.connection.execute("SELECT name, rows, crc FROM checksum")
+            known = {name: Checksum(rows, crc) for name, rows, crc in before}
+            self._checksums = known.copy()
+            yield self.connection
+            changed = [(*now, name) for name, now in self._checksums.items() if now != known.get(name)]
+            self.connection.executemany("UPDATE checksum SET rows = ?, crc = ? WHERE name = ?", changed)
+            self.connection.execute("COMMIT")
+
+    def _begin(self) -> None:
+        """Begin to write as soon as no other program keeps the database to itself."""
+        since, word = time.monotonic(), FIRST_WORD
+        while True:
+            try:
+                self.connection.execute("BEGIN IMMEDIATE")
+                return
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY:
+                    raise
+            waited = time.monotonic() - since
+            if self.stop() and waited >= LEAST_WAIT:
+                raise WriteError(
+                    f"{self.path}: found it locked by another program for {waited:.0f} s, expected it to let go;"
+                    " the database holds the run up to its last checkpoint"
+                )
+            if waited >= word:
+                warnings.warn(
+                    f"{self.path}: locked by another program for {waited:.0f} s; waiting for it to let go",
+                    ResultsWarning,
+                    stacklevel=2,
+                )
+                word *= 2
+
+    def _append(self, table: str, rows: Sequence[Row] | NDArray[np.void]) -> None:
+        """Put rows into a table, a row with large values without its CRC, and bring its checksum up to date."""
+        if not len(rows):
+            return
+        if isinstance(rows, np.ndarray):
+            self._insert("INSERT", table, rows.tolist())
+        else:
+            rows = [with_crc(table, row) if table in KEYS else tuple(map(stored, row)) for row in rows]
+            self._insert("INSERT", table, rows)
+        self._checksums[table] = self._checksums[table].of(table, rows)
+
+    def _insert(self, how: str, table: str, rows: Sequence[Row]) -> None:
+        if rows:
+            marks = ", ".join("?" * len(rows[0]))
+            self.connection.executemany(f"{how} INTO {table} VALUES ({marks})", rows)
+
+    def _add_up(self, table: str) -> None:
+        """Make the checksum that of the rows there are."""
+        self._checksums[table] = Checksum().of(table, self.connection.execute(select(table)))
+
+    def _tell(self, meta: Mapping[str, Any]) -> None:
+        rows = [with_crc("meta", (key, stored(value))) for key, value in meta.items()]
+        self._insert("INSERT OR REPLACE", "meta", rows)
+        self._add_up("meta")
+
+    def _write_start(self, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
+        """The nodes and their families, some at a time."""
+        count = len(nodes.ids)
+        columns = (np.arange(count), nodes.ids, *nodes.position.T, np.zeros(count), *nodes[2:])
+        for chunk, at in enumerate(range(0, count, CHUNK)):
+            self._append("node", records("node", [column[at : at + CHUNK] for column in columns]))
+            start, neighbour = families(at, min(at + CHUNK, count))
+            ahead = neighbour - np.repeat(np.arange(at, at + len(start) - 1), np.diff(start))
+            blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
+            self._append("family_chunk", [(chunk, *blobs)])
+
+    def _write_field(self, step: int, name: str, values: NDArray[np.floating]) -> None:
+        data = values.astype("<f4").data
+        chunks = enumerate(range(0, len(data), CHUNK))
+        self._append("field_chunk", [(step, name, chunk, data[at : at + CHUNK]) for chunk, at in chunks])
+
+    def _write_checkpoint(self, step: int, state: Mapping[str, NDArray[np.floating]]) -> None:
+        self.connection.execute("DELETE FROM checkpoint")
+        rows = [(name, step, array.dtype.str, array.tobytes()) for name, array in state.items()]
+        self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row) for row in rows])
+        self._add_up("checkpoint")
+
+    def _alone(self) -> bool:
+        """Put SQLite's log away; False where a reader keeps it."""
+        try:
+            self.connection.execute("PRAGMA journal_mode = DELETE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorname != "SQLITE_BUSY":
+                raise
+            self.connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            return False
+        return True
+
+
+def _connected(path: Path | None) -> sqlite3.Connection:
+    """A connection to write with: readers are not disturbed, and the disk is waited for once in `WAL_PAGES`."""
+    with explained(path, WriteError):
+        connection = sqlite3.connect(":memory:" if path is None else path, timeout=LOOK, isolation_level=None)
+        try:
+            connection.execute(f"PRAGMA page_size = {PAGE}")
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+            connection.execute(f"PRAGMA wal_autocheckpoint = {WAL_PAGES}")
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def remove(path: Path) -> None:
+    """Delete a database, or the one a link leads to, with what SQLite keeps beside it.
+
+    Raises WriteError where it cannot be, or is no file.
+    """
+    try:
+        found = irregular(path)
+        if found is not None:
+            raise WriteError(f"{path}: found {found}, expected a database or nothing")
+        for beside in ("", "-wal", "-shm", "-journal"):
+            Path(f"{os.path.realpath(path)}{beside}").unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: {error.strerror}") from None

@@ -1,0 +1,158 @@
+"""Ctrl-C, once and twice, at any moment: one line at most, exit code 130, a run that can be gone on with."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from whole import contents
+
+from pdmesh import commandline
+from pdsolve.__main__ import main
+from pdsolve.model import Model
+from pdsolve.results import Results, Writer
+from pdsolve.simulation import simulate
+
+
+@pytest.fixture(autouse=True)
+def _listens() -> Iterator[None]:
+    """Whoever runs the tests in the background has them ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def model(here: Path, probed: Model, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A plate in a folder, looked at after every step, without a word of progress."""
+    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.__main__.LINE_EVERY", 1e9)
+    (here / "plate.json").write_text(probed.to_json())
+    return here / "plate.json"
+
+
+def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--resume", "plate.sqlite", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    simulate(probed, Path("alone.sqlite")).close()
+    assert contents(Path("plate.sqlite")) == contents(Path("alone.sqlite"))
+
+
+@pytest.mark.parametrize(
+    "module", ["msgspec", "numpy._core.multiarray", "numpy.random", "numba.core", "pdsolve.problem"]
+)
+@pytest.mark.parametrize("program", ["pdsolve", "pdpost"])
+def test_while_libraries_are_imported(here: Path, program: str, module: str) -> None:
+    words = {"pdsolve": ["x.json"], "pdpost": ["damage", "x.sqlite"]}[program]
+    code = f"""if True:
+        import importlib.abc, signal, sys
+        class Finder(importlib.abc.MetaPathFinder):
+            def find_spec(self, name, path, target=None):
+                if name == {module!r}:
+                    signal.raise_signal(signal.SIGINT)
+        sys.meta_path.insert(0, Finder())
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        from {program}.__main__ import main
+        sys.exit(main({words!r}))
+    """
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    if program == "pdpost" and module in ("numba.core", "pdsolve.problem"):
+        assert ran.returncode == 2  # it does without them
+        return
+    assert (ran.returncode, ran.stderr) == (130, f"{program}: interrupted\n")
+
+
+def test_what_a_library_makes_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """NumPy, interrupted while it is imported, says that it cannot be imported more than once."""
+
+    def command() -> int:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("cannot load module more than once per process") from None
+        return 0
+
+    assert commandline.run("pdmesh", command, dict) == 130
+    assert capsys.readouterr().err == "pdmesh: interrupted\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_between_two_entries_of_the_ledger(
+    model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pdsolve.problem import Problem
+
+    march = Problem.march
+
+    def interrupted(problem: Problem, first: int, last: int) -> None:
+        march(problem, first, last)
+        if first == 33:
+            signal.raise_signal(signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Problem, "march", interrupted)
+        assert main([str(model)]) == 130
+    out, err = capsys.readouterr()
+    assert out.startswith("interrupted; to go on: pdsolve --resume plate.sqlite\n")
+    assert err == ""
+    with Results.open(Path("plate.sqlite")) as results:
+        assert (results.checkpoint()[0], results.summary()["steps"]) == (33, 33)
+        assert results.history()["step"].max() == 30
+    check_resumed(probed, capsys)
+
+
+def test_twice_while_a_frame_is_written(
+    model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = Writer._write_field
+
+    def interrupted(writer: Writer, step: int, *more: object) -> None:
+        write(writer, step, *more)  # type: ignore[arg-type]
+        if step == 40:
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Writer, "_write_field", interrupted)
+        assert main([str(model)]) == 130
+    assert capsys.readouterr() == ("", "pdsolve: interrupted\n")
+    with Results.open(Path("plate.sqlite")) as results:
+        assert results.meta()["status"] == "interrupted"
+        assert results.frames()[0].max() == 30
+    check_resumed(probed, capsys)
+
+
+def test_while_another_program_is_waited_for(
+    model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is said what for; after Ctrl-C that is why the run has ended."""
+    monkeypatch.setattr("pdsolve.results.writer.FIRST_WORD", 0.2)
+    write, foreign = Writer.write, []
+
+    def locked(writer: Writer, frame: object) -> None:
+        if getattr(frame, "step", 0) == 30:
+            foreign.append(sqlite3.connect("plate.sqlite", isolation_level=None))
+            foreign[0].execute("BEGIN IMMEDIATE")
+            threading.Timer(0.7, os.kill, (os.getpid(), signal.SIGINT)).start()
+        write(writer, frame)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Writer, "write", locked)
+        assert main([str(model)]) == 1
+    foreign[0].close()
+    out, err = capsys.readouterr()
+    assert out == ""
+    first, *_, last = err.splitlines()
+    assert first == "pdsolve: warning: plate.sqlite: locked by another program for 0 s; waiting for it to let go"
+    assert last == (
+        "pdsolve: plate.sqlite: found it locked by another program for 1 s, expected it to let go; the database"
+        " holds the run up to its last checkpoint"
+    )
+    check_resumed(probed, capsys)

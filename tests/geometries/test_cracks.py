@@ -1,0 +1,92 @@
+"""The tips of cracks in whole runs: time rises, speeds are possible, mirror images are mirror images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from mirrors import mirrored
+from plates import GEOMETRIES
+
+from pdmesh.sources import build
+from pdpost.crack_summary import Summary, sentences, summary
+from pdpost.paths import LONG
+from pdsolve.model import Model
+from pdsolve.results import Results
+from pdsolve.simulation import Options, simulate
+
+
+def told(results: Results) -> Summary:
+    """The cracks of a whole run, after what holds of all of them."""
+    found = summary(results, int(results.history()["step"][-1]))
+    for branch in found.branches:
+        assert (np.diff(branch.time) >= 0).all()
+        for stem in found.branches:
+            if stem.end == branch.begin and branch.time[0] < stem.time[-1]:
+                other = min(one.time[-1] for one in found.branches if one.end == branch.begin)
+                assert branch.time[0] >= other  # of two stems that meet the first goes on
+        known = np.isfinite(branch.speed.value)
+        low, value, high = (column[known] for column in (branch.speed.low, branch.speed.value, branch.speed.high))
+        assert (low <= value).all()
+        assert (value <= high).all()
+        assert (low <= found.rayleigh_speed).all()
+        assert (high <= 3 * low).all()
+    return found
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_kalthoff_and_winkler(mode: str) -> None:
+    """Mirror images in all they are; the main cracks below the Rayleigh speed.
+
+    Before: 18 of 21 branches ran backwards in time, at up to 84 877 m/s, and the main ones were 76.2 and 65.1 mm long.
+    """
+    pytest.importorskip("gmsh", exc_type=OSError)
+    built = build(GEOMETRIES / "kalthoff_winkler.geo")
+    with simulate(Model(built.grid, built.settings), None, Options(mode)) as results:
+        found = told(results)
+    mirrored(found.branches, found.branches, np.array([1.0, -1.0]), (0.0, 0.2))
+    one, other = found.branches[:2]
+    assert one.length == pytest.approx(other.length, rel=1e-12)
+    assert one.length == pytest.approx(0.063, abs=0.006)  # measured 61.0 and 65.0 mm
+    lower, upper = sorted((one, other), key=lambda branch: float(branch.place[0, 1]))
+    for branch, notch in ((lower, 75.5e-3), (upper, 124.5e-3)):
+        assert branch.place[0] == pytest.approx([50e-3, notch])
+        assert branch.mean_speed is not None
+        assert branch.mean_speed / found.rayleigh_speed == pytest.approx(0.6, abs=0.1)  # measured 0.58 and 0.62
+        assert np.isfinite(branch.speed.value).mean() > 0.7
+        assert np.nanmax(branch.speed.value) < found.rayleigh_speed
+    assert [way.angle for way in found.directions] == pytest.approx([-68, 68], abs=3)
+    rubble = [branch for branch in found.branches if not branch.line.all()]
+    assert rubble or mode == "conservative"  # under the impactor
+    assert all(branch.mean_speed is None for branch in rubble)
+
+
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+def test_duran(solved: Callable[[str], Path], mode: str) -> None:
+    with Results.open(solved(mode)) as results:
+        found = told(results)
+    mirrored(found.branches, found.branches, np.array([1.0, -1.0]))
+    (fork,) = found.forks
+    assert fork.arms[0] == pytest.approx(-fork.arms[1], abs=1e-9)
+    assert len([one for one in found.branches if one.length >= LONG * found.branches[0].length]) == 3
+
+
+def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
+    """Figure 19 run on: from the notch at 53 us, not when it has passed the arc at 107; each begins where it does."""
+    built = build(GEOMETRIES / "figure_19.py")
+    run = msgspec.structs.replace(built.settings.run, steps=4000, every=4000)
+    with simulate(Model(built.grid, msgspec.structs.replace(built.settings, run=run)), None) as results:
+        found = told(results)
+    first, second = found.branches
+    assert found.growth.start is not None
+    assert found.growth.start.time == first.time[0]
+    assert first.time[0] == pytest.approx(53e-6, abs=1e-6)  # measured 52.95
+    assert first.place[0] == pytest.approx([74e-3, 14e-3], abs=1e-3)
+    assert second.place[0] == pytest.approx([92.3e-3, 39.3e-3], abs=1e-4)  # the right end of the arc
+    assert second.time[0] > first.time[0]
+    (way,) = found.directions  # the crack at the left end came to it from below
+    assert way.tip == pytest.approx((92.3e-3, 39.3e-3), abs=1e-4)
+    assert any("from (74, 14) mm at 52.95 us" in sentence for sentence in sentences(found))

@@ -1,0 +1,30 @@
+"""Whether branches of cracks are mirror images of others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from pdpost.tips import Branch
+
+
+def mirrored(
+    one: Sequence[Branch], other: Sequence[Branch], mirror: np.ndarray, shift: Sequence[float] = (0, 0)
+) -> None:
+    """Each branch of one, times `mirror` and shifted (m), is one of the other, point by point."""
+    assert len(one) == len(other)
+    left = list(other)
+    for branch in one:
+        place = branch.place * mirror + np.array(shift)
+        alike = [its for its in left if its.place.shape == place.shape]
+        image = min(alike, key=lambda its: float(np.abs(place - its.place).max()))
+        left = [its for its in left if its is not image]
+        assert place == pytest.approx(image.place, abs=1e-12)
+        assert branch.time == pytest.approx(image.time, rel=1e-12)
+        assert branch.direction * mirror == pytest.approx(image.direction, abs=1e-6)
+        assert branch.along == pytest.approx(image.along, rel=1e-9)
+        assert np.array_equal(branch.line, image.line)
+        for mine, its in zip(branch.speed, image.speed, strict=True):
+            assert mine == pytest.approx(its, rel=1e-6, nan_ok=True)
