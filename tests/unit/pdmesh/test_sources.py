@@ -99,6 +99,7 @@ SOURCES = {  # name, content, what is said
         f"an empty {suffix}": (f"a{suffix}", "", "a" + suffix)
         for suffix in (".inp", ".off", ".stl", ".msh", ".vtu", ".ply")
     },
+    "an .off of nothing": ("a.off", "", "found what meshio cannot read"),
     "an .inp without points": ("a.inp", "hello\n", "found no points"),
     "an .inp with a hole": (
         "a.inp",
