@@ -17,10 +17,8 @@ POSITIONAL = 8  # parameters of a function
 
 FOLDERS = ("pdmesh", "pdsolve", "pdpost", "tests", "benchmarks", ".ci")
 REWRITTEN = {  # files above the limits that are being taken apart; one that keeps them has to leave this list
-    "pdmesh": ("geo.py",),
     "pdsolve": ("problem.py", "simulation.py"),
     "tests": ("unit/pdmesh/test_geo.py",),
-    "benchmarks": ("accuracy.py",),
 }
 COMPILED = ("njit", "jit", "vectorize", "guvectorize", "overload")
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
-from pdmesh.grid import Grid, Horizon, Material, Settings
+from pdmesh.grid import Displacement, Grid, Horizon, Material, Settings, Velocity
 from pdsolve.model import Model
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
+STEEL = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)  # of the thesis
 
 
 def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y0: float = 0.0) -> Grid:
@@ -65,3 +67,13 @@ def interface_grid(
         hole_id=np.full(nodes, -1),
         cracks=np.empty((0, 4)),
     )
+
+
+def struck_plate(ratio: float = 3.0, speed: float = 32.0, clamped: bool = True, material: Material = STEEL) -> Model:
+    """Kalthoff and Winkler's plate on one spacing of 1 mm, struck between its notches; held at both ends, or not."""
+    outline = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.2], [0.0, 0.2]])
+    notches = np.array([[-1.0, y, 0.05, y] for y in (75.5e-3, 124.5e-3)])
+    grid = dataclasses.replace(square_grid(101, 201), cracks=notches, outline=(outline,))
+    impact = Velocity(box=(-1.0, 75.5e-3, 0.1e-3, 124.5e-3), x=speed)
+    ends = tuple(Displacement(box=(-1.0, y - 1e-4, 1.0, y + 1e-4), x=0.0, y=0.0) for y in (0.0, 0.2))
+    return plate(grid, ratio, material=material, conditions=(*ends, impact) if clamped else (impact,))

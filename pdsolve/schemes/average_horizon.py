@@ -9,10 +9,11 @@ is reflected less where spacings differ.
   ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
   0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
 - The lattice is calibrated: its mean stiffness and fracture energy are those of the material (`pdsolve.lattice`).
-- Surfaces and interfaces are corrected by the energy method: a bond is multiplied so that, in uniform stretching
-  along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V. Le,
-  F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). Pre-cracks are not corrected for, as the
-  cracks a run makes are not.
+- Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method: a bond is multiplied so that, in
+  uniform stretching along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V.
+  Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). Bonds that a pre-crack cuts hold none,
+  around its tip as well: to spare the tip makes displacements around it worse
+  (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
 - Where two materials meet, each end brings half the stiffness and half the energy a bond spends on breaking.
 """
 
@@ -48,9 +49,10 @@ ALL = Corrections()
 
 
 class Candidates(NamedTuple):
-    """Pairs (b,) that see each other, before the correction of edges."""
+    """Pairs (b,) that no hole or edge parts, before the correction of surfaces."""
 
     pairs: Pairs
+    intact: NDArray[np.bool_]  # (b,) those that no pre-crack cuts
     modulus: NDArray[np.float64]  # (b,) N/m^5
     limits: tuple[NDArray[np.float64], NDArray[np.float64]]  # peak and limit, (b,) each
 
@@ -70,7 +72,8 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         modulus, peak, limit = _mean_of_ends(model, pairs, reach, corrections)
         kept = np.flatnonzero(modulus * reach**3 > nothing)
         kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
-        return Candidates(Pairs(i[kept], j[kept], length[kept]), modulus[kept], (peak[kept], limit[kept]))
+        pairs = Pairs(i[kept], j[kept], length[kept])
+        return Candidates(pairs, ~sight.cut(pairs), modulus[kept], (peak[kept], limit[kept]))
 
     lack = np.ones((len(grid), 2))
     all_of_them: Candidates | None = None  # where they are so few as to be found in one go
@@ -80,9 +83,9 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         all_of_them = found if len(rows) == len(grid) else None
 
     def part(rows: NDArray[np.int64]) -> Part:
-        pairs, modulus, bounds = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
-        stiffness = modulus * _energy_factor(grid.position, pairs, lack) * area[pairs.target]
-        return part_of(grid.position, held, rows, pairs, ~sight.cut(pairs), stiffness, bounds)
+        found = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
+        stiffness = found.modulus * _energy_factor(grid.position, found.pairs, lack) * area[found.pairs.target]
+        return part_of(grid.position, held, rows, found.pairs, found.intact, stiffness, found.limits)
 
     return Filling(area, part)
 
@@ -138,13 +141,14 @@ def _lack(
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
-    """What the rows (k, 2) of a full lattice hold in uniform stretching along x and along y, over what these hold."""
+    """What the rows (k, 2) of a full lattice hold in uniform stretching along x and along y, over what the intact
+    pairs of these hold; 1 where they hold nothing."""
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full, lack = _full_energy(model, rows, corrections), []
     for axis in (0, 1):
         energy = found.modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
-        held = np.bincount(pairs.source - rows[0], energy, minlength=len(rows))
+        held = np.bincount(pairs.source - rows[0], np.where(found.intact, energy, 0.0), minlength=len(rows))
         with np.errstate(divide="ignore"):
             lack.append(np.where(held > 0, full / held, 1.0))
     return np.column_stack(lack)

@@ -27,12 +27,14 @@ def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]
 
 
 def test_the_conservative_mode_branches_too(solved: Callable[[str], Path]) -> None:
+    """Its pre-crack's faces are as stiff as the plate, so it starts 0.1 us later than with bare ones (6.9 instead of
+    6.8 us to the first bond)."""
     with Results.open(solved("conservative")) as results:
         crack = growth(results)
     assert crack.start is not None
     assert crack.branching is not None
-    assert (crack.start.step, crack.branching.step) == pytest.approx((361, 1060), abs=4)  # measured: 9.0 and 26.5 us
-    assert crack.branching.along == pytest.approx(69e-3, abs=1e-9)
+    assert (crack.start.step, crack.branching.step) == pytest.approx((366, 1093), abs=4)  # measured: 9.1 and 27.3 us
+    assert crack.branching.along == pytest.approx(70e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])

@@ -48,19 +48,19 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     """
     found = {}
     for precision in ("float64", "float32"):
-        problem = prepare(duran(pull=12e9), Options(precision=precision, threads=1))
+        problem = prepare(duran(pull=13e9), Options(precision=precision, threads=1))
         problem.march(1, 801)
         early = asymmetry(problem)
         problem.march(801, 1801)
         found[precision] = (early, asymmetry(problem))
     assert found["float64"][0] < (1e-14, 1)
-    assert found["float64"][1] < (1e-14, 1)  # measured 2e-15
+    assert found["float64"][1] < (1e-14, 1)  # measured 5e-15
     assert found["float64"][1][1] == 0
-    assert found["float32"][0][0] < 3e-6  # measured 1e-6
-    assert found["float32"][1][0] > 0.01  # measured 0.014
-    assert found["float32"][1][1] > 20  # measured 304
+    assert found["float32"][0][0] < 3e-6  # measured 1.1e-6
+    assert found["float32"][1][0] > 0.01  # measured 0.026
+    assert found["float32"][1][1] > 20  # measured 664
     failure(
-        fails=f"The Duran plate in float32, pulled at 12 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
+        fails=f"The Duran plate in float32, pulled at 13 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
         f"the displacement at step 800, and to {found['float32'][1][0]:.2f} at step 1800, in fragments; "
         f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes have another damage than their mirror image.",
         noticed="Not at all; both halves are cracks that noise could have made. `meta` in the database says which "

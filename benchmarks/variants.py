@@ -1,0 +1,71 @@
+"""Twenty ways to solve a problem: the usual one, and others that differ from it in one thing or two."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import msgspec
+
+from pdmesh.grid import Horizon
+from pdsolve.bonds import Filling
+from pdsolve.model import Model
+from pdsolve.problem import Options, Problem, problem_of
+from pdsolve.schemes import average_horizon, one_sided
+from pdsolve.schemes.average_horizon import ALL, Corrections
+
+
+class Variant(NamedTuple):
+    """One way to solve a problem; the usual one but for what its name says."""
+
+    name: str
+    ratio: int = 2  # of the coarse spacing over the fine one; 1 for a uniform grid
+    fine: float = 1.0  # the finest spacing over that of the problem
+    mode: str = "conservative"
+    profile: str = "conical"
+    m: float = 3.0
+    corrections: Corrections = ALL
+    precision: str = "float64"
+    step: float = 1.0  # over the surely stable one
+
+    def fill(self, model: Model) -> Filling:
+        """The model's bonds."""
+        return one_sided.fill(model) if self.mode == "thesis" else average_horizon.fill(model, self.corrections)
+
+    def problem(self, model: Model) -> Problem:
+        """The model's problem, solved this way."""
+        assert model.settings.material is not None
+        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
+        settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
+        model = dataclasses.replace(model, settings=settings)
+        made = problem_of(model, Options(self.mode, self.precision), self.fill)
+        steps = round(settings.run.steps * (settings.run.time_step or 0) / (self.step * made.bound))
+        time_step, every = self.step * made.bound, max(1, steps // 20)
+        wanted = msgspec.structs.replace(settings.run, steps=steps, every=every, time_step=time_step)
+        model = dataclasses.replace(model, settings=msgspec.structs.replace(settings, run=wanted))
+        return dataclasses.replace(made, model=model, time_step=time_step)
+
+
+BASE = Variant("the defaults")
+VARIANTS = (
+    BASE,
+    Variant("uniform, coarse", ratio=1, fine=2.0),
+    Variant("uniform, fine", ratio=1),
+    Variant("ratio 4", ratio=4),
+    Variant("thesis", mode="thesis"),
+    Variant("thesis, m = 4", mode="thesis", m=4.0),
+    Variant("constant", profile="constant"),
+    Variant("m = 4", m=4.0),
+    Variant("m = 6", m=6.0),
+    Variant("constant, m = 4", profile="constant", m=4.0),
+    Variant("uniform, fine, m = 4", ratio=1, m=4.0),
+    Variant("uniform, coarse, m = 4", ratio=1, fine=2.0, m=4.0),
+    Variant("constant, no partial cells", profile="constant", corrections=ALL._replace(partial_cells=False)),
+    Variant("no calibration", corrections=ALL._replace(calibration=False)),
+    Variant("no surface correction", corrections=ALL._replace(surfaces=False)),
+    Variant("no correction", corrections=Corrections(False, False, False)),
+    Variant("float32", precision="float32"),
+    Variant("a quarter of the step", step=0.25),
+    Variant("0.7 of the step", step=0.7),
+)
+OTHER_GRIDS = tuple(variant.name for variant in VARIANTS if variant.ratio != BASE.ratio)
