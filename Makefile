@@ -1,6 +1,6 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
 # make test    set up, run the quick tests
-# make check   lint, types, import contracts
+# make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
 # make failures  where methods fail, measured anew on one page
@@ -42,6 +42,7 @@ check: $(VENV)/check.done
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/limits.py
 
 install: $(VENV)/install.done
 
@@ -62,7 +63,7 @@ $(VENV)/%.done: $(VENV)/install.done
 # Gmsh's wheel needs some libraries of the system: install them where that is possible, name them where not.
 gmsh-libraries: $(VENV)/install.done
 	@$(BIN)/python -c "import gmsh" 2>/dev/null || { \
-		line="apt-get install -y --no-install-recommends $$($(BIN)/python -c 'from pdmesh.geo import SYSTEM_LIBRARIES; print(SYSTEM_LIBRARIES)')"; \
+		line="apt-get install -y --no-install-recommends $$($(BIN)/python -c 'from pdmesh.sandbox.child import SYSTEM_LIBRARIES; print(SYSTEM_LIBRARIES)')"; \
 		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 			echo "Gmsh needs libraries of the system: $$line"; \
 			apt-get update -qq && $$line; \

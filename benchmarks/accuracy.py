@@ -32,8 +32,8 @@ from pdmesh import VERSION
 from pdmesh.grid import Grid, Material, Run, Settings
 from pdmesh.lattice import build_grid
 from pdmesh.scene import Circle, Scene, box
-from pdpost import tradeoff
-from pdpost.tradeoff_figure import draw
+from pdpost.figures.tradeoff_figure import draw
+from pdpost.measures import tradeoff
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import run

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdpost.cracked import CRACKED, damage_at
-from pdpost.cracks import DIRECTIONS, Growth, directions, growth
+from pdpost.measures.cracked import CRACKED, damage_at
+from pdpost.measures.cracks import DIRECTIONS, Growth, directions, growth
 from pdsolve.results import Results
 
 

@@ -27,7 +27,7 @@ from pdmesh.lattice import build_grid
 from pdmesh.promise import changed, feature, proposal
 from pdmesh.scene import Circle, Scene, box
 from pdmesh.sources import read_scene
-from pdpost import tradeoff
+from pdpost.measures import tradeoff
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import simulate

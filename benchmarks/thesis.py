@@ -14,7 +14,6 @@ import time
 from datetime import date
 from pathlib import Path
 
-import matplotlib
 import numba
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,8 +23,8 @@ from tqdm import tqdm
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
-from pdpost import figures
-from pdpost.style import STYLE, save
+from pdpost.figures import field_figure
+from pdpost.figures.style import save, styled
 from pdsolve.lattice import full_family
 from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.results import Results
@@ -91,8 +90,8 @@ def _section(case: Case, folder: Path, cache: Path) -> tuple[str, list[str]]:
             values.append(measured(case, results))
             for step in case.pictures:
                 name = f"{case.name}.{mode}.{step}.png"
-                with matplotlib.rc_context({**STYLE, "savefig.dpi": 80}):
-                    save(figures.draw(results, "damage", step), folder / name)
+                with styled({"savefig.dpi": 80}):
+                    save(field_figure.field(results, "damage", step), folder / name)
                 pictures.append((step, mode, name))
     rows = []
     for claim, thesis, conservative in zip(case.claims, *values, strict=True):
@@ -167,10 +166,9 @@ def _waves(folder: Path, cache: Path) -> str:
         row = [f"step {step}"]
         for name, mode in columns:
             picture = f"acceleration.{name}.{mode}.{step}.png"
-            with Results.open(first_steps(_case(name), mode, cache, WAVE_STEPS)) as results:
-                style = {**STYLE, "savefig.dpi": 60}
-                with matplotlib.rc_context(style):
-                    save(figures.draw(results, "acceleration", step, largest=1e6), folder / picture)
+            path = first_steps(_case(name), mode, cache, WAVE_STEPS)
+            with Results.open(path) as results, styled({"savefig.dpi": 60}):
+                save(field_figure.field(results, "acceleration", step, largest=1e6), folder / picture)
             row.append(f"![]({picture})")
         rows.append(row)
     header = ["", "two scales, thesis mode", "two scales, conservative mode", "one scale, thesis mode"]
@@ -211,7 +209,7 @@ def _history(
 
 
 def _plot_history(times: NDArray[np.float64], histories: list[dict[str, NDArray[np.float64]]], path: Path) -> None:
-    with matplotlib.rc_context({**STYLE, "savefig.dpi": 80}):
+    with styled({"savefig.dpi": 80}):
         figure = Figure(figsize=(5, 2.6), layout="constrained")
         axes = figure.add_subplot(xlabel="time, µs", ylabel="displacement, µm")
         for number, (history, style) in enumerate(zip(histories, ("-", "--"), strict=True)):

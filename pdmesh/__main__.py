@@ -112,7 +112,9 @@ def _build(args: argparse.Namespace) -> int:
         lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
     if settings.material is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
-    commandline.report(result, [*lines, *built.notes], args)
+    for note in built.notes:
+        commandline.note(note if note.startswith("warning:") else f"note: {note}", args)
+    commandline.report(result, lines, args)
     return commandline.OK
 
 

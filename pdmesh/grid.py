@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
+from pdmesh.reading import read_bytes
 
 FORMAT_VERSION = 1
 
@@ -213,7 +214,7 @@ def read_document(data: bytes | str, name: str) -> Document:
 def read_file(path: Path) -> Document:
     """Read the document in the file at `path`. Raises GridError."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise GridError(f"{path}: cannot be read: {error.strerror}") from None
     return read_document(data, str(path))

@@ -8,7 +8,6 @@ the coordinates too.
 from __future__ import annotations
 
 import contextlib
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +17,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh import meshreading
 from pdmesh.additions import added
 from pdmesh.checks import remarks
 from pdmesh.drawing import Group, scene_of
 from pdmesh.grid import Grid, Settings
 from pdmesh.lattice import grid_of_nodes, settings_of
+from pdmesh.meshreading import Mesh
 from pdmesh.parameters import PREFIX, given, unit_of
 from pdmesh.shapes import SceneError, parts
 
@@ -42,13 +43,13 @@ class _Cells:
 
 
 def read_mesh(
-    path: Path, assignments: Sequence[tuple[str, str]] = (), cracks: Sequence[str] = ()
+    path: Path, assignments: Sequence[tuple[str, str]] = (), cracks: Sequence[str] = (), trust: bool = False
 ) -> tuple[Grid, Settings, tuple[str, ...]]:
     """The grid and settings of the mesh file at `path`, and what else there is to say. Raises SceneError.
 
     `cracks` are added, ``x0,y0,x1,y1``.
     """
-    mesh = _read(path)
+    mesh = meshreading.read(path, TAGS, trust)
     faces, lines, points = _cells(mesh, path)
     areas = np.asarray(shapely.area(faces.shapes))
     if not (areas > 0).all():
@@ -88,21 +89,7 @@ def _groups(
     return groups, notes
 
 
-def _read(path: Path) -> Any:
-    import meshio
-
-    if not path.is_file():
-        raise SceneError(f"{path}: cannot be read: no such file")
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
-        reason = str(error) if isinstance(error, Exception) and str(error) else "not a mesh meshio can read"
-        raise SceneError(f"{path}: {reason}, expected a mesh in the format of its suffix") from None
-
-
-def _cells(mesh: Any, path: Path) -> tuple[_Cells, _Cells, _Cells]:
+def _cells(mesh: Mesh, path: Path) -> tuple[_Cells, _Cells, _Cells]:
     """The mesh's faces, its lines and its points, these as far as they are in groups."""
     points = np.asarray(mesh.points, dtype=float)
     if not np.isfinite(points).all():
@@ -137,7 +124,7 @@ def _dimension(kind: str) -> int | None:
     return 1 if kind in LINES else 0 if kind == "vertex" else None
 
 
-def _names(mesh: Any) -> list[list[set[str]]]:
+def _names(mesh: Mesh) -> list[list[set[str]]]:
     """The groups of each cell of each block."""
     names: list[list[set[str]]] = [[set() for _ in block.data] for block in mesh.cells]
     tag = next((name for name in TAGS if name in mesh.cell_data), None)

@@ -110,6 +110,7 @@ class Scene:
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
+    notes: tuple[str, ...] = ()  # what there is to say of the file
 
     def __post_init__(self) -> None:
         checks.check(self)

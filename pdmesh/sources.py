@@ -83,14 +83,14 @@ def build(
 
         if refine:
             raise SceneError(f"{path}: --refine: found a mesh, expected a drawing")
-        built = Built(*read_mesh(path, assignments, cracks))
+        built = Built(*read_mesh(path, assignments, cracks, trust))
     else:
         scene = read_scene(path, assignments, refine, trust, cracks)
         try:
             grid, settings, shifts = build_grid(scene)
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
-        built = Built(grid, settings, checks.remarks(scene), shifts)
+        built = Built(grid, settings, (*scene.notes, *checks.remarks(scene)), shifts)
     try:
         return replace(built, notes=(*built.notes, *soundness.remarks(built.grid, built.settings)))
     except SceneError as error:
@@ -147,15 +147,18 @@ def _again(
     if not document.drawing or not document.source:
         raise SceneError(f"{path}: $.drawing: found none, expected the text of the drawing it was built from")
     source = Path(document.source)
-    if source.name != document.source or source.suffix.lower() not in (".geo", ".py", *CAD):
-        raise SceneError(f"{path}: $.source: found '{document.source}', expected the name of a .geo, .py or CAD file")
+    plain = source.name == document.source and document.source.isprintable()
+    if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
+        raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
     if source.suffix.lower() == ".py" and not trust:
         raise SceneError(f"{path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
     words, refined, cracked = sorted_out(document.parameters)
     with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / source.name
+        copy = Path(folder) / f"drawing{source.suffix}"
         copy.write_text(document.drawing, encoding="utf-8", newline="")
         try:
-            return read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
+            scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
         except SceneError as error:
             raise SceneError(f"{path}: {str(error).replace(str(copy), source.name)}") from None
+    notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
+    return replace(scene, source=source.name, notes=notes)

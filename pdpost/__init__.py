@@ -1,1 +1,21 @@
-"""Pictures, histories and crack figures from a database of peridynamic results."""
+"""Pictures, histories and crack figures from a database of peridynamic results.
+
+For scripts: `Results.open` reads a database, `crack` says what its cracks did, `figures` draws it. What is measured
+besides is in `pdpost.measures`, files for other programs in `pdpost.exports`.
+"""
+
+from typing import TYPE_CHECKING
+
+from pdpost.lazily import lazily
+
+if TYPE_CHECKING:
+    from pdpost import figures
+    from pdpost.measures.crack_summary import crack
+    from pdsolve.results import Results
+else:
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {"Results": "pdsolve.results", "crack": "pdpost.measures.crack_summary", "figures": "pdpost.figures"},
+    )
+
+__all__ = ["Results", "crack", "figures"]

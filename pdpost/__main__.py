@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, exports, history, moving, pictures, report, sql, tradeoff
+from pdpost.commands import crack, curves, export, moving, pictures, report, sql, tradeoff
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, history, crack, tradeoff, report, exports, sql):
+    for group in (pictures, moving, curves, crack, tradeoff, report, export, sql):
         group.add(commands)
     return program
 
@@ -26,11 +26,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdpost.export import ExportError
-    from pdpost.fields import FieldError
-    from pdpost.paths import PathError
-    from pdpost.style import FigureError
-    from pdpost.watching import SilentError
+    from pdpost.exports.frame_files import ExportError
+    from pdpost.figures.style import FigureError
+    from pdpost.measures.fields import FieldError
+    from pdpost.measures.paths import PathError
+    from pdpost.reading.watching import SilentError
     from pdsolve.results import ResultsError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well

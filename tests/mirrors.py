@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from pdpost.tips import Branch
+from pdpost.measures.tips import Branch
 
 
 def mirrored(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import numbers
+from pdpost.commands import delivery
 from pdpost.commands.shared import add_csv, add_results, add_window, check_window
 
 if TYPE_CHECKING:
@@ -45,15 +45,12 @@ def add(commands: Commands) -> None:
 
 
 def _crack(args: argparse.Namespace) -> int:
-    import matplotlib
-
-    from pdpost import style
     from pdsolve.results import Results
 
     threshold = _threshold(args)
-    path = numbers.picture_path(args, ".compare.png" if args.compare else ".crack.png")
-    look = style.styled({name: value for name, value in args.assignments if name != "cracked"})
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
+    look = {name: value for name, value in args.assignments if name != "cracked"}
+    with delivery.styled(path, look), Results.open(args.results) as results:
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -61,20 +58,22 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, crack_summary, style
+    from pdpost.measures import crack_summary
 
     check_window(results, args)
-    found = crack_summary.summary(results, _step(args, results), threshold, args.along)
+    found = crack_summary.crack(results, _step(args, results), threshold, args.along)
     if path is not None:
+        from pdpost.figures import crack_figure, style
+
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
-    return numbers.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+    return delivery.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
-    from pdpost import crack_figure, cracks, paths, style
-    from pdpost.comparison import compare
+    from pdpost.measures import cracks, paths
+    from pdpost.measures.comparison import compare
 
     check_window(one, args)
     steps = _step(args, one), _step(args, other)
@@ -87,6 +86,8 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         if (later := getattr(found, name)) is not None:
             lines.append(f"{name}: {later * 1e6:+.3g} us in {args.compare}")
     if path is not None:
+        from pdpost.figures import crack_figure, style
+
         names = args.results.stem, args.compare.stem
         if names[0] == names[1]:
             names = str(args.results), str(args.compare)
@@ -98,23 +99,20 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         for point in line
     ]
     result = found._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
-    return numbers.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
+    return delivery.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:
-    from pdsolve.results import ResultsError
+    from pdpost.reading.frames import last_step
 
-    steps = results.history()["step"]
-    if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
-    last = int(steps[-1])
+    last = last_step(results)
     if args.step is not None and not 0 <= args.step <= last:
         raise commandline.UsageError(f"--step: found {args.step}, expected 0 to {last}")
     return last if args.step is None else int(args.step)
 
 
 def _threshold(args: argparse.Namespace) -> float:
-    from pdpost.cracked import CRACKED
+    from pdpost.measures.cracked import CRACKED
 
     threshold = CRACKED
     for name, value in args.assignments:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
     add_colours,
     add_every,
@@ -21,8 +22,6 @@ from pdpost.commands.shared import (
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-
-NAMES = ("damage", "energy", "displacement", "velocity", "acceleration", "strain", "stress")
 
 
 def add(commands: Commands) -> None:
@@ -49,7 +48,7 @@ def _add_field(command: argparse.ArgumentParser, output: str) -> None:
     commandline.add_common_options(
         command, output=output, assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11"
     )
-    command.add_argument("--field", choices=NAMES, default="damage", help="what is shown (default: damage)")
+    command.add_argument("--field", choices=FIELDS, default="damage", help="what is shown (default: damage)")
     command.add_argument("--component", metavar="NAME", help="which one, as in the command of the field's name")
     add_scale(command, default="0")
     add_window(command)
@@ -57,21 +56,19 @@ def _add_field(command: argparse.ArgumentParser, output: str) -> None:
 
 
 def _animate(args: argparse.Namespace) -> int:
-    import matplotlib
+    from matplotlib import rcParams
 
     from pdmesh.files import write_atomically
-    from pdpost import animation, style
-    from pdsolve.results import Results, ResultsError
+    from pdpost.figures import animation, style
+    from pdpost.reading.frames import frames
+    from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.gif", args.force)
     kind = animation.check_format(path)
-    look = style.styled(dict(args.assignments))
-    if "savefig.dpi" not in dict(args.assignments):
-        look["savefig.dpi"] = animation.DPI
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
-        steps, times = results.frames()
-        if not len(steps):
-            raise ResultsError(f"{args.results}: found no frame yet, expected at least one")
+    given = dict(args.assignments)
+    with style.styled(given), Results.open(args.results) as results:
+        steps, times = frames(results)
+        dpi = rcParams["savefig.dpi"] if "savefig.dpi" in given else "figure"
         check_window(results, args)
         how = {
             "part": args.component,
@@ -79,7 +76,7 @@ def _animate(args: argparse.Namespace) -> int:
             "largest": args.largest,
             "window": args.window,
             "every": args.every,
-            "dpi": float(dpi) if (dpi := matplotlib.rcParams["savefig.dpi"]) != "figure" else animation.DPI,
+            "dpi": animation.DPI if dpi == "figure" else float(dpi),
             "progress": counted(args, "drawing"),
         }
         if kind == "gif":
@@ -94,27 +91,26 @@ def _animate(args: argparse.Namespace) -> int:
 
 
 def _watch(args: argparse.Namespace) -> int:
-    import matplotlib
-
-    from pdpost import fields, figures, style, watching
+    from pdpost.figures import field_figure, style
+    from pdpost.measures import fields
+    from pdpost.reading import watching
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.png", args.force)
     style.check_format(path)
     part = fields.component(args.field, args.component)
-    look = style.styled(dict(args.assignments))
     drawn = 0
-    for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
-        with matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)):
+        for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
             with Results.open(args.results) as results:
                 scale = chosen_scale(results, step, args)
                 time = step * float(results.meta()["time_step"])
                 check_window(results, args)
                 how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
-                figure = figures.draw(results, args.field, step, part=part or None, **how)
+                figure = field_figure.field(results, args.field, step, part=part or None, **how)
             style.save(figure, Path(path))
-        drawn += 1
-        commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)
+            drawn += 1
+            commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)
     with Results.open(args.results) as results:
         status = str(results.meta()["status"])
     result = {"output": str(path), "field": args.field, "drawn": drawn, "status": status}

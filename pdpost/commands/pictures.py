@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pdpost.commands.shared import Commands
-    from pdpost.tables import Columns
+    from pdpost.exports.columns import Columns
     from pdsolve.results import Results
 
 
@@ -86,22 +86,24 @@ def _add_picture(commands: Commands, name: str, does: str, default: str) -> argp
 
 
 def _field(args: argparse.Namespace) -> int:
-    from pdpost import fields, figures, tables
+    from pdpost.exports import columns
+    from pdpost.figures import field_figure
+    from pdpost.measures import fields
 
     name = args.picture
     part = fields.component(name, args.component)
 
     def show(results: Results, step: int, scale: float) -> Drawn:
-        shown = figures.values_of(results, name, step, part)
+        shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
-        figure = figures.draw(results, name, step, shown=shown, **how)
+        figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
         told = {"component": part or None, **numbers(shown), "unit": unit}
         largest = told["largest"]
         words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
         if told["torn"]:
             words += f", {told['torn']} torn nodes left out"
-        return Drawn(figure, told, words, lambda: tables.of_field(results, name, step))
+        return Drawn(figure, told, words, lambda: columns.of_field(results, name, step))
 
     return _drawn(args, show)
 
@@ -109,53 +111,52 @@ def _field(args: argparse.Namespace) -> int:
 def _nodes(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost import levels, tables
+    from pdpost.exports import columns
+    from pdpost.figures import level_figure
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         spacings, counts = np.unique(results.nodes().delta.round(12), return_counts=True)
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
         told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
-        return Drawn(
-            levels.draw(results, step, scale, args.window), told, words, lambda: tables.of_frame(results, step)
-        )
+        figure = level_figure.nodes(results, step, scale=scale, window=args.window)
+        return Drawn(figure, told, words, lambda: columns.of_frame(results, step))
 
     return _drawn(args, show)
 
 
 def _bonds(args: argparse.Namespace) -> int:
-    from pdpost import bonds, tables
+    from pdpost.exports import columns
+    from pdpost.figures import bond_figure
+    from pdpost.measures.pairs import pairs
 
     def show(results: Results, step: int, scale: float) -> Drawn:
-        found = bonds.bonds(results, step)
+        found = pairs(results, step)
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"
-        return Drawn(
-            bonds.draw(results, step, scale, found, args.window), told, words, lambda: tables.of_bonds(results, found)
-        )
+        figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
+        return Drawn(figure, told, words, lambda: columns.of_bonds(results, found))
 
     return _drawn(args, show)
 
 
 def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
     """Draw the frame asked for, and report what is shown there."""
-    import matplotlib
-
-    from pdpost import style, tables
+    from pdpost.exports import columns
+    from pdpost.figures import style
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
     style.check_format(path)
     check_csv(args, path)
-    look = style.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
         check_window(results, args)
         scale = chosen_scale(results, step, args)
         shown = show(results, step, scale)
         style.save(shown.figure, path)
         if args.csv is not None:
-            write_csv(args, tables.csv(shown.table()))
+            write_csv(args, columns.csv(shown.table()))
     if args.csv != "-":
         result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
         commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)

@@ -25,16 +25,13 @@ def add(commands: Commands) -> None:
 
 
 def _report(args: argparse.Namespace) -> int:
-    import matplotlib
-
     from pdmesh.files import write_atomically
-    from pdpost import style
-    from pdpost.report import report
+    from pdpost.figures.page import report
+    from pdpost.figures.style import styled
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".report.html", args.force)
-    look = style.styled(dict(args.assignments))
-    with Results.open(args.results) as results, matplotlib.rc_context(rc=look):
+    with styled(dict(args.assignments)), Results.open(args.results) as results:
         page = report(results, args.results.stem).encode()
     write_atomically(path, page)
     commandline.report({"output": str(path), "bytes": len(page)}, [f"{path}: {len(page) / 1e6:.2g} MB"], args)

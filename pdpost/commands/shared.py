@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdpost.figures import Shown
+    from pdpost.figures.field_figure import Shown
     from pdsolve.results import Results
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -33,12 +33,11 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
     """Step and time (s) of the frame asked for. Raises ResultsError, saying which there are."""
     import numpy as np
 
+    from pdpost.reading.frames import frames
     from pdsolve.results import ResultsError
 
-    steps, times = results.frames()
+    steps, times = frames(results)
     count = len(steps)
-    if not count:
-        raise ResultsError(f"{args.results}: found no frame yet, expected at least one")
     if args.time is not None:
         slack = 1e-9 * times[-1]  # of what is typed
         if not times[0] - slack <= args.time <= times[-1] + slack:
@@ -78,7 +77,7 @@ def _scale(text: str) -> float | None:
 
 def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
     """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none."""
-    from pdpost.sheets import chosen_scale
+    from pdpost.figures.sheets import chosen_scale
 
     if args.scale is not None:
         return float(args.scale)
@@ -113,11 +112,11 @@ def _window(text: str) -> tuple[float, float, float, float]:
 
 def check_window(results: Results, args: argparse.Namespace) -> None:
     """Raises ResultsError where there is no plate to be seen."""
-    from pdpost.plates import plate
-    from pdsolve.results import ResultsError
-
     if args.window is None:
         return
+    from pdpost.measures.plates import plate
+    from pdsolve.results import ResultsError
+
     x0, y0, x1, y1 = plate(results).shape.bounds
     if args.window[0] >= x1 or args.window[2] <= x0 or args.window[1] >= y1 or args.window[3] <= y0:
         found = ",".join(f"{edge:g}" for edge in args.window)

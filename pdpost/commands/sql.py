@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
 def _sql(args: argparse.Namespace) -> int:
     import shlex
 
-    from pdpost.sql import queries, tables
+    from pdpost.reading.tables import queries, tables
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import numbers
+from pdpost.commands import delivery
 from pdpost.commands.shared import add_csv, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.tradeoff import Point
+    from pdpost.measures.tradeoff import Point
 
 COSTS = ("wall_time", "bond_updates", "bytes")
 ERRORS = ("displacement", "path", "start", "branching", "energy")
@@ -47,66 +47,77 @@ def add(commands: Commands) -> None:
 def _tradeoff(args: argparse.Namespace) -> int:
     import json
 
-    import matplotlib
     import numpy as np
 
     from pdmesh.files import write_atomically
-    from pdpost import style, tradeoff
-    from pdpost.tradeoff_figure import tradeoff as chart
-    from pdsolve.results import Results
+    from pdpost.figures import style, tradeoff_figure
+    from pdpost.measures import tradeoff
 
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
     beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
     table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
     check_csv(args, picture, table)
-    look = style.styled(dict(args.assignments))
-    points = []
-    with Results.open(args.reference) as reference:
-        for path in compared:
-            with Results.open(path) as results:
-                points.append(tradeoff.point(results, path, reference))
-    if len({point.name for point in points}) < len(points):
-        points = [point._replace(name=str(path)) for point, path in zip(points, compared, strict=True)]
-    there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
-    missing = [kind for kind in args.by if kind not in there]
-    if missing or not there:
-        found_there = ", ".join(there) or "none"
-        raise commandline.UsageError(
-            f"{'--by ' + missing[0] if missing else 'errors'}: found nothing to compare in the reference,"
-            f" expected one of {found_there}"
-        )
-    kinds = args.by or there
-    cost = np.array([getattr(point.cost, args.cost) for point in points])
-    error = np.array([_worst(point, kinds) for point in points])
+    with style.styled(dict(args.assignments)):
+        points = _points(compared, args.reference)
+        kinds = _kinds(points, args.by)
+        cost = np.array([getattr(point.cost, args.cost) for point in points])
+        error = np.array([_worst(point, kinds) for point in points])
+        shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
+        style.save(tradeoff_figure.tradeoff(points, args.cost, shown, args.within), picture)
     best = tradeoff.front(cost, error)
     chosen = None if args.within is None else tradeoff.cheapest(cost, error, args.within)
-    found: dict[str, Any] = {
+    cheapest = None if chosen is None else points[chosen].name
+    rated = list(zip(points, error.tolist(), strict=True))
+    found = {
         "reference": str(args.reference),
         "cost": args.cost,
         "errors": kinds,
         "points": [
             {"name": point.name, "nodes": point.nodes, **point.cost._asdict(), **point.errors._asdict(), "worst": worst}
-            for point, worst in zip(points, error.tolist(), strict=True)
+            for point, worst in rated
         ],
         "front": [points[at].name for at in best],
         "within": args.within,
-        "cheapest": None if chosen is None else points[chosen].name,
+        "cheapest": cheapest,
     }
-    with matplotlib.rc_context(rc=look):
-        shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
-        style.save(chart(points, args.cost, shown, args.within), picture)
-    write_atomically(table, json.dumps(numbers.finite(found), indent=1, allow_nan=False).encode() + b"\n")
+    write_atomically(table, json.dumps(delivery.finite(found), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
         (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
-        for at, (point, worst) in enumerate(zip(points, error.tolist(), strict=True))
+        for at, (point, worst) in enumerate(rated)
     ]
-    lines = [_told(points[at], float(error[at]), kinds) for at in best]
+    lines = [_told(*rated[at], kinds) for at in best]
     if args.within is not None:
-        name = "none of them" if chosen is None else points[chosen].name
-        lines.append(f"the cheapest within {args.within:.3g}: {name}")
-    return numbers.deliver(args, found, lines, header, rows, picture)
+        lines.append(f"the cheapest within {args.within:.3g}: {cheapest or 'none of them'}")
+    return delivery.deliver(args, found, lines, header, rows, picture)
+
+
+def _points(files: list[Path], reference: Path) -> list[Point]:
+    """The results in `files` on the chart, named by their paths where their names are not different."""
+    from pdpost.measures import tradeoff
+    from pdsolve.results import Results
+
+    points = []
+    with Results.open(reference) as fine:
+        for path in files:
+            with Results.open(path) as results:
+                points.append(tradeoff.point(results, path, fine))
+    if len({point.name for point in points}) < len(points):
+        points = [point._replace(name=str(path)) for point, path in zip(points, files, strict=True)]
+    return points
+
+
+def _kinds(points: list[Point], asked: list[str]) -> list[str]:
+    """The errors that count: those asked for, or all there are. Raises UsageError, naming those there are."""
+    there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
+    missing = [kind for kind in asked if kind not in there]
+    if missing or not there:
+        raise commandline.UsageError(
+            f"{'--by ' + missing[0] if missing else 'errors'}: found nothing to compare in the reference,"
+            f" expected one of {', '.join(there) or 'none'}"
+        )
+    return asked or there
 
 
 def _worst(point: Point, kinds: list[str]) -> float:

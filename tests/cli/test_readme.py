@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,3 +49,19 @@ def test_every_scene_and_option_it_names_exists() -> None:
             "--probe",
             "--fields",
         )
+
+
+def test_the_python_it_shows_runs(
+    solved: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every block as it stands, in a folder with the database of the Duran plate."""
+    monkeypatch.chdir(tmp_path)
+    Path("duran50.sqlite").symlink_to(solved("conservative"))
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert any("from pdpost import" in block for block in blocks)
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert Path("damage.png").stat().st_size > 10_000
+    speed, unit = capsys.readouterr().out.split()
+    assert float(speed) == pytest.approx(1314, rel=0.1)  # measured 1314 m/s
+    assert unit == "m/s"

@@ -12,8 +12,8 @@ from mirrors import mirrored
 from plates import GEOMETRIES
 
 from pdmesh.sources import build
-from pdpost.crack_summary import Summary, sentences, summary
-from pdpost.paths import LONG
+from pdpost.measures.crack_summary import Summary, crack, sentences
+from pdpost.measures.paths import LONG
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import Options, simulate
@@ -21,7 +21,7 @@ from pdsolve.simulation import Options, simulate
 
 def told(results: Results) -> Summary:
     """The cracks of a whole run, after what holds of all of them."""
-    found = summary(results, int(results.history()["step"][-1]))
+    found = crack(results)
     for branch in found.branches:
         assert (np.diff(branch.time) >= 0).all()
         for stem in found.branches:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdpost.cracks import growth
+from pdpost.measures.cracks import growth
 from pdsolve.results import Results
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
-from pdpost.cracked import CRACKED, damage_at
+from pdpost.measures.cracked import CRACKED, damage_at
 from pdsolve.results import Results
 from pdsolve.system import Options, prepare
 

@@ -10,7 +10,7 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.grid import Load, Run
-from pdpost.cracks import growth
+from pdpost.measures.cracks import growth
 from pdsolve.model import Model
 from pdsolve.simulation import Options, simulate
 

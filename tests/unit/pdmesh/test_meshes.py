@@ -173,7 +173,7 @@ def test_meshes_of_gmsh(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "mesh", "message"),
     [
-        ("missing.msh", None, "cannot be read: no such file"),
+        ("missing.msh", None, "cannot be read: No such file"),
         ("text.msh", b"no mesh\n", "text.msh: .*expected a mesh in the format of its suffix"),
         ("empty.vtu", b"", "empty.vtu: .*expected a mesh"),
         ("solid.msh", plate(solid=True), "found cells 'tetra', expected a plane mesh"),

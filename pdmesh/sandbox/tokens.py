@@ -1,0 +1,128 @@
+"""A drawing's tokens, as Gmsh's own lexer (src/parser/Gmsh.l) sees them, and the text written anew from them.
+
+Gmsh reads bytes. Blanks are space, tab, line feed, carriage return and form feed; ``//`` ends at a line feed alone;
+strings have no escapes, may go on over lines, and break off after 1023 bytes; a number ends where a word begins.
+
+Gmsh has more readers than its lexer. A branch that is not taken is skipped by another, which loses characters and
+so may take the end of a string for its beginning; a loop or a macro goes back to where a line begins, be that in a
+string or in a comment; lines are read in pieces of 8 kB. `written` leaves these readers nothing to differ on: no
+comments, a blank before every quote, strings and lines short, strings on one line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+LONGEST_STRING, LONGEST_WORD, LONGEST_LINE = 1000, 100, 4000  # bytes
+SKIPPING = {"If", "For"}  # behind them, Gmsh's skipping reader loses up to four characters
+PIECES = re.compile(
+    rb"""
+    (?P<blank>[ \t\f]+ | //[^\n]* | /\*.*?\*/)
+  | (?P<row>\r\n?|\n)
+  | (?P<string>"[^"]*" | '[^']*')
+  | (?P<word>[A-Za-z_][A-Za-z_0-9]*)
+  | (?P<number>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[Ee][-+]?[0-9]+)? | [0-9]+(?:[Ee][-+]?[0-9]+)?)
+  | (?P<sign>\.\.\.|::|\|\||&&|\+\+|--|==|!=|<=|>=|>>|<<|\+=|-=|\*=|/=|(?!/\*)[][(){};:,=+*/^%<>?!.\#~&|-])
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+ROW = re.compile(rb"\r\n?|\n")
+# control characters, which could reach a terminal in a message, but for tabs and line ends
+CONTROL = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+
+
+class Token(NamedTuple):
+    """A piece of a drawing; a word is all that Gmsh takes for a command, a keyword or a name."""
+
+    kind: str  # string, word, number or sign
+    text: str
+    line: int  # in the file, for messages
+    row: int  # the same, but a carriage return ends one too, as for Gmsh's reading line by line
+
+    @property
+    def content(self) -> str:
+        """What a string holds."""
+        return self.text[1:-1]
+
+
+class Refused(Exception):
+    """A drawing that is not read: the line, what was found there and what was expected."""
+
+    def __init__(self, line: int, found: str, expected: str, trustable: bool = False) -> None:
+        self.line, self.found, self.expected, self.trustable = line, found, expected, trustable
+        super().__init__(f"line {line}: found {found}, expected {expected}")
+
+
+def decoded(data: bytes) -> str:
+    """The text of a drawing, in UTF-8 or else in Latin-1, line ends as they are."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def tokens_of(text: str) -> list[Token]:
+    """The tokens of a drawing. Raises Refused where Gmsh's readers could disagree about them."""
+    data = text.encode("utf-8")
+    found: list[Token] = []
+    place, line, row = 0, 1, 1
+    while place < len(data):
+        match = PIECES.match(data, place)
+        if match is None:
+            raise _stray(data, place, line)
+        kind, piece, place = match.lastgroup, match[0], match.end()
+        if kind in ("word", "number", "sign"):
+            if len(piece) > LONGEST_WORD:
+                raise Refused(line, f"'{piece[:20].decode()}...' of {len(piece)} bytes", f"at most {LONGEST_WORD}")
+            found.append(Token(kind, piece.decode(), line, row))
+            continue
+        if kind == "string":
+            found.append(_checked(Token(kind, piece.decode(), line, row)))
+        line += piece.count(b"\n")
+        row += len(ROW.findall(piece))
+    return found
+
+
+def _stray(data: bytes, place: int, line: int) -> Refused:
+    if data.startswith(b"/*", place):
+        return Refused(line, "a comment without an end", "'*/' after it")
+    if data[place : place + 1] in (b'"', b"'"):
+        return Refused(line, "a string without an end", "a quote after it")
+    character = data[place : place + 8].decode(errors="ignore")[:1]
+    return Refused(line, f"the character {character!r}", "a Gmsh .geo script")
+
+
+def _checked(token: Token) -> Token:
+    size = len(token.text.encode())
+    if size > LONGEST_STRING:
+        raise Refused(token.line, f"a string of {size} bytes", f"at most {LONGEST_STRING}")
+    if CONTROL.search(token.content):
+        raise Refused(token.line, f"a control character in {token.text[:40]!r}", "a string of plain characters")
+    return token
+
+
+def written(tokens: Iterable[Token]) -> tuple[bytes, Sequence[int]]:
+    """The drawing anew, each token once, and the line of the file that each line of it comes from."""
+    lines: list[list[str]] = []
+    origins: list[int] = []
+    size, row = 0, 0
+    for token in tokens:
+        text = _anew(token)
+        size += len(text.encode()) + 1
+        if token.row != row or size > LONGEST_LINE:
+            lines.append([])
+            origins.append(token.line)
+            size, row = len(text.encode()) + 1, token.row
+        lines[-1].append(text)
+    return "".join(" ".join(line) + "\n" for line in lines).encode() or b"\n", origins
+
+
+def _anew(token: Token) -> str:
+    if token.text in SKIPPING:
+        return token.text + 8 * " "
+    if token.kind == "string" and len(pieces := re.split("\r\n?|\n", token.content)) > 1:
+        quote = token.text[0]
+        return f"Str( {' , '.join(f'{quote}{piece}{quote}' for piece in pieces)} )"  # which joins them with line feeds
+    return token.text

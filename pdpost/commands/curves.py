@@ -1,0 +1,212 @@
+"""Curves over time: nodes, the ledger, the conditions."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from pdpost.commands import delivery
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+    from pdpost.measures.histories import History
+    from pdsolve.results import Results
+
+Place = tuple[str, tuple[float, ...]]
+
+
+def add(commands: Commands) -> None:
+    """Put `history`, `balance` and `reaction` on the command line."""
+    history = delivery.add_command(commands, "history", "draw displacement, velocity or acceleration over time")
+    for name, words, count, text in (
+        ("--node", "ID", 1, "a node by its id"),
+        ("--at", "X,Y", 2, "the node nearest to a place, m (--at=X,Y if X is negative)"),
+        ("--box", "X0,Y0,X1,Y1", 4, "the mean of the nodes in a box, m, with their range"),
+    ):
+        history.add_argument(
+            name,
+            action="append",
+            dest="places",
+            type=_place(name, count),
+            metavar=words,
+            help=f"{text}; may be repeated",
+        )
+    history.add_argument("--quantity", choices=("displacement", "velocity", "acceleration"), default="displacement")
+    history.add_argument(
+        "--component",
+        action="append",
+        dest="components",
+        choices=("x", "y", "magnitude"),
+        help="which one; may be repeated (default: magnitude)",
+    )
+    history.set_defaults(run=_history)
+    delivery.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
+        run=_balance
+    )
+    reaction = delivery.add_command(
+        commands, "reaction", "draw the forces of loads and grips over time and displacement"
+    )
+    reaction.add_argument(
+        "--condition", action="append", default=[], metavar="NAME", help="one by name or number; may be repeated"
+    )
+    reaction.add_argument(
+        "--component", choices=("x", "y"), help="of force and displacement (default: the larger force's)"
+    )
+    reaction.set_defaults(run=_reaction)
+
+
+def _place(name: str, count: int) -> Any:
+    def place(text: str) -> Place:
+        import math
+
+        try:
+            found = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            found = ()
+        if len(found) != count or not all(map(math.isfinite, found)):
+            raise argparse.ArgumentTypeError(f"found '{text}', expected {count} finite numbers with commas in between")
+        if name == "--node" and found[0] != int(found[0]):
+            raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number")
+        return name, found
+
+    return place
+
+
+def _history(args: argparse.Namespace) -> int:
+    from pdpost.measures import histories
+    from pdsolve.results import Results
+
+    path = delivery.picture_path(args, ".history.png")
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        parts = list(dict.fromkeys(args.components or ["magnitude"]))
+        places = args.places or _usual(results)
+        curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
+        if path is not None:
+            from pdpost.figures import charts, style
+
+            style.save(charts.histories(curves, args.quantity), path)
+    unit = histories.QUANTITIES[args.quantity][1]
+    found = {
+        "quantity": args.quantity,
+        "components": parts,
+        "unit": unit,
+        "curves": [curve._asdict() for curve in curves],
+    }
+    rows = [
+        (curve.label, curve.component, *row)
+        for curve in curves
+        for row in zip(curve.time, curve.value, curve.low, curve.high, strict=True)
+    ]
+    header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
+    return delivery.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
+
+
+def _usual(results: Results) -> list[Place]:
+    """Where to look if nobody said: the probes, or the node that has moved most at the end."""
+    import numpy as np
+
+    from pdpost.reading.frames import last_frame
+    from pdpost.reading.stored import vector
+
+    probed = np.unique(results.probes()["node"])
+    if len(probed):
+        return [("--node", (float(node),)) for node in probed]
+    moved = np.hypot(*vector(results, "u", last_frame(results)).T)
+    return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
+
+
+def _curve(results: Results, place: Place, *what: str) -> History:
+    """The history at a place of a quantity and its component."""
+    from pdpost.measures import histories
+
+    option, values = place
+    if option == "--node":
+        return histories.of_node(results, int(values[0]), *what)
+    if option == "--at":
+        return histories.at_place(results, (values[0], values[1]), *what)
+    return histories.in_box(results, (values[0], values[1], values[2], values[3]), *what)
+
+
+def _told(curve: History, unit: str) -> str:
+    import numpy as np
+
+    where = "" if curve.place is None else f" at ({curve.place[0]:g}, {curve.place[1]:g}) m"
+    off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
+    low, high = float(np.min(curve.low)), float(np.max(curve.high))
+    values = f"{len(curve.time)} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    return f"{curve.label}{where}{off}, {curve.component}: {values}"
+
+
+def _balance(args: argparse.Namespace) -> int:
+    import numpy as np
+
+    from pdpost.measures.balance import balance
+    from pdsolve.results import Results
+
+    path = delivery.picture_path(args, ".balance.png")
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        books = balance(results)
+        if path is not None:
+            from pdpost.figures import charts, style
+
+            style.save(charts.balance(books), path)
+    last = {name: float(column[-1]) for name, column in books._asdict().items()}
+    worst = int(np.abs(books.error).argmax())
+    lines = [
+        f"at {last['time'] * 1e6:.4g} us, J/m: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
+        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g} (balance {last['error']:+.1e})",
+        f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
+        f" at {books.time[worst] * 1e6:.4g} us",
+    ]
+    found = {
+        "units": "SI, per unit thickness",
+        "last": last,
+        "largest_error": float(books.error[worst]),
+        **books._asdict(),
+    }
+    header = ("step", "time, s", *(f"{name}, J/m" for name in ("kinetic", "strain", "dissipated", "put in", "total")))
+    header = (*header, "error", "momentum x, N s/m", "momentum y, N s/m")
+    return delivery.deliver(args, found, lines, header, zip(*books, strict=True), path)
+
+
+def _reaction(args: argparse.Namespace) -> int:
+    from pdpost.measures.forces import chosen, reactions
+    from pdsolve.results import Results
+
+    path = delivery.picture_path(args, ".reaction.png")
+    axis = None if args.component is None else "xy".index(args.component)
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        found = chosen(reactions(results), args.condition)
+        if path is not None:
+            from pdpost.figures import charts, style
+
+            style.save(charts.reactions(found, axis), path)
+    lines = []
+    for one in found:
+        along = one.axis if axis is None else axis
+        force, way = float(one.force[-1, along]), float(one.displacement[-1, along])
+        most = float(one.force[abs(one.force[:, along]).argmax(), along])
+        lines.append(
+            f"{one.name} ({one.kind}): {force:+.4g} N/m along {'xy'[along]} at {way * 1e3:+.4g} mm in the end,"
+            f" {most:+.4g} N/m at most"
+        )
+    rows = [
+        (one.name, one.kind, step, time, *force, *way)
+        for one in found
+        for step, time, force, way in zip(one.step, one.time, one.force, one.displacement, strict=True)
+    ]
+    header = (
+        "condition",
+        "kind",
+        "step",
+        "time, s",
+        "force x, N/m",
+        "force y, N/m",
+        "displacement x, m",
+        "displacement y, m",
+    )
+    result = {"units": "SI, per unit thickness", "conditions": [one._asdict() for one in found]}
+    return delivery.deliver(args, result, lines, header, rows, path)
+
+
+__all__ = ["add"]

@@ -1,0 +1,92 @@
+"""What the commands that find numbers share: --json, --csv, and when a picture is drawn."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_csv, add_results, check_csv, write_csv
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
+    """A command that reads results, draws a picture and gives its numbers."""
+    command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+    add_results(command)
+    commandline.add_common_options(
+        command,
+        output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png; none with"
+        " --json or --csv alone)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    add_csv(command)
+    return command
+
+
+def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
+    """Where the picture goes; None if numbers alone were asked for. Raises UsageError."""
+    none = args.output is None and (args.json or args.csv is not None)
+    picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
+    check_csv(args, picture)
+    return picture
+
+
+def styled(path: Path | None, settings: Mapping[str, str]) -> AbstractContextManager[None]:
+    """`style.styled`; without a picture and without settings to check nothing, and matplotlib is not imported."""
+    if path is None and not settings:
+        return nullcontext()
+    from pdpost.figures import style
+
+    return style.styled(settings)
+
+
+def deliver(
+    args: argparse.Namespace,
+    result: Mapping[str, Any],
+    lines: Sequence[str],
+    header: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    picture: Path | None,
+) -> int:
+    """Print the result and write the table; returns the exit code. What is not a number becomes null or empty."""
+    if args.csv is not None:
+        write_csv(args, _table(header, rows))
+        if args.csv == "-":
+            return commandline.OK
+        lines = [f"{args.csv}: the numbers", *lines]
+    if picture is not None:
+        result, lines = {"output": str(picture), **result}, [f"{picture}: the picture", *lines]
+    commandline.report(finite(dict(result)), lines, args)
+    return commandline.OK
+
+
+def finite(value: Any) -> Any:
+    """A value as JSON has it: arrays and tuples as lists, None for what is not a finite number."""
+    import numpy as np
+
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return finite(value.tolist())
+    if isinstance(value, tuple | list):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([["" if item is None else item for item in finite(row)] for row in rows])
+    return text.getvalue().encode()

@@ -1,0 +1,85 @@
+"""Frames for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_every, add_frame, add_results, chosen_frame, counted
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `export` on the command line."""
+    export = commands.add_parser(
+        "export",
+        help="write frames for ParaView (.pvd, .vtu, .xdmf) or as a table (.csv)",
+        description="Write frames for other programs: .pvd and .xdmf all of them, .vtu and .csv one. A .pvd lists VTU"
+        " files, which are put in a folder of its name beside it; a .xdmf has its numbers in a .bin file beside it. In"
+        " ParaView, show points as Point Gaussian, or export --squares; Warp By Vector shows the displacement.",
+    )
+    add_results(export)
+    commandline.add_common_options(
+        export,
+        output="the file, in the format of its suffix (default: the results' name with .pvd)",
+        assignment="none is known here",
+    )
+    add_frame(export)
+    add_every(export)
+    export.add_argument("--also", type=_tensors, default=(), metavar="NAMES", help="fit these as well: strain,stress")
+    export.add_argument("--squares", action="store_true", help="a square for each node, not a point (not for .csv)")
+    export.set_defaults(run=_export)
+
+
+def _tensors(text: str) -> tuple[str, ...]:
+    names = tuple(text.split(","))
+    if not set(names) <= {"strain", "stress"}:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected strain, stress or strain,stress")
+    return names
+
+
+def _export(args: argparse.Namespace) -> int:
+    from pdpost.exports import frame_files, xdmf
+    from pdpost.reading.frames import chosen
+    from pdsolve.results import Results
+
+    if args.assignments:
+        raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, export has none")
+    path = commandline.output_path(args.output, args.results, ".pvd", args.force)
+    kind = frame_files.check_suffix(path)
+    one = kind in (".vtu", ".csv")
+    for word, wrong, holds in (
+        ("--frame or --time", not one and (args.frame != -1 or args.time is not None), "all frames"),
+        ("--every", one and args.every != 1, "one frame"),
+        ("--squares", kind == ".csv" and args.squares, "points"),
+    ):
+        if wrong:
+            raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
+    folder = path.with_suffix("")
+    if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
+        raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
+    numbers = xdmf.beside(path)
+    if kind == ".xdmf" and numbers.exists() and not args.force:
+        raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
+    with Results.open(args.results) as results:
+        steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
+        progress = counted(args, "writing")
+        if kind == ".vtu":
+            frame_files.vtu(results, steps[0], path, args.also, args.squares)
+        elif kind == ".csv":
+            frame_files.table(results, steps[0], path, args.also)
+        else:
+            (frame_files.pvd if kind == ".pvd" else frame_files.xdmf)(
+                results, path, steps, args.also, args.squares, progress
+            )
+        count = len(results.nodes().ids)
+    commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)
+    return commandline.OK
+
+
+def _told(path: Path, steps: list[int], nodes: int) -> dict[str, object]:
+    return {"output": str(path), "nodes": nodes, "frames": len(steps), "steps": steps}

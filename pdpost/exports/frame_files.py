@@ -1,0 +1,135 @@
+"""Frames for ParaView and others: VTU and PVD through meshio, XDMF, CSV. SI units, points at reference positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.files import replacing, write_atomically
+from pdpost.exports import xdmf as xdmf_file
+from pdpost.exports.columns import csv, of_frame
+from pdpost.measures import fields
+from pdsolve.results import Results
+
+VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
+CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
+SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
+Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
+
+
+class ExportError(ValueError):
+    """A file that cannot be exported to; the message says what was found and what was expected."""
+
+
+def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
+    """What is known at each node: vectors (n, 3), scalars (n,), and of `also`, strain and stress, tensors (n, 9).
+
+    Raises ResultsError.
+    """
+    stored = results.stored(step)
+    data: dict[str, NDArray[np.generic]] = {}
+    for name, letter in VECTORS.items():
+        if f"{letter}x" in stored and f"{letter}y" in stored:
+            x, y = results.field(f"{letter}x", step), results.field(f"{letter}y", step)
+            data[name] = np.column_stack([x, y, np.zeros_like(x)])
+    if "energy" in stored:
+        data["energy"] = results.field("energy", step)
+    data["damage"] = fields.values(results, "damage", step).astype(np.float32)
+    for name in also:
+        part = fields.components(results, name, step)
+        zero = np.zeros_like(part["xx"])
+        xx, yy, xy, zz = (part[which] for which in ("xx", "yy", "xy", "zz"))
+        data[name] = np.column_stack([xx, xy, zero, xy, yy, zero, zero, zero, zz])
+    return data
+
+
+def node_data(results: Results) -> dict[str, NDArray[np.generic]]:
+    """What is known at each node (n,) and the same in all frames."""
+    nodes = results.nodes()
+    return {"delta": nodes.delta, "area": nodes.area, "node": nodes.ids}
+
+
+def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
+    """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
+    points, cells = _points(results, squares)
+    data = _each(point_data(results, step, also) | node_data(results), squares)
+    mesh = meshio.Mesh(points, [cells], point_data=data)
+    with replacing(path) as part:
+        meshio.write(part, mesh, file_format="vtu")
+
+
+def pvd(
+    results: Results,
+    path: Path,
+    steps: list[int],
+    also: Sequence[str] = (),
+    squares: bool = False,
+    progress: Progress = iter,
+) -> None:
+    """Write frames as VTU files in a folder named as `path` without its suffix, and `path`, which lists their times."""
+    folder = path.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    times = _times(results)
+    lines = []
+    for step in progress(steps):
+        name = f"{folder.name}/{path.stem}_{step:08d}.vtu"
+        vtu(results, step, path.parent / name, also, squares)
+        lines.append(f'    <DataSet timestep="{times[step]!r}" part="0" file={quoteattr(name)}/>')
+    head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
+    text = "\n".join(['<?xml version="1.0"?>', head, *lines, "  </Collection>", "</VTKFile>", ""])
+    write_atomically(path, text.encode())
+
+
+def xdmf(
+    results: Results,
+    path: Path,
+    steps: list[int],
+    also: Sequence[str] = (),
+    squares: bool = False,
+    progress: Progress = iter,
+) -> None:
+    """Write frames as XDMF, with a .bin file of the same name beside it."""
+    times = _times(results)
+    frames = ((times[step], _each(point_data(results, step, also), squares)) for step in progress(steps))
+    xdmf_file.write(path, *_points(results, squares), _each(node_data(results), squares), frames)
+
+
+def _times(results: Results) -> dict[int, float]:
+    """The time (s) of each frame's step."""
+    return dict(zip(*(column.tolist() for column in results.frames()), strict=True))
+
+
+def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:
+    """Write a frame as CSV."""
+    write_atomically(path, csv(of_frame(results, step, also)))
+
+
+def check_suffix(path: Path) -> str:
+    """The suffix of `path`. Raises ExportError, naming those there are, if it is none of ours."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ExportError(f"{path}: found suffix '{path.suffix}', expected one of {', '.join(SUFFIXES)}")
+    return path.suffix.lower()
+
+
+def _points(results: Results, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
+    """Points (p, 3), m, and what kind of cells they are the corners of."""
+    nodes = results.nodes()
+    count = len(nodes.ids)
+    if squares:
+        corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS).reshape(-1, 2)
+        return _flat(corners), ("quad", np.arange(4 * count).reshape(-1, 4))
+    return _flat(nodes.position), ("vertex", np.arange(count).reshape(-1, 1))
+
+
+def _flat(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([position, np.zeros(len(position))])
+
+
+def _each(data: dict[str, NDArray[np.generic]], squares: bool) -> dict[str, NDArray[np.generic]]:
+    """Data for each node, or for each corner of its square."""
+    return {name: np.repeat(values, 4, axis=0) for name, values in data.items()} if squares else data

@@ -1,0 +1,54 @@
+"""What is drawn. A figure is matplotlib's and is returned, never shown; matplotlib's settings hold as they are.
+
+`with styled():` draws in the house style, that of the commands, and `save` writes the same bytes each time.
+"""
+
+from typing import TYPE_CHECKING
+
+from pdpost.lazily import lazily
+
+if TYPE_CHECKING:
+    from pdpost.figures.animation import gif
+    from pdpost.figures.bond_figure import bonds
+    from pdpost.figures.charts import balance, histories, reactions
+    from pdpost.figures.crack_figure import comparison, crack
+    from pdpost.figures.field_figure import field
+    from pdpost.figures.level_figure import nodes
+    from pdpost.figures.page import report
+    from pdpost.figures.style import FigureError, save, styled
+    from pdpost.figures.tradeoff_figure import tradeoff
+else:
+    _HOMES = {
+        "FigureError": "style",
+        "balance": "charts",
+        "bonds": "bond_figure",
+        "comparison": "crack_figure",
+        "crack": "crack_figure",
+        "field": "field_figure",
+        "gif": "animation",
+        "histories": "charts",
+        "nodes": "level_figure",
+        "reactions": "charts",
+        "report": "page",
+        "save": "style",
+        "styled": "style",
+        "tradeoff": "tradeoff_figure",
+    }
+    __getattr__, __dir__ = lazily(__name__, {name: f"{__name__}.{home}" for name, home in _HOMES.items()})
+
+__all__ = [
+    "FigureError",
+    "balance",
+    "bonds",
+    "comparison",
+    "crack",
+    "field",
+    "gif",
+    "histories",
+    "nodes",
+    "reactions",
+    "report",
+    "save",
+    "styled",
+    "tradeoff",
+]

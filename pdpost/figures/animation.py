@@ -1,0 +1,173 @@
+"""A run as a moving picture of a field: GIF by itself, MP4 where ffmpeg is found."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numpy.typing import NDArray
+from PIL import Image
+
+from pdpost.figures import field_figure
+from pdpost.figures.raster import Box
+from pdpost.figures.sheets import box_of, legend, mark, paint, seen, shape, sheet
+from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
+from pdpost.measures import fields
+from pdpost.reading.frames import chosen
+from pdsolve.results import Results
+
+DPI = 110
+LINE = 0.18  # inches of a line of the legend
+RATE = 10.0  # frames a second
+REST = 2.0  # s: how long a GIF stays at its end
+SHADES = 223  # of the 256 colours of a GIF, for the field; the others are greys, far enough apart for Pillow
+
+Pixels = NDArray[np.uint8]  # (rows, columns, 3)
+Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
+
+
+def frames(
+    results: Results,
+    name: str = "damage",
+    *,
+    part: str | None = None,
+    scale: float = 0.0,
+    largest: float | None = None,
+    every: int = 1,
+    window: Box | None = None,
+    dpi: float = DPI,
+    progress: Progress = iter,
+) -> Iterator[Pixels]:
+    """Pictures of the field `name` of every so many frames of a run, all of one size, with the same colours.
+
+    `part`, `scale`, `largest`, `window` as in `field_figure.field`; colours end at the usual largest value of all.
+    Raises FieldError, and ResultsError, naming what there is.
+    """
+    part = fields.component(name, part)
+    steps = chosen(results, every)
+    still = shape(results, steps[0], 0.0)
+    box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
+    inside = seen(still.position, box)
+    if largest is None and name != "damage":
+        shots = (field_figure.values_of(results, name, step, part) for step in steps)
+        largest = max(field_figure.usual(_known(shot.values[inside & ~shot.torn])) for shot in shots) or None
+    shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
+    words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
+    on = sheet(box, room=LINE * (len(words) + bool(len(still.plate.cracks))))
+    canvas = FigureCanvasAgg(on.figure)
+    on.figure.set_dpi(dpi)
+    extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
+    range_of = field_figure.colours(name, part, extremes, largest)
+    mappable = field_figure.bar(on, range_of)
+    mark(on, still._replace(scale=scale))
+    legend(on, *words, columns=1)
+    for step in progress(steps):
+        shot = field_figure.values_of(results, name, step, part)
+        with matplotlib.rc_context({"savefig.dpi": dpi}):
+            cells = paint(on, shape(results, step, scale, still), shot.values * range_of.factor, mappable, shot.torn)
+        on.axes.set_title(field_figure.title(results, name, part, step, scale))
+        canvas.draw()
+        yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+        for artist in cells:
+            artist.remove()
+
+
+def gif(
+    results: Results,
+    name: str = "damage",
+    *,
+    part: str | None = None,
+    scale: float = 0.0,
+    largest: float | None = None,
+    every: int = 1,
+    rate: float = RATE,
+    window: Box | None = None,
+    dpi: float = DPI,
+    progress: Progress = iter,
+) -> bytes:
+    """The frames of a run as a GIF that starts again, `rate` of them a second; see `frames`. The same bytes each
+    time. Raises FieldError and ResultsError."""
+    palette = _palette(name, fields.component(name, part))
+    how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
+    shots = frames(results, name, dpi=dpi, progress=progress, **how)
+    pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
+    pause = max(round(1000 / rate), 20)  # ms; viewers do not go below
+    pauses = [pause] * (len(pictures) - 1) + [pause + round(1000 * REST)]
+    file = io.BytesIO()
+    pictures[0].save(
+        file, "GIF", save_all=True, append_images=pictures[1:], duration=pauses, loop=0, optimize=False, disposal=1
+    )
+    return file.getvalue()
+
+
+def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
+    """Pictures as an MP4 film, by ffmpeg. Raises FigureError if there is none, or if it fails."""
+    program = ffmpeg()
+    shots = iter(shots)
+    first = next(shots)
+    rows, columns, _ = first.shape
+    # most players want even sizes and half the colours
+    even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:g}", "-i", "-"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+        film = Path(folder) / "film.mp4"
+        command = [program, "-v", "error", "-y", *given, *even, "-movflags", "+faststart", "-bitexact", str(film)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as process:
+            assert process.stdin is not None
+            try:
+                for shot in itertools.chain([first], shots):
+                    process.stdin.write(shot.tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass
+            except BaseException:
+                process.kill()
+                raise
+        said.seek(0)
+        words = " ".join(said.read().decode(errors="replace").split())
+        if process.returncode or not film.exists():
+            raise FigureError(f"{program}: found exit code {process.returncode} ({words}), expected a film")
+        return film.read_bytes()
+
+
+def ffmpeg() -> str:
+    """Where ffmpeg is. Raises FigureError if it is nowhere."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise FigureError("found no ffmpeg, expected it on the PATH for .mp4 (a .gif needs none)")
+    return program
+
+
+def check_format(path: Path) -> str:
+    """ "gif" or "mp4", by the suffix of `path`. Raises FigureError if it is neither, or cannot be made here."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("gif", "mp4"):
+        raise FigureError(f"{path}: found suffix '{path.suffix}', expected .gif or .mp4")
+    if kind == "mp4":
+        ffmpeg()
+    return kind
+
+
+def _palette(name: str, part: str) -> Image.Image:
+    """256 colours: those of the field, then greys for what is written."""
+    shown = field_figure.colours(name, part, np.zeros(1), 1.0)
+    field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
+    unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
+    greys = np.repeat(np.linspace(0, 1, 253 - SHADES)[:, None], 3, axis=1)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((np.concatenate([field, unknown, greys]) * 255).round().astype(int).ravel().tolist())
+    return palette
+
+
+def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values[np.isfinite(values)]

@@ -1,0 +1,83 @@
+"""A picture of the bonds: intact ones sky blue, broken ones vermilion; of many, the share that is broken."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from pdpost.figures import field_figure, raster, sheets
+from pdpost.figures.raster import Box
+from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
+from pdpost.figures.style import SKY_BLUE, VERMILION
+from pdpost.measures.pairs import Pairs, pairs
+from pdpost.reading.frames import last_frame
+from pdsolve.results import Results
+
+INTACT, BROKEN = SKY_BLUE, VERMILION
+FEW = "#fbe3d0"  # of the bonds broken
+LINES = 200_000  # bonds; more are counted in pixels
+SHARP = 5_000  # lines; more are put into a PDF or SVG as an image
+INK = 60.0  # points of line width over the root of how many lines
+
+
+def bonds(
+    results: Results,
+    step: int | None = None,
+    *,
+    scale: float = 0.0,
+    window: Box | None = None,
+    found: Pairs | None = None,
+) -> Figure:
+    """The bonds after `step`, by default the last frame's, on nodes displaced by `scale` times their displacement.
+
+    `window` is seen, m; `found` are the bonds if they are known already. Raises ResultsError.
+    """
+    step = last_frame(results) if step is None else step
+    where = shape(results, step, scale)._replace(turned=None)
+    found = pairs(results, step) if found is None else found
+    box = window or box_of([where])
+    some = seen(where.position, box)[found.ends].any(axis=1)
+    drawn = Pairs(found.ends[some], found.broken[some])
+    many = len(drawn.broken) > LINES
+    on = sheet(box, bar=many)
+    if many:
+        _count(on, where, drawn)
+    else:
+        _draw_lines(on, where, drawn)
+    mark(on, where)
+    legend(on)
+    on.axes.set_title(f"Bonds {field_figure.at(results, step, scale)}")
+    return on.figure
+
+
+def _draw_lines(on: Sheet, where: Shape, found: Pairs) -> None:
+    width = float(np.clip(INK / np.sqrt(max(len(found.broken), 1)), 0.15, 0.8))
+    for gone, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
+        ends = found.ends[found.broken == gone]
+        lines = LineCollection(
+            list(where.position[ends] * on.factor),
+            colors=colour,
+            linewidths=width * (1.5 if gone else 1),
+            zorder=order,
+            rasterized=len(found.broken) > SHARP,
+        )
+        on.axes.add_collection(lines, autolim=False)
+        on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
+
+
+def _count(on: Sheet, where: Shape, found: Pairs) -> None:
+    """The share of broken bonds among those whose middles are in a pixel, pixels no finer than the nodes."""
+    middle = where.position[found.ends].mean(axis=1)
+    x0, _, x1, _ = on.box
+    columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
+    share, _ = raster.averages(middle, np.zeros(len(middle)), found.broken.astype(float), on.box, columns)
+    cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
+    colours = ScalarMappable(Normalize(1e-9, 1.0), cmap)
+    sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
+    on.figure.colorbar(colours, cax=field_figure.beside(on), label="share of broken bonds", extend="min")
+    for gone, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
+        count = int((found.broken == gone).sum())
+        on.axes.plot([], [], "s", color=colour, label=f"{count} bonds {word}")

@@ -1,0 +1,108 @@
+"""Curves with units, in colours that all can tell apart; a figure is returned, never shown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pdpost.figures.labels import scaled
+from pdpost.figures.style import COLOURS
+from pdpost.measures.balance import Balance
+from pdpost.measures.forces import Reaction
+from pdpost.measures.histories import QUANTITIES, History
+
+DASHES = ("-", "--", "-.", ":")
+WIDTH = 7.0  # inches
+STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
+UNITS = {"m/s^2": "m/s²"}
+
+
+def look(number: int) -> dict[str, Any]:
+    """Colour and dashes of a curve; the dashes change when the colours are used up."""
+    return {"color": COLOURS[number % len(COLOURS)], "ls": DASHES[number // len(COLOURS) % len(DASHES)]}
+
+
+def plain(axes: Axes) -> None:
+    """Axes without a box, with light lines to read values by."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="0.9", lw=0.5)
+    axes.set_axisbelow(True)
+
+
+def histories(curves: list[History], quantity: str) -> Figure:
+    """Histories over time, perhaps of several components; the range of several nodes as a band."""
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    plain(axes)
+    letter, unit = QUANTITIES[quantity]
+    parts = dict.fromkeys(curve.component for curve in curves)
+    symbols = {part: f"|{letter}|" if part == "magnitude" else f"${letter}_{part}$" for part in parts}
+    second, seconds = scaled((curve.time for curve in curves), "s")
+    factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), UNITS.get(unit, unit))
+    for number, curve in enumerate(curves):
+        style = look(number)
+        if len(curve.nodes) > 1:
+            sides = (curve.low * factor, curve.high * factor)
+            axes.fill_between(curve.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
+        name = curve.label if curve.place is None else f"{curve.label} at {_millimetres(curve.place)}"
+        if len(symbols) > 1:
+            name += f", {symbols[curve.component]}"
+        axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
+    axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {' and '.join(symbols.values())}, {shown}")
+    axes.margins(x=0.01)
+    axes.legend(frameon=False)
+    return figure
+
+
+def balance(books: Balance) -> Figure:
+    """Energies over time, and below what the balance of energy misses."""
+    figure = Figure(figsize=(WIDTH, 5.0), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
+    second, seconds = scaled([books.time], "s")
+    factor, unit = scaled([books.total, books.work], "J/m")
+    for number, name in enumerate(("kinetic", "strain", "dissipated", "total")):
+        above.plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=name, **look(number))
+    above.plot(books.time * second, books.work * factor, color="black", ls=(0, (4, 3)), lw=1.2, label="put in")
+    above.set_ylabel(f"energy per thickness, {unit}")
+    above.legend(frameon=False)
+    small, _ = scaled([books.error], "")
+    below.plot(books.time * second, books.error * small, lw=1.2, color="black")
+    below.axhline(0, color="0.6", lw=0.6)
+    power = "error over put in" if small == 1 else f"error over put in,\n$10^{{{-round(np.log10(small))}}}$"
+    below.set(xlabel=f"time, {seconds}", ylabel=power)
+    for axes in (above, below):
+        plain(axes)
+        axes.margins(x=0.01)
+    figure.align_ylabels()
+    return figure
+
+
+def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
+    """Forces over time and over the mean displacement of their nodes, none at rest; along `axis` or each one's own."""
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+    over_time, over_way = figure.subplots(1, 2, sharey=True)
+    axes_of = [one.axis if axis is None else axis for one in found]
+    second, seconds = scaled((one.time for one in found), "s")
+    newton, newtons = scaled((one.force[:, at] for one, at in zip(found, axes_of, strict=True)), "N/m")
+    metre, metres = scaled((one.displacement[:, at] for one, at in zip(found, axes_of, strict=True)), "m")
+    most = max(float(np.ptp(one.displacement[:, at])) for one, at in zip(found, axes_of, strict=True)) * metre
+    for number, (one, at) in enumerate(zip(found, axes_of, strict=True)):
+        force = one.force[:, at] * newton
+        label = f"{one.name} ({one.kind}), {'xy'[at]}"
+        over_time.plot(one.time * second, force, lw=1.2, label=label, **look(number))
+        way = one.displacement[:, at] * metre
+        if np.ptp(way) >= STILL * most:
+            over_way.plot(way, force, lw=1.2, **look(number))
+    over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the plate, {newtons}")
+    over_way.set(xlabel=f"mean displacement, {metres}")
+    for panel in (over_time, over_way):
+        plain(panel)
+    figure.legend(*over_time.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def _millimetres(place: tuple[float, float]) -> str:
+    return f"({place[0] * 1e3:.4g}, {place[1] * 1e3:.4g}) mm".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,33 @@
+"""Numbers as they are written beside axes: in handy units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def prefixed(largest: float) -> tuple[float, str]:
+    """A factor and an SI prefix that turn numbers up to `largest` into handy ones."""
+    power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return 10.0**-power, PREFIXES[power]
+
+
+def unit(name: str, largest: float) -> tuple[float, str]:
+    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where none is usual."""
+    factor, prefix = prefixed(largest)
+    power = -round(np.log10(factor))
+    if power and (not name or (power > 0 and name.startswith("m/"))):
+        return factor, f"10{str(power).translate(POWERS)} {name}".rstrip()
+    return factor, prefix + name
+
+
+def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
+    """A factor for values and the unit with its prefix, such as 1e3 and "mm"."""
+    sizes = [float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values]
+    factor, prefix = prefixed(max(sizes, default=0.0))
+    return factor, prefix + unit

@@ -1,0 +1,34 @@
+"""Cells and plates as matplotlib's curves."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from matplotlib.path import Path as Curve
+from numpy.typing import NDArray
+
+from pdpost.measures.plates import Cells
+
+
+def outlines(
+    cell: Cells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
+) -> list[Curve]:
+    """The cells as curves (n) around nodes at `position` (n, 2), m; `turned` (n, 2, 2) says what became of each.
+
+    All lengths are multiplied by `factor`.
+    """
+    corners = cell.corners if turned is None else np.einsum("cab,cb->ca", turned[cell.owner], cell.corners)
+    placed = factor * (corners + position[cell.owner])
+    codes = np.full(len(placed), Curve.LINETO, dtype=np.uint8)
+    codes[np.append(True, cell.closes)[:-1]] = Curve.MOVETO
+    codes[cell.closes] = Curve.CLOSEPOLY
+    start = np.searchsorted(cell.owner, np.arange(len(position) + 1))
+    return [Curve(placed[a:b], codes[a:b]) for a, b in pairwise(start.tolist())]
+
+
+def around(shape: shapely.Geometry, factor: float) -> Curve:
+    """A shape as one curve, its lengths multiplied by `factor`."""
+    rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(shape)))
+    return Curve.make_compound_path(*(Curve(factor * shapely.get_coordinates(ring), closed=True) for ring in rings))

@@ -1,0 +1,165 @@
+"""A run on one page of HTML that needs nothing else: scene, grid, settings, balance, crack, fields, animation."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pdpost.figures import charts, crack_figure, field_figure
+from pdpost.figures.animation import gif
+from pdpost.figures.scene_figure import acted_on, scene
+from pdpost.figures.style import written
+from pdpost.measures import crack_summary
+from pdpost.measures.balance import balance
+from pdpost.measures.forces import reactions
+from pdpost.reading.frames import frames
+from pdsolve.results import Nodes, Results, ResultsError
+
+DPI = 110
+FRAMES = 24  # of the animation
+FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
+UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; border-bottom: 1px solid #ccc; margin-top: 2.2rem; }
+table { border-collapse: collapse; margin: 0.6rem 0; } td, th { text-align: left; padding: 0.15rem 1.2rem 0.15rem 0; }
+th { font-weight: 600; vertical-align: top; } img { max-width: 100%; display: block; margin: 0.6rem auto; }
+td { overflow-wrap: anywhere; }
+"""
+PROVENANCE = {
+    "program": "program",
+    "provenance": "made by",
+    "created": "date",
+    "numpy": "numpy",
+    "numba": "numba",
+    "mode": "mode",
+    "precision": "precision",
+    "threads": "threads",
+    "kernel": "kernel",
+    "status": "status",
+}
+
+
+def report(results: Results, name: str) -> str:
+    """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
+    steps, times = frames(results)
+    model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes()
+    sections = [
+        ("Scene", [_image(scene(results, model), "the plate, its grid and its conditions"), _conditions(nodes, model)]),
+        ("Grid", [_table(_grid(results, nodes))]),
+        ("Settings", [_table(_settings(model, meta))]),
+        ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
+        ("Balance", _balance(results)),
+        ("Crack", _crack(results)),
+        (f"Fields at {times[-1] * 1e6:.4g} µs", _fields(results, int(steps[-1]))),
+        ("Animation", [_picture(_film(results), "gif", "damage over time")]),
+    ]
+    body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _film(results: Results) -> bytes:
+    """Damage over time, in at most `FRAMES` frames."""
+    return gif(results, "damage", every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
+
+
+def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
+    low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
+    levels, counts = np.unique(nodes.delta, return_counts=True)
+    bonds = int((nodes.family - nodes.cut).sum())
+    return {
+        "nodes": str(len(nodes.ids)),
+        "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
+        "from, to": f"({low[0]:.4g}, {low[1]:.4g}) to ({high[0]:.4g}, {high[1]:.4g}) mm",
+        "area": f"{nodes.area.sum() * 1e6:.6g} mm²",
+        "bonds": f"{bonds}, and {int(nodes.cut.sum())} cut by pre-cracks",
+        "pre-cracks": _text([[float(end) for end in line] for line in results.cracks()]) + " m"
+        if len(results.cracks())
+        else "none",
+    }
+
+
+def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
+    run = model.get("run", {})
+    found = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in model["material"].items()}
+    found |= {f"region {number + 1}": _text(one["material"]) for number, one in enumerate(model.get("regions", []))}
+    found["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
+    found["time step"] = (
+        f"{meta['time_step'] * 1e9:.4g} ns, surely stable up to {meta['stable_time_step'] * 1e9:.4g} ns"
+    )
+    found |= {name: _text(value) for name, value in run.items() if name != "time_step"}
+    found |= {name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()}
+    return {"drawing": model.get("source", ""), **found}
+
+
+def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
+    rows = []
+    for number, condition in enumerate(model.get("conditions", [])):
+        what = {key: value for key, value in condition.items() if key not in ("kind", "name", "nodes")}
+        name = condition.get("name") or f"condition {number}"
+        count = int(acted_on(nodes, condition).sum())
+        told = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
+        rows.append((name, f"{condition['kind']} of {count} nodes: {told}"))
+    return _table(rows)
+
+
+def _balance(results: Results) -> list[str]:
+    books = balance(results)
+    last = {name: f"{getattr(books, name)[-1]:.5g} J/m" for name in ("work", "kinetic", "strain", "dissipated")}
+    last = {"put in" if name == "work" else name: value for name, value in last.items()}
+    last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
+    last["broken bonds"] = str(len(results.breaks().step))
+    parts = [_table(last), _image(charts.balance(books), "energies over time")]
+    if len(results.reactions()):
+        parts.append(_image(charts.reactions(reactions(results)), "forces of loads and grips"))
+    return parts
+
+
+def _crack(results: Results) -> list[str]:
+    found = crack_summary.crack(results)
+    told = "".join(f"<li>{escape(sentence)}</li>" for sentence in crack_summary.sentences(found))
+    return [f"<ul>{told}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
+
+
+def _fields(results: Results, step: int) -> list[str]:
+    parts = []
+    for name in FIELDS:
+        try:
+            parts.append(_image(field_figure.field(results, name, step), name))
+        except ResultsError:  # a field that was not stored
+            continue
+    return parts
+
+
+def _table(rows: Mapping[str, object] | Iterable[tuple[str, object]]) -> str:
+    pairs = rows.items() if isinstance(rows, Mapping) else rows
+    cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>\n" for name, value in pairs)
+    return f"<table>\n{cells}</table>"
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
+    if isinstance(value, list):
+        return f"({', '.join(_text(item) for item in value)})"
+    return str(value)
+
+
+def _image(figure: Figure, alternative: str) -> str:
+    return _picture(written(figure, "png", DPI), "png", alternative)
+
+
+def _picture(data: bytes, kind: str, alternative: str) -> str:
+    text = base64.b64encode(data).decode()
+    return f'<img alt="{escape(alternative)}" src="data:image/{kind};base64,{text}">'

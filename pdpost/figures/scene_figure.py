@@ -1,0 +1,58 @@
+"""The scene of a run as a figure: nodes by their spacing, pre-cracks, and where which condition acts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from pdpost.figures.charts import WIDTH
+from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
+from pdpost.figures.style import COLOURS
+from pdpost.reading.selection import selected
+from pdsolve.results import Nodes, Results
+
+FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
+
+
+def scene(results: Results, model: dict[str, Any]) -> Figure:
+    """Each node its cell of the plate, grey by its level, in the colour of the last condition that acts on it.
+
+    `model` is the grid file as JSON has it.
+    """
+    nodes = results.nodes()
+    levels = np.unique(nodes.delta)
+    greys = np.linspace(0.82, 0.94, len(levels)) if len(levels) > 1 else np.array([0.9])
+    colours = np.repeat(greys[np.searchsorted(levels, nodes.delta)][:, None], 3, axis=1)
+    keys = [
+        Patch(color=str(grey), label=f"{(nodes.delta == level).sum()} nodes, {level * 1e3:.4g} mm apart")
+        for level, grey in zip(levels, greys, strict=True)
+    ]
+    acting = np.zeros(len(nodes.ids), dtype=bool)
+    for number, condition in enumerate(model.get("conditions", [])):
+        colour = COLOURS[number % len(COLOURS)]
+        here = acted_on(nodes, condition)
+        acting |= here
+        colours[here] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+        keys.append(
+            Patch(color=colour, label=f"{condition.get('name') or f'condition {number}'} ({condition['kind']})")
+        )
+    where = shape(results, 0, 0.0)
+    box = box_of([where])
+    width, tall = box[2] - box[0], box[3] - box[1]
+    figure = Figure(figsize=(WIDTH, float(np.clip(WIDTH * tall / width, 1.5, 8.0)) + 0.9), layout="constrained")
+    on = on_axes(figure.add_subplot(), box)
+    few = max(width, tall) / nodes.delta.min() < FEW
+    edges = {"edgecolors": "white", "linewidths": 0.5} if few else {"linewidths": np.where(acting, 0.7, 0.4)}
+    tint(on, where, colours, **edges)  # a row of small nodes is seen
+    mark(on, where)
+    figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def acted_on(nodes: Nodes, condition: dict[str, Any]) -> NDArray[np.bool_]:
+    """Which nodes (n,) a condition of the grid file acts on."""
+    return selected(nodes, condition.get("nodes"), condition.get("box"))

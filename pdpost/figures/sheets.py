@@ -1,0 +1,248 @@
+"""The sheet a plate is drawn on: its size, its axes in handy units, and nodes on it, deformed or not."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from matplotlib import rcParams
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path as Curve
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdpost.figures import raster
+from pdpost.figures.labels import prefixed
+from pdpost.figures.outlines import around, outlines
+from pdpost.figures.raster import Box
+from pdpost.figures.style import EDGE, THICK, THIN, TORN
+from pdpost.measures import plates
+from pdpost.measures.plates import Cells, Plate, cells, plate
+from pdpost.measures.strain import fitted, intact
+from pdpost.reading.stored import vector
+from pdsolve.results import Results
+
+WIDTH, TALLEST, FLATTEST = 5.4, 6.5, 1.2  # inches, of the plate
+LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
+SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
+MARGIN = 0.01  # of the plate, around it
+ROOM = 0.2  # of the plate, around it, for what is displaced
+
+
+class Shape(NamedTuple):
+    """Nodes where they are drawn, and their plate."""
+
+    plate: Plate
+    position: NDArray[np.float64]  # (n, 2) m
+    delta: NDArray[np.float64]  # (n,) m
+    cells: Cells | None  # None where there are too many to draw them one by one
+    turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
+    scale: float  # what their displacement is multiplied by
+
+
+class Sheet(NamedTuple):
+    """A plate in a figure."""
+
+    figure: Figure
+    axes: Axes
+    box: Box  # m: what is seen
+    factor: float  # from m to the axes' unit
+
+
+def shape(results: Results, step: int, scale: float, still: Shape | None = None) -> Shape:
+    """The nodes of a frame displaced by `scale` times their displacement, 0: the reference.
+
+    `still` is the shape of another frame, if there is one: their cells are the same. Raises ResultsError if the frame
+    does not hold displacements and `scale` is not 0.
+    """
+    nodes = results.nodes()
+    if still is None:
+        on = plate(results)
+        own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
+        still = Shape(on, nodes.position, nodes.delta, own, None, 0.0)
+    if not scale:
+        return still._replace(position=nodes.position, turned=None, scale=0.0)
+    moved = displacement(results, step)
+    turned = None
+    if still.cells is not None:
+        turned = np.eye(2) + scale * fitted(results, moved, intact(results, results.families(), step))
+        turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
+    return still._replace(position=nodes.position + scale * moved, turned=turned, scale=scale)
+
+
+def displacement(results: Results, step: int) -> NDArray[np.float64]:
+    """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
+    moved = vector(results, "u", step)
+    return np.where(np.isfinite(moved), moved, 0.0)
+
+
+def chosen_scale(results: Results, step: int) -> float:
+    """1, 2 or 5 times a power of ten, at least 1, by which most displacements of a frame move nodes 5 % of the plate.
+
+    Raises ResultsError if the frame does not hold displacements.
+    """
+    nodes = results.nodes()
+    far = float(np.percentile(np.hypot(*displacement(results, step).T), 99))
+    wanted = SHOWN * float(np.ptp(nodes.position, axis=0).max()) / far if far > 0 else 1.0
+    power = 10.0 ** np.floor(np.log10(wanted)) if wanted > 1 else 1.0
+    return float(max(power * max(n for n in (1, 2, 5) if n * power <= max(wanted, 1.0)), 1.0))
+
+
+def box_of(shapes: list[Shape]) -> Box:
+    """What is to be seen so that all the shapes are, except for what is thrown far off the plate, m."""
+    bounds = np.reshape(shapes[0].plate.shape.bounds, (2, 2))
+    size = float(np.ptp(bounds, axis=0).max())
+    low, high = bounds
+    for one in shapes:
+        if one.scale:
+            half = one.delta[:, None] / 2
+            low = np.minimum(low, (one.position - half).min(axis=0))
+            high = np.maximum(high, (one.position + half).max(axis=0))
+    room = (ROOM if any(one.scale for one in shapes) else MARGIN) * size
+    x0, y0 = np.maximum(low - MARGIN * size, bounds[0] - room).tolist()
+    x1, y1 = np.minimum(high + MARGIN * size, bounds[1] + room).tolist()
+    return x0, y0, x1, y1
+
+
+def seen(places: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
+    """Which places (n, 2), m, are in a box."""
+    return np.asarray(((places >= box[:2]) & (places <= box[2:])).all(axis=1), dtype=np.bool_)
+
+
+def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
+    """An empty sheet for what is in `box`, m, with room for a bar of colours beside it, and inches more below it."""
+    width, height = box[2] - box[0], box[3] - box[1]
+    across = min(WIDTH, TALLEST * width / height)
+    tall = max(across * height / width, FLATTEST)
+    size = (max(LEFT + across + RIGHT * bar, 4.0), room + BELOW + tall + ABOVE)
+    figure = Figure(figsize=size)
+    place = (LEFT / size[0], (room + BELOW) / size[1], across / size[0], tall / size[1])
+    return on_axes(figure.add_axes(place), box)
+
+
+def on_axes(axes: Axes, box: Box) -> Sheet:
+    """A sheet for what is in `box`, m, on axes that are there already."""
+    factor, prefix = prefixed(max(box[2] - box[0], box[3] - box[1]))
+    axes.set(xlabel=f"x, {prefix}m", ylabel=f"y, {prefix}m", aspect="equal")
+    axes.set_xlim(box[0] * factor, box[2] * factor)
+    axes.set_ylim(box[1] * factor, box[3] * factor)
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
+    return Sheet(figure, axes, box, factor)
+
+
+def paint(
+    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_] | None = None
+) -> list[Artist]:
+    """Put each node's cell on the sheet, coloured by its value (n,), in the numbers of `colours`.
+
+    Nodes without a value are dark grey, those marked in `torn` (n,) light grey.
+    """
+    torn = np.zeros(len(values), dtype=bool) if torn is None else torn
+    values = np.where(torn, np.nan, values)
+    if nodes.cells is None:
+        return [_image(on, nodes, values, colours, torn)]
+    painted = outlines(nodes.cells, nodes.position, nodes.turned, on.factor)
+    found: list[Artist] = [
+        _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
+    ]
+    if torn.any():
+        found.append(_cells(on, [painted[row] for row in np.flatnonzero(torn)], facecolors=TORN))
+    return found
+
+
+def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) -> None:
+    """Put each node's cell on the sheet in a colour (n, 3) of its own; `lines` are what the edges of cells have."""
+    if nodes.cells is not None:
+        _cells(on, outlines(nodes.cells, nodes.position, nodes.turned, on.factor), facecolors=colours, **lines)
+        return
+    layers = [_filled(on, nodes, layer) for layer in colours.T]
+    alpha = layers[0][1].astype(float)
+    show(on, np.dstack([*(np.where(there, mean, 1.0) for mean, there in layers), alpha]), nodes)
+
+
+def mark(on: Sheet, nodes: Shape) -> None:
+    """The edges of the plate and of its holes, and the pre-cracks; dotted where they were if nodes are displaced."""
+    style = {"linestyle": ":"} if nodes.scale else {}
+    if nodes.plate.edges:
+        rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
+        on.axes.add_collection(LineCollection(rings, colors=EDGE, linewidths=THIN, zorder=3, **style), autolim=False)
+    ends = nodes.plate.cracks.reshape(-1, 2, 2)
+    inside = (ends.max(axis=1) >= on.box[:2]).all(axis=1) & (ends.min(axis=1) <= on.box[2:]).all(axis=1)
+    lines = ends[inside] * on.factor
+    if len(lines):
+        for colour, width, label in (("white", 1.8 * THICK, None), ("black", THICK, "pre-crack")):
+            cracks = LineCollection(list(lines), colors=colour, linewidths=width, zorder=4, label=label, **style)
+            cracks.set_capstyle("round")
+            on.axes.add_collection(cracks, autolim=False)
+
+
+def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
+    """What the lines on a plate and patches (colour, words) mean, below the plate."""
+    handles, _ = on.axes.get_legend_handles_labels()
+    handles += [Patch(color=colour, label=words) for colour, words in patches]
+    if handles:
+        place = on.axes.get_position()
+        low = place.y0 - 0.42 / on.figure.get_figheight()
+        middle = (place.x0 + place.x1) / 2
+        on.figure.legend(
+            handles=handles, loc="upper center", bbox_to_anchor=(middle, low), ncols=columns, frameon=False, fontsize=8
+        )
+
+
+def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
+    """Put an image (rows, columns, 4) of the sheet's box on it, lowest row first, clipped to the plate."""
+    x0, y0, x1, y1 = (edge * on.factor for edge in on.box)
+    image = on.axes.imshow(
+        painted, origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest", aspect="equal", zorder=1
+    )
+    if not nodes.scale and nodes.plate.edges:
+        image.set_clip_path(PathPatch(around(nodes.plate.shape, on.factor), transform=on.axes.transData))
+    return image
+
+
+def pixels(on: Sheet) -> int:
+    """How many pixels across the sheet's box is, where it is saved."""
+    dpi = rcParams["savefig.dpi"]
+    dots = on.figure.dpi if dpi == "figure" else float(dpi)
+    return max(round(on.axes.get_position().width * on.figure.get_figwidth() * dots), 16)
+
+
+def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
+    found = PathCollection(painted, **{"edgecolors": "face", "linewidths": 0.4, **more})
+    on.axes.add_collection(found, autolim=False)
+    return found
+
+
+def _image(
+    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_]
+) -> Artist:
+    mean, there = _filled(on, nodes, values)
+    painted = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
+    if torn.any():
+        share, _ = _filled(on, nodes, torn.astype(float))
+        painted[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
+    painted[~there] = 0
+    return show(on, painted, nodes)
+
+
+def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """`raster.averages` of the sheet's box; where the plate is and no node's square, the nearest node's value."""
+    mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
+    if nodes.scale or not nodes.plate.edges or there.all():
+        return mean, there
+    rows, columns = np.nonzero(~there)
+    low, high = np.array(on.box[:2]), np.array(on.box[2:])
+    middle = low + (np.column_stack([columns, rows]) + 0.5) / there.shape[::-1] * (high - low)
+    bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / there.shape[1])
+    _, nearest = cKDTree(nodes.position).query(middle[bare])
+    mean[rows[bare], columns[bare]] = values[nearest]
+    there[rows[bare], columns[bare]] = True
+    return mean, there

@@ -1,0 +1,1 @@
+"""What is computed of results: fields, cracks, energies, forces, costs."""

@@ -1,0 +1,48 @@
+"""Two runs' cracks, one over the other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pdpost.measures.cracked import CRACKED
+from pdpost.measures.cracks import Event, growth
+from pdpost.measures.paths import Polyline, distance, path
+from pdpost.measures.plates import check_alike
+from pdsolve.results import Results
+
+
+class Comparison(NamedTuple):
+    """How far two cracks are apart; None where one of the two runs has none. Differences are the other's less one's."""
+
+    paths: tuple[list[Polyline], list[Polyline]]
+    mean: float | None  # m, symmetric, see `paths.distance`
+    hausdorff: float | None  # m
+    start: float | None  # s
+    branching: float | None  # s
+    split: float | None  # s
+
+
+def compare(
+    one: Results,
+    other: Results,
+    steps: tuple[int, int],
+    direction: tuple[float, float] = (1.0, 0.0),
+    threshold: float = CRACKED,
+) -> Comparison:
+    """The paths of two runs after their `steps`, and when their cracks started, branched and split the plate.
+
+    Raises ResultsError if they are not of one plate.
+    """
+    check_alike(other, one)
+    paths = path(one, steps[0], threshold), path(other, steps[1], threshold)
+    apart = distance(*paths) if all(paths) else (None, None)
+    here, there = (growth(results, direction, threshold) for results in (one, other))
+    later = (
+        _later(mine, its)
+        for mine, its in ((here.start, there.start), (here.branching, there.branching), (here.split, there.split))
+    )
+    return Comparison(paths, *apart, *later)
+
+
+def _later(one: Event | None, other: Event | None) -> float | None:
+    return None if one is None or other is None else other.time - one.time

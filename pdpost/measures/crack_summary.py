@@ -1,0 +1,152 @@
+"""Everything there is to say about the crack of a run, as numbers and as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.cracked import CRACKED
+from pdpost.measures.cracks import DIRECTIONS, Direction, Growth, directions, growth
+from pdpost.measures.fragments import Fragments, fragments
+from pdpost.measures.paths import heading
+from pdpost.measures.speed import Speeds
+from pdpost.measures.tips import Branch, Fork, forks, tips
+from pdpost.measures.waves import rayleigh_of
+from pdpost.reading.frames import last_step
+from pdsolve.results import Results
+
+LISTED = 6  # branches and forks in sentences
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What became of the cracks of a run until a step."""
+
+    step: int
+    time_step: float  # s
+    along: str  # the direction that places of `growth` are measured in
+    growth: Growth
+    directions: list[Direction]
+    branches: list[Branch]
+    forks: list[Fork]
+    fragments: Fragments
+    rayleigh_speed: float  # m/s
+
+
+def crack(results: Results, step: int | None = None, threshold: float = CRACKED, along: str | None = None) -> Summary:
+    """Follow the cracks of a run until `step`, by default its last; nodes are cracked above the damage `threshold`.
+
+    `along` is "right", "left", "up" or "down", by default where most of their length goes. Raises ResultsError if
+    there is no frame yet.
+    """
+    step = last_step(results) if step is None else step
+    limit = rayleigh_of(results)
+    found = [replace(branch, speed=_possible(branch.speed, limit)) for branch in tips(results, step, threshold)]
+    along = along or heading([branch.place for branch in found])
+    return Summary(
+        step,
+        float(results.meta()["time_step"]),
+        along,
+        growth(results, DIRECTIONS[along], threshold),
+        directions(results, step, threshold),
+        found,
+        forks(found),
+        fragments(results, step, threshold),
+        limit,
+    )
+
+
+def _mean_speed(branch: Branch, limit: float) -> float | None:
+    mean = branch.mean_speed
+    return None if mean is None or mean > limit else mean
+
+
+def _possible(found: Speeds, limit: float) -> Speeds:
+    """Speeds without those that are surely above the Rayleigh speed: there no tip ran, a stretch broke at once."""
+    too_fast = found.low > limit
+    return Speeds(*(np.where(too_fast, np.nan, column) for column in found))
+
+
+def numbers(found: Summary) -> dict[str, object]:
+    """The summary as plain numbers, for JSON."""
+    return {
+        **asdict(found.growth),
+        "along": found.along,
+        "step": found.step,
+        "directions": [asdict(way) for way in found.directions],
+        "rayleigh_speed": found.rayleigh_speed,
+        "branches": [
+            {
+                "points": branch.place,
+                "time": branch.time,
+                "along": branch.along,
+                "direction": branch.direction,
+                "line": branch.line,
+                "speed": branch.speed.value,
+                "speed_low": branch.speed.low,
+                "speed_high": branch.speed.high,
+                "length": branch.length,
+                "mean_speed": _mean_speed(branch, found.rayleigh_speed),
+            }
+            for branch in found.branches
+        ],
+        "forks": [asdict(fork) | {"step": round(fork.time / found.time_step)} for fork in found.forks],
+        "fragments": found.fragments._asdict() | {"pieces": [piece._asdict() for piece in found.fragments.pieces]},
+    }
+
+
+def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
+    """Header and rows: every point of the path with its time and speed."""
+    rows: list[tuple[object, ...]] = []
+    for number, branch in enumerate(found.branches):
+        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line
+        rows += [(number, *row) for row in zip(*columns, strict=True)]
+    speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
+    return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, "direction x", "direction y", "line"), rows
+
+
+def sentences(found: Summary) -> list[str]:
+    """The summary for a reader, a line each."""
+    axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
+    events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
+    lines = [
+        f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
+        + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
+        for name, event in events.items()
+        if event is not None
+    ]
+    for number, branch in enumerate(found.branches[:LISTED]):
+        lines.append(f"branch {number}: {_way(branch, found.rayleigh_speed)}")
+    if len(found.branches) > LISTED:
+        lines.append(f"and {len(found.branches) - LISTED} shorter branches")
+    for fork in found.forks[:LISTED]:
+        where = f"{_place(fork.place)}, {fork.time * 1e6:.4g} us"
+        lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
+    for way in found.directions:
+        lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
+    if len(found.fragments.pieces) > 1:
+        areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in found.fragments.pieces)
+        lines.append(f"{len(found.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
+    return lines or ["nothing broke"]
+
+
+def _way(branch: Branch, rayleigh: float) -> str:
+    """From where to where and when a tip went, and how fast."""
+    ways = [f"{_place(branch.place[at])} at {branch.time[at] * 1e6:.4g} us" for at in (0, -1)]
+    mean = _mean_speed(branch, rayleigh)
+    if not branch.line.all():
+        fast = ", wider than a crack: no speed"
+    elif mean is None:
+        fast = ", faster than a crack runs: it broke at once"
+    else:
+        fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
+    return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
+
+
+def _place(point: Sequence[float] | NDArray[np.float64]) -> str:
+    """A place in mm, its zeros without round-off."""
+    x, y = (round(float(value) * 1e3, 6) + 0.0 for value in point)
+    return f"({x:.4g}, {y:.4g}) mm"

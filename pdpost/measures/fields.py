@@ -1,0 +1,113 @@
+"""What can be shown of the nodes of a frame: damage, energy, vectors, tensors, and their components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.cracked import CRACKED, damage_at
+from pdpost.measures.strain import gradients, green, hooke, stiffness, thinning
+from pdpost.reading.stored import scalar, vector
+from pdsolve.results import Results
+
+VECTOR = ("magnitude", "x", "y")
+TENSOR = ("largest", "smallest", "xx", "yy", "xy", "zz")  # principal ones in the plane
+
+
+class FieldError(ValueError):
+    """A field or a component that there is none of; the message names those there are."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity of the nodes. Its first component is the one that is shown unless another is asked for."""
+
+    name: str
+    title: str
+    unit: str
+    components: tuple[str, ...] = ()  # none: a scalar
+    stored: str = ""  # of a vector: the letter its components are stored under
+
+    @property
+    def fitted(self) -> bool:
+        """Whether it is fitted to the bonds that are left: strain and stress."""
+        return self.components[: len(TENSOR)] == TENSOR
+
+
+FIELDS = {
+    field.name: field
+    for field in (
+        Field("damage", "Damage", ""),
+        Field("energy", "Strain energy", "J/m³"),
+        Field("displacement", "Displacement", "m", VECTOR, "u"),
+        Field("velocity", "Velocity", "m/s", VECTOR, "v"),
+        Field("acceleration", "Acceleration", "m/s²", VECTOR, "a"),
+        Field("strain", "Strain", "", TENSOR),
+        Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
+    )
+}
+
+
+def component(name: str, given: str | None) -> str:
+    """The component of a field to show: the given one, or its first; "" of a scalar. Raises FieldError."""
+    if name not in FIELDS:
+        raise FieldError(f"found no field '{name}', expected one of {', '.join(FIELDS)}")
+    there = FIELDS[name].components
+    if given is None:
+        return there[0] if there else ""
+    if given not in there:
+        expected = f"one of {', '.join(there)}" if there else "none, it is a scalar"
+        raise FieldError(f"{name}: found no component '{given}', expected {expected}")
+    return given
+
+
+def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
+    """Nodes (n,) whose value says nothing: of strain and stress, where more than 0.35 of the bonds are broken.
+
+    What is fitted to the few bonds left there is the opening of a crack, not a strain.
+    """
+    if not FIELDS[name].fitted:
+        return np.zeros(len(results.nodes().ids), dtype=bool)
+    return damage_at(results, step) > CRACKED
+
+
+def signed(name: str, part: str) -> bool:
+    """Whether the values of a component may be below zero as well as above."""
+    return bool(part) and part not in ("magnitude", "mises")
+
+
+def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
+    """A component (n,) of the field `name` after `step`, in SI units; NaN where a node has none.
+
+    Damage is known at every step, the others at frames that stored what they need. Raises FieldError, and
+    ResultsError naming what is stored.
+    """
+    return components(results, name, step)[component(name, part)]
+
+
+def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+    """All components (n,) of the field `name` after `step`, a scalar's own under ""."""
+    field = FIELDS[name]
+    if name == "damage":
+        return {"": damage_at(results, step)}
+    if name == "energy":
+        return {"": scalar(results, "energy", step)}
+    if field.components == VECTOR:
+        x, y = vector(results, field.stored, step).T
+        return {"magnitude": np.hypot(x, y), "x": x, "y": y}
+    strain = green(gradients(results, step))
+    modulus, plane = stiffness(results)
+    if name == "strain":
+        return {**_principal(strain), "zz": thinning(strain, plane)}
+    stress = hooke(strain, modulus, plane)
+    xx, yy, xy, zz = stress.T
+    mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
+    return {**_principal(stress[:, :3]), "mises": mises, "zz": zz}
+
+
+def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    xx, yy, xy = tensor.T
+    middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}

@@ -1,0 +1,60 @@
+"""What the conditions of a run did: force against time, and against the displacement of their nodes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.reading.embedded import read
+from pdsolve.results import Results, ResultsError
+
+
+class _Named(msgspec.Struct):
+    """What is read of the grid file."""
+
+    conditions: list[dict[str, Any]] = []
+
+
+class Reaction(NamedTuple):
+    """One condition at t steps, per unit thickness."""
+
+    number: int  # in the model's list of conditions
+    name: str  # its name there, or its number
+    kind: str  # "load", "displacement", "velocity" or "acceleration"
+    step: NDArray[np.int64]  # (t,)
+    time: NDArray[np.float64]  # (t,) s
+    force: NDArray[np.float64]  # (t, 2) N/m, on the plate
+    displacement: NDArray[np.float64]  # (t, 2) m, mean of its nodes
+
+    @property
+    def axis(self) -> int:
+        """0 or 1: the direction it acts in."""
+        return int(np.abs(self.force).max(axis=0).argmax())
+
+
+def reactions(results: Results) -> list[Reaction]:
+    """All conditions that act throughout the run. Raises ResultsError if there are none."""
+    rows = results.reactions()
+    conditions = read(results, _Named).conditions
+    found = []
+    for number in np.unique(rows["condition"]).astype(int).tolist():
+        mine, condition = rows[rows["condition"] == number], conditions[number]
+        force, moved = (np.column_stack([mine[f"{what}_x"], mine[f"{what}_y"]]) for what in ("force", "displacement"))
+        name = condition.get("name") or f"condition {number}"
+        found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
+    if not found:
+        raise ResultsError(f"{results.name}: found no condition that acts, expected a load or something that is held")
+    return found
+
+
+def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
+    """Those of these names or numbers, all if there are no names. Raises ResultsError, naming those there are."""
+    by_name = {str(one.number): one for one in all_of_them} | {one.name: one for one in all_of_them}
+    for name in names:
+        if name not in by_name:
+            there = ", ".join(f"{one.number} ({one.name})" for one in all_of_them)
+            raise ResultsError(f"--condition: found no condition '{name}', expected one of {there}")
+    return [by_name[name] for name in names] or all_of_them

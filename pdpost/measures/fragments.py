@@ -1,0 +1,46 @@
+"""What a plate is broken into: pieces of sound nodes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pdpost.measures.cracked import CRACKED, damage_at
+from pdpost.measures.cracks import PIECE, clusters
+from pdsolve.results import Results
+
+
+class Fragment(NamedTuple):
+    """A piece of the plate."""
+
+    nodes: int
+    area: float  # m^2
+    centre: tuple[float, float]  # m
+
+
+class Fragments(NamedTuple):
+    """All pieces of a plate; their areas, that of the crumbs and that of what is cracked add up to the plate's."""
+
+    pieces: tuple[Fragment, ...]  # the largest first
+    crumbs: int  # pieces of no more than 2 per cent of the nodes
+    crumbs_area: float  # m^2
+    cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
+
+
+def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragments:
+    """The pieces after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
+    nodes, cracked = results.nodes(), damage_at(results, step) > threshold
+    sound = np.flatnonzero(~cracked)
+    piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)
+    found, crumbs, crumbs_area = [], 0, 0.0
+    for number in range(int(piece.max(initial=-1)) + 1):
+        rows = sound[piece == number]
+        area = nodes.area[rows]
+        if len(rows) > PIECE * len(cracked):
+            x, y = (float(np.average(places, weights=area)) for places in nodes.position[rows].T)
+            found.append(Fragment(len(rows), float(area.sum()), (x, y)))
+        else:
+            crumbs, crumbs_area = crumbs + 1, crumbs_area + float(area.sum())
+    pieces = tuple(sorted(found, key=lambda one: (-one.area, one.centre)))
+    return Fragments(pieces, crumbs, crumbs_area, float(nodes.area[cracked].sum()))

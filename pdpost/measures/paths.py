@@ -1,0 +1,81 @@
+"""Lines that cracks have drawn: where they run, and how far two sets of them are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.cracked import CRACKED
+from pdpost.measures.cracks import DIRECTIONS
+from pdpost.measures.segments import distances
+from pdpost.measures.tips import tips
+from pdsolve.results import Results
+
+LONG = 0.4  # of the longest: shorter branches are no main ones
+SAMPLES = 2000  # points of a set of lines that distances are measured from
+
+Polyline = NDArray[np.float64]  # (k, 2) m
+
+
+class PathError(ValueError):
+    """Paths that cannot be compared."""
+
+
+def path(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
+    """The path of the cracks after `step`, a polyline (k, 2), m, for each branch; the longest first."""
+    return [branch.place for branch in tips(results, step, threshold)]
+
+
+def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float, float]:
+    """How far two sets of lines are apart, m: the mean over the length of both, and the Hausdorff distance.
+
+    The mean is that of the two means from one set to the nearest points of the other. Both are measured at some
+    2000 points of each set. Raises PathError where one is empty.
+    """
+    if not one or not other:
+        raise PathError("found no path of a crack, expected one in both runs")
+    there, back = _from_to(one, other), _from_to(other, one)
+    return (there[0] + back[0]) / 2, max(there[1], back[1])
+
+
+def heading(lines: Sequence[Polyline]) -> str:
+    """Where a crack runs: the name in `cracks.DIRECTIONS` that most of its length goes by; "right" without any.
+
+    Lines shorter than 0.4 of the longest do not count; of directions within a tenth of each other it is the first.
+    """
+    way = np.array(list(DIRECTIONS.values()))
+    lengths = np.zeros(len(way))
+    sizes = [float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in lines]
+    for line, size in zip(lines, sizes, strict=True):
+        if size >= LONG * max(sizes):
+            lengths[int((way @ (line[-1] - line[0])).argmax())] += size
+    return list(DIRECTIONS)[int((lengths >= 0.9 * lengths.max()).argmax())]
+
+
+def _from_to(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
+    """Mean and largest distance of points of `lines` from the nearest points of `others`, m."""
+    points, weight = _samples(lines)
+    start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
+    end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
+    nearest = distances(points, start, end)
+    return float(np.average(nearest, weights=weight)), float(nearest.max())
+
+
+def _samples(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points of lines, their corners among them, and the length that each stands for."""
+    pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
+    whole = sum(float(piece.sum()) for piece in pieces)
+    if whole == 0:
+        points = np.concatenate(list(lines))
+        return points, np.ones(len(points))
+    found, weights = [], []
+    for line, lengths in zip(lines, pieces, strict=True):
+        for start, end, length in zip(line[:-1], line[1:], lengths, strict=True):
+            parts = max(1, int(np.ceil(SAMPLES * length / whole)))
+            found.append(start + np.linspace(0, 1, parts + 1)[:, None] * (end - start))
+            weight = np.full(parts + 1, length / parts)
+            weight[[0, -1]] /= 2
+            weights.append(weight)
+    return np.concatenate(found), np.concatenate(weights)

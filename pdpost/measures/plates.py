@@ -1,0 +1,110 @@
+"""The plate that is drawn: its edges, its pre-cracks, and the cell of each node, clipped to it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple, TypeAlias
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdpost.reading.embedded import read
+from pdsolve.results import Nodes, Results, ResultsError
+
+CLOSED = 0.3  # of the coarsest spacing: gaps between nodes up to twice as wide are of a plate without an outline
+ALIKE = 2.0  # of the larger spacing: how far the plates of two results of one scene may differ
+MANY = 20_000  # nodes; more are not drawn one by one
+FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
+
+
+Ring: TypeAlias = Annotated[list[tuple[float, float]], msgspec.Meta(min_length=3)]  # m
+
+
+class Plate(NamedTuple):
+    """What is drawn of a model besides its nodes, m."""
+
+    edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
+    cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
+    shape: shapely.Geometry  # all that is plate
+
+
+class Cells(NamedTuple):
+    """The cells of n nodes, the rings of a node together; a ring's last corner is its first."""
+
+    corners: NDArray[np.float64]  # (c, 2) m, from their nodes
+    closes: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
+    owner: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
+
+
+class _Rings(msgspec.Struct):
+    """What is read of the grid file."""
+
+    outline: list[Ring] = []
+    holes: list[Ring] = []
+
+
+def plate(results: Results) -> Plate:
+    """The plate of a run.
+
+    Without an outline it is where the nodes' squares are, gaps between spacings closed; of many nodes, their box.
+    """
+    rings = read(results, _Rings)
+    edges = tuple(np.array(ring) for ring in (*rings.outline, *rings.holes))
+    if edges:
+        outer, holes = (
+            shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in some])
+            for some in (edges[: len(rings.outline)], edges[len(rings.outline) :])
+        )
+        shape = shapely.difference(outer, holes)
+    else:
+        shape = _around(results.nodes())
+    shapely.prepare(shape)
+    return Plate(edges, results.cracks(), shape)
+
+
+def _around(nodes: Nodes) -> shapely.Geometry:
+    half, reach = nodes.delta[:, None] / 2, CLOSED * float(nodes.delta.max())
+    low, high = nodes.position - half, nodes.position + half
+    if len(half) > MANY:
+        return shapely.box(*low.min(axis=0), *high.max(axis=0))
+    squares = shapely.union_all(shapely.box(*low.T, *high.T))
+    return squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
+
+
+def check_alike(results: Results, other: Results) -> None:
+    """Raises ResultsError if two results are not of one plate, but for a strip of two of the larger spacings."""
+    one, expected = plate(results).shape, plate(other).shape
+    reach = ALIKE / 2 * max(float(run.nodes().delta.max()) for run in (results, other))
+    off = shapely.symmetric_difference(one, expected).buffer(-reach)
+    if off.is_empty:
+        return
+    x0, y0, x1, y1 = one.bounds
+    a0, b0, a1, b1 = expected.bounds
+    place = shapely.point_on_surface(off)
+    raise ResultsError(
+        f"{results.name}: found a plate from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m, expected that of {other.name},"
+        f" from ({a0:g}, {b0:g}) to ({a1:g}, {b1:g}) m; they differ at ({place.x:.4g}, {place.y:.4g}) m"
+    )
+
+
+def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
+    """The part of the plate that is nearer to each node than to any other, its Voronoi cell clipped by `shape`."""
+    if not len(nodes.ids):
+        return Cells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))
+    unit, origin = float(nodes.delta.min()), nodes.position.min(axis=0)
+    points = np.round((nodes.position - origin) / unit * FRACTIONS) / FRACTIONS
+    around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
+    frame = shapely.union(around.envelope, shapely.multipoints(points).envelope).envelope.buffer(4)
+    found = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
+    found = shapely.get_parts(found)
+    shapely.prepare(around)
+    outside = ~shapely.covers(around, found)
+    found[outside] = shapely.intersection(shapely.make_valid(found[outside]), around)
+    parts, node = shapely.get_parts(found, return_index=True)
+    is_surface = shapely.get_dimensions(parts) == 2
+    rings, ring_of = shapely.get_rings(shapely.orient_polygons(parts[is_surface]), return_index=True)
+    corners, corner_of = shapely.get_coordinates(rings, return_index=True)
+    owner = node[is_surface][ring_of][corner_of]
+    closes = np.append(np.diff(corner_of) > 0, True)[: len(corners)]
+    return Cells((corners - points[owner]) * unit, closes, owner)

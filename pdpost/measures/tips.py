@@ -1,0 +1,179 @@
+"""Where the tips of cracks were, when, and which way they went: one branch a tip, and their forks.
+
+    for branch in tips(results):
+        branch.time, branch.place, branch.direction, branch.speed
+
+A tip comes to a place when the nodes there crack, or, where they cracked ahead of it, when the crack joins them (see
+`regions`); its way is the skeleton of the nodes that cracked (see `skeleton`). So time never falls along a branch.
+Nodes cracked from the start, by a pre-crack, are left out: a crack begins at the pre-crack's tip, if it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.cracked import CRACKED, ROUND_OFF, pre_crack_tips
+from pdpost.measures.regions import Grown, grown
+from pdpost.measures.skeleton import SLAB, Chain, Skeleton
+from pdpost.measures.speed import WINDOW, Speeds, speeds, window
+from pdsolve.results import Results
+
+NEAR_TIP = 3.0  # spacings within which a crack begins or ends at the tip of a pre-crack
+ARM = 10.0  # local spacings of an arm that its direction is measured over
+WIDE = 8.0  # local spacings: what is cracked over a greater width is crushed, and no line
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The way of a tip, from where the crack began or forked to where it ends, forks or meets another; k points."""
+
+    place: NDArray[np.float64]  # (k, 2) m
+    time: NDArray[np.float64]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
+    direction: NDArray[np.float64]  # (k, 2) unit vectors, of some ten spacings around
+    along: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
+    speed: Speeds  # (k,) m/s
+    spacing: NDArray[np.float64]  # (k,) m, of the nodes there
+    line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
+    begin: int  # number of the joint it begins at
+    end: int  # number of the joint it ends at
+
+    @property
+    def length(self) -> float:
+        """Its own length, m."""
+        return float(self.along[-1] - self.along[0])
+
+    @property
+    def mean_speed(self) -> float | None:
+        """Length over time, m/s, from the first point to the last; None where it took no time or is not a line."""
+        took = float(self.time[-1] - self.time[0])
+        return self.length / took if took > 0 and self.line.all() else None
+
+
+@dataclass(frozen=True)
+class Fork:
+    """A place where a crack becomes several."""
+
+    place: tuple[float, float]  # m
+    time: float  # s, when the crack came there
+    angle: float  # degrees between the outer arms
+    arms: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
+
+
+class _Point(NamedTuple):
+    """Some cracked nodes as a point of a line."""
+
+    place: NDArray[np.float64]  # (2,) m
+    step: float  # a mean, when the tip came past
+    spacing: float  # m
+    line: bool
+
+
+def tips(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
+    """All branches of the cracks after `step` (default: the last), the longest first.
+
+    Nodes of more damage than `threshold` are cracked. Mirrored cracks have mirrored branches.
+    """
+    last = int(results.breaks().step.max(initial=0)) if step is None else step
+    cracked = grown(results, last, threshold)
+    skeleton = Skeleton(cracked)
+    skeleton.prune()
+    time_step = float(results.meta()["time_step"])
+    pre_cracks = np.array([tip for tip, _ in pre_crack_tips(results.cracks())]).reshape(-1, 2)
+    reached: dict[int, tuple[float, float]] = {}  # time and length at joints
+    found = []
+    for chain in sorted(skeleton.chains(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
+        points = _points(skeleton, cracked, chain, pre_cracks)
+        branch = _branch(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
+        found.append(branch)
+        arrival = float(branch.time[-1]), float(branch.along[-1])
+        reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
+    return sorted(found, key=lambda branch: -branch.length)
+
+
+def forks(branches: Sequence[Branch]) -> list[Fork]:
+    """Where one of the `branches` ends and two or more begin, in the order of time.
+
+    Directions are those of straight lines through the ten spacings next to the fork.
+    """
+    found = []
+    for joint in sorted({branch.begin for branch in branches}):
+        arms = [branch for branch in branches if branch.begin == joint]
+        stems = [branch for branch in branches if branch.end == joint]
+        if len(arms) < 2 or not stems:
+            continue
+        came = -np.sum([_heading(stem.place[::-1], ARM * stem.spacing[-1]) for stem in stems], axis=0)
+        ways = [_heading(arm.place, ARM * arm.spacing[0]) for arm in arms]
+        angles = sorted(float(np.degrees(np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w))) for w in ways)
+        x, y = arms[0].place[0].tolist()
+        found.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
+    return sorted(found, key=lambda fork: fork.time)
+
+
+def _branch(chain: Chain, points: list[_Point], began: float, length: float, time_step: float) -> Branch:
+    """A chain as a branch, measured on from the time and the length at which its parent ends."""
+    place, step, spacing, line = (np.array(column) for column in zip(*points, strict=True))
+    smooth = place.copy()  # the lattice's zigzag is no way that the tip went
+    smooth[1:-1] = (place[:-2] + 2 * place[1:-1] + place[2:]) / 4
+    along = length + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
+    time = np.maximum.accumulate(np.maximum(step * time_step, began))
+    fast = speeds(along, time, spacing, line, time_step)
+    return Branch(place, time, _directions(place, along, spacing), along, fast, spacing, line, chain[0], chain[-1])
+
+
+def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArray[np.float64]) -> list[_Point]:
+    """The points of a chain, led back to the first nodes and on to the last, and to the tips of pre-cracks there."""
+    points = [_point(cracked, skeleton.members[at]) for at in chain]
+    level, first, last = cracked.level, skeleton.members[chain[0]], skeleton.members[chain[-1]]
+    if chain[0] in skeleton.begins:
+        if len(skeleton.links[chain[0]]) == 1 and level[first].mean() >= 0.25:
+            points.insert(0, _point(cracked, first[level[first] < 0.5])._replace(line=points[0].line))
+        points[:0] = _tip_near(points[0], pre_cracks)
+    if skeleton.is_end(chain[-1]):
+        far = level[last].max()
+        if far - level[last].mean() >= 0.25:
+            points.append(_point(cracked, last[level[last] >= far - 0.5])._replace(line=points[-1].line))
+        points += _tip_near(points[-1], pre_cracks)
+    return points
+
+
+def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
+    """The middle of nodes. However wide they are, the crack came past with the first of each spacing of length."""
+    layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
+    steps = [int(cracked.reached[rows][layer == one].min()) for one in np.unique(layer)]
+    place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
+    width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
+    return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)
+
+
+def _tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
+    """The tip of a pre-crack if one is near a point and not at it; the crack was there at the same time."""
+    far = np.hypot(*(pre_cracks - point.place).T)
+    near = len(far) > 0 and 0.1 * point.spacing < far.min() <= NEAR_TIP * point.spacing
+    return [point._replace(place=pre_cracks[far.argmin()])] if near else []
+
+
+def _directions(
+    place: NDArray[np.float64], along: NDArray[np.float64], spacing: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The way (k, 2) that a path goes at its points, of the stretch that its speeds are measured over."""
+    near = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))
+    return np.array([_axis(place[points]) for points in near])
+
+
+def _heading(points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """The unit vector that a line leaves its first point with, over `reach` (m) of it."""
+    far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    near = points[far <= max(reach, far[1] * (1 + ROUND_OFF))]
+    return _axis(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
+
+
+def _axis(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The unit vector (2,) along a straight line through points, from the first to the last."""
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    axis: NDArray[np.float64] = axes[0]
+    return axis if axis @ (points[-1] - points[0]) >= 0 else -axis

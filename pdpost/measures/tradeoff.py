@@ -1,0 +1,179 @@
+"""Speed against accuracy: what results of one scene cost, and how far they are from a reference's.
+
+Errors are shares of the reference's own: of its displacements, the length of its crack's path, its times, its energy.
+What happened in the reference and not in the other run is an infinite error; what did not happen in the reference
+has none.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import QhullError, cKDTree
+
+from pdpost.measures.cracked import CRACKED, damage_at
+from pdpost.measures.cracks import DIRECTIONS, Event, growth
+from pdpost.measures.paths import Polyline, distance, heading, path
+from pdpost.measures.plates import check_alike
+from pdpost.reading.frames import frames
+from pdpost.reading.stored import vector
+from pdsolve.results import Results, ResultsError
+
+AWAY = 2.0  # of the larger spacing: displacements are compared where no crack is nearer
+
+
+class Cost(NamedTuple):
+    """What a run took."""
+
+    wall_time: float  # s
+    bond_updates: float  # bonds times steps
+    bytes: float  # of its file
+
+
+class Errors(NamedTuple):
+    """How far a run is from its reference; shares, None where the reference has nothing to compare with."""
+
+    displacement: float | None  # L2 norm over the nodes away from cracks, at the last common time
+    path: float | None  # mean distance of the cracks' paths then, over the length of the reference's
+    start: float | None  # of the crack
+    branching: float | None  # time of it
+    energy: float | None  # kinetic, strain and dissipated, then
+
+    @property
+    def worst(self) -> float:
+        """The largest of those there are."""
+        return max((error for error in self if error is not None), default=float("nan"))
+
+
+class Point(NamedTuple):
+    """One result on the chart."""
+
+    name: str
+    nodes: int
+    cost: Cost
+    errors: Errors
+
+
+def point(results: Results, file: Path, reference: Results) -> Point:
+    """A result as a point of the chart. Raises ResultsError as `cost` and `errors` do."""
+    return Point(file.stem, len(results.nodes().ids), cost(results, file), errors(results, reference))
+
+
+def cost(results: Results, file: Path) -> Cost:
+    """What a run took. Raises ResultsError if it is not over."""
+    summary = results.summary()
+    if not summary:
+        raise ResultsError(f"{results.name}: found a run without a summary, expected one that is over")
+    return Cost(
+        float(summary["wall_time"]), float(summary["bonds"]) * float(summary["steps"]), float(file.stat().st_size)
+    )
+
+
+def errors(results: Results, reference: Results) -> Errors:
+    """How far a run is from its reference. Raises ResultsError if they are not of one scene or have no frame."""
+    time = _common_time(results, reference)
+    lines = [path(run, _step(run, time)) for run in (results, reference)]
+    direction = DIRECTIONS[heading(lines[1])]
+    found, expected = growth(results, direction), growth(reference, direction)
+    return Errors(
+        displacement=displacement(results, reference),
+        path=_path(*lines),
+        start=_later(found.start, expected.start),
+        branching=_later(found.branching, expected.branching),
+        energy=_share(_energy(results, time), _energy(reference, time)),
+    )
+
+
+def front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> list[int]:
+    """The points (k,) that none beats in both cost and error, the cheapest first."""
+    best, least = [], np.inf
+    for at in np.lexsort((error, cost)).tolist():
+        if error[at] < least:
+            best.append(at)
+            least = float(error[at])
+    return best
+
+
+def cheapest(cost: NDArray[np.float64], error: NDArray[np.float64], within: float) -> int | None:
+    """The cheapest point (k,) whose error is at most `within`; None if there is none."""
+    good = np.flatnonzero(error <= within)
+    return int(good[cost[good].argmin()]) if len(good) else None
+
+
+def _common_time(results: Results, reference: Results) -> float:
+    check_alike(results, reference)
+    return min(float(frames(run)[1][-1]) for run in (results, reference))
+
+
+def _step(results: Results, time: float) -> int:
+    return round(time / float(results.meta()["time_step"]))
+
+
+def displacement(results: Results, reference: Results) -> float | None:
+    """The error of displacement alone, as in `errors`; None without any to compare. Raises ResultsError likewise.
+
+    The nodes of the coarser run are asked in both, the finer one's displacements being linear between its nodes.
+    """
+    time = _common_time(results, reference)
+    runs = sorted((results, reference), key=lambda run: len(run.nodes().ids))
+    coarse, fine = (run.nodes() for run in runs)
+    away = np.ones(len(coarse.ids), dtype=bool)
+    for run in runs:
+        nodes = run.nodes()
+        near = (damage_at(run, _step(run, time)) > CRACKED) | (nodes.cut > 0)
+        if near.any():
+            reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
+            away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach
+    try:
+        between = LinearNDInterpolator(fine.position, _at(runs[1], time))(coarse.position)
+    except QhullError:  # fewer than three nodes, or all in one row
+        return None
+    away &= np.isfinite(between).all(axis=1)
+    if not away.any():
+        return None
+    here = {id(runs[0]): _at(runs[0], time)[away], id(runs[1]): between[away]}
+    off = here[id(results)] - here[id(reference)]
+    area = coarse.area[away, None]
+    size = float(np.sum(area * here[id(reference)] ** 2))
+    return float(np.sqrt(np.sum(area * off**2) / size)) if size > 0 else None
+
+
+def _at(results: Results, time: float) -> NDArray[np.float64]:
+    """The displacements (n, 2), m, at a time between two frames."""
+    steps, times = results.frames()
+    after = int(np.searchsorted(times, time).clip(1, len(times) - 1)) if len(times) > 1 else 0
+    before = max(after - 1, 0)
+    gap = float(times[after] - times[before])
+    share = (time - float(times[before])) / gap if gap > 0 else 1.0
+    share = min(max(share, 0.0), 1.0)
+    old, new = (vector(results, "u", int(steps[at])) for at in (before, after))
+    return np.asarray((1 - share) * old + share * new)
+
+
+def _path(found: list[Polyline], expected: list[Polyline]) -> float | None:
+    if not expected:
+        return None
+    if not found:
+        return float("inf")
+    length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected)
+    return distance(found, expected)[0] / length if length > 0 else None
+
+
+def _later(found: Event | None, expected: Event | None) -> float | None:
+    if expected is None:
+        return None
+    return float("inf") if found is None else _share(found.time, expected.time)
+
+
+def _share(found: float, expected: float) -> float | None:
+    return abs(found - expected) / abs(expected) if expected else None
+
+
+def _energy(results: Results, time: float) -> float:
+    books = results.history()
+    total = books["kinetic"] + books["strain"] + books["dissipated"]
+    return float(np.interp(time, books["time"], total))

@@ -1,0 +1,1 @@
+Point(1) = {1, 0, 0};For i In {2:3}Point(i) = {i, 0, 0};EndFor

@@ -1,0 +1,8 @@
+Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1}; Point(4) = {0, 1, 0, 1};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Point(9) = {0.5, 0.5, 0, 0.1}; Point{9} In Surface{1};
+c[] = Point{3}; b() = Boundary{ Surface{1}; }; bb() = BoundingBox Curve{1};
+Point(10) = {c[0] + bb(3), #b(), 0};
+s() = Surface{:}; Reverse Curve{1}; Periodic Curve {1} = {-3};
+Coherence;

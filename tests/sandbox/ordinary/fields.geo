@@ -1,0 +1,11 @@
+Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1}; Point(4) = {0, 1, 0, 1};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Field[1] = Distance; Field[1].PointsList = {2}; Field[1].CurvesList = {1}; Field[1].Sampling = 100;
+Field[2] = Threshold; Field[2].InField = 1; Field[2].SizeMin = 0.1/30; Field[2].SizeMax = 0.1; Field[2].DistMin = 0.15;
+Field[3] = MathEval; Field[3].F = "Cos(4*3.14*x) * Sin(4*3.14*y) / 10 + 0.101";
+Field[4] = MathEval; Field[4].F = Sprintf("F3^3 + %g", 0.1);
+Field[5] = Restrict; Field[5].InField = 4; Field[5].SurfacesList = {1};
+Field[6] = Box; Field[6].VIn = 0.1; Field[6].XMax = 0.6; Field[6].Thickness = 0.3;
+Field[7] = Min; Field[7].FieldsList = {2, 3, 5, 6};
+Background Field = 7;

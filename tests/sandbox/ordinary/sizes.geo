@@ -1,0 +1,7 @@
+Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1}; Point(4) = {0, 1, 0, 1};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+lc = 1e-2;
+MeshSize {1, 2} = lc;
+Characteristic Length {:} = lc*2;
+MeshSize { PointsOf{ Surface{1}; } } = lc;

@@ -1,0 +1,12 @@
+Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1}; Point(4) = {0, 1, 0, 1};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Transfinite Curve {1, -3} = 20 Using Progression 1.1;
+Transfinite Curve {2} = 20 Using Bump 0.05;
+Transfinite Surface {1} = {1, 2, 3, 4} Right;
+Transfinite Surface {1} AlternateLeft;
+Transfinite Surface "*";
+Recombine Surface {1} = 45;
+Smoother Surface {1} = 4;
+MeshAlgorithm Surface {1} = 5;
+Mesh.Smoothing = 100;

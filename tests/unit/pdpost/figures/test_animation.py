@@ -1,0 +1,91 @@
+"""Films of a run."""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pdpost.figures import animation
+from pdpost.figures.style import FigureError
+from pdsolve.results import Results
+
+
+def test_a_gif_has_each_frame_and_the_same_bytes_each_time(small_results: Path) -> None:
+    films = []
+    for _ in range(2):
+        with Results.open(small_results) as results:
+            films.append(animation.gif(results, "damage", rate=5, dpi=60))
+    assert films[0] == films[1]
+    film = Image.open(io.BytesIO(films[0]))
+    assert film.n_frames == 4
+    pauses = []
+    for number in range(4):
+        film.seek(number)
+        pauses.append(film.info["duration"])
+    assert pauses == [200, 200, 200, 2200]
+
+
+def test_paper_is_white_and_ink_black(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        film = Image.open(io.BytesIO(animation.gif(results, "velocity", part="y", every=2)))
+    shot = np.asarray(film.convert("RGB"))
+    assert film.n_frames == 2
+    assert shot[0, 0].tolist() == [255, 255, 255]
+    assert shot.min() < 16
+
+
+def test_colours_are_the_same_in_all_frames(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A speed is drawn in the colour that the last frame's bar has for it."""
+    drawn = []
+    paint = animation.paint
+    monkeypatch.setattr(
+        animation,
+        "paint",
+        lambda on, where, values, colours, torn: (
+            drawn.append((values, colours.get_clim())) or paint(on, where, values, colours, torn)
+        ),
+    )
+    with Results.open(small_results) as results:
+        shots = list(animation.frames(results, "velocity", dpi=50))
+        fastest = [float(np.hypot(results.field("vx", s), results.field("vy", s)).max()) for s in (0, 20, 40, 60)]
+    assert len({clim for _, clim in drawn}) == 1
+    assert len({shot.shape for shot in shots}) == 1
+    assert drawn[0][1][1] <= max(fastest) * 1.000001
+    assert len({shot.tobytes() for shot in shots}) == 4
+
+
+def test_the_deformed_shape_stays_in_the_picture(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        shots = list(animation.frames(results, "damage", scale=5.0, dpi=50))
+    assert len({shot.shape for shot in shots}) == 1
+
+
+def test_a_film_needs_ffmpeg(small_results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(FigureError, match="found no ffmpeg, expected it on the PATH"):
+        animation.check_format(Path("a.mp4"))
+    assert animation.check_format(Path("a.gif")) == "gif"
+    with pytest.raises(FigureError, match=r"a\.avi: found suffix '\.avi', expected \.gif or \.mp4"):
+        animation.check_format(Path("a.avi"))
+
+
+def test_what_ffmpeg_is_given_and_what_it_says(
+    small_results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A stand-in that keeps what comes in: as many bytes as the pictures have; its complaint is passed on."""
+    program = tmp_path / "ffmpeg"
+    program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n')
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    with Results.open(small_results) as results:
+        shots = list(animation.frames(results, dpi=40))
+    assert animation.mp4(shots) == b"".join(shot.tobytes() for shot in shots)
+    program.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
+    with pytest.raises(FigureError, match=r"found exit code 3 \(no such codec\), expected a film"):
+        animation.mp4(shots)

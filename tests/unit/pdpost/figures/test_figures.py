@@ -1,0 +1,335 @@
+"""Pictures: the same bytes each time, the right colours at the right places."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from plates import ROOT
+
+from pdpost.figures import bond_figure, field_figure, level_figure, sheets, style, tradeoff_figure
+from pdpost.figures.labels import prefixed
+from pdpost.figures.style import FigureError
+from pdpost.measures import plates
+from pdpost.measures.fields import FIELDS, FieldError
+from pdpost.measures.pairs import pairs
+from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
+
+DRAW: dict[str, Callable[[Results], Figure]] = {
+    "damage": lambda results: field_figure.field(results, "damage", 60),
+    "stress": lambda results: field_figure.field(results, "stress", 60, scale=2.0),
+    "nodes": lambda results: level_figure.nodes(results, 60, scale=1.0),
+    "bonds": lambda results: bond_figure.bonds(results, 60),
+}
+
+
+@pytest.mark.parametrize("what", DRAW)
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: str, what: str) -> None:
+    written = []
+    for name in ("one", "two"):
+        with Results.open(small_results) as results:
+            style.save(DRAW[what](results), tmp_path / f"{name}{suffix}")
+        written.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert written[0] == written[1]
+    assert len(written[0]) > 1000
+
+
+def test_the_damage_picture(small_results: Path) -> None:
+    """A cell of each node's size and value, equal axes, colours from 0 to 1, the time in the title."""
+    with Results.open(small_results) as results:
+        figure = field_figure.field(results, "damage", 40)
+        nodes, values = results.nodes(), results.field("damage", 40)
+    axes = figure.axes[0]
+    cells = axes.collections[0]
+    assert axes.get_aspect() == 1.0
+    assert cells.get_clim() == (0, 1)
+    assert np.array_equal(np.asarray(cells.get_array(), dtype=np.float32), values)
+    corners = np.array([path.vertices[:4] for path in cells.get_paths()])
+    assert corners.mean(axis=1) == pytest.approx(nodes.position * 1e3, abs=1e-5)  # to a millionth of a spacing
+    assert np.ptp(corners, axis=1) == pytest.approx(1.0, rel=1e-5)
+    assert axes.get_title() == "Damage at 2 µs (step 40)"
+
+
+@pytest.mark.parametrize(("name", "letter"), [("displacement", "u"), ("velocity", "v")])
+def test_sizes_of_vectors_in_handy_units(small_results: Path, name: str, letter: str) -> None:
+    with Results.open(small_results) as results:
+        figure = field_figure.field(results, name, 60)
+        size = np.hypot(results.field(f"{letter}x", 60).astype(float), results.field(f"{letter}y", 60))
+    scale, prefix = prefixed(float(size.max()))
+    cells = figure.axes[0].collections[0]
+    assert np.asarray(cells.get_array()) == pytest.approx(size * scale, rel=1e-12)
+    assert 1 <= size.max() * scale < 1000
+    assert figure.axes[1].get_ylabel() == f"{name}, {prefix}{FIELDS[name].unit}"
+
+
+@pytest.mark.parametrize(
+    ("largest", "handy"), [(0.0, (1, "")), (3e-5, (1e6, "µ")), (1.0, (1, "")), (2e7, (1e-6, "M")), (1e-30, (1e9, "n"))]
+)
+def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
+    factor, prefix = prefixed(largest)
+    assert (factor, prefix) == (pytest.approx(handy[0], rel=1e-12), handy[1])
+
+
+def test_fields_that_were_not_stored_are_named(few_results: Path) -> None:
+    with Results.open(few_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
+        field_figure.field(results, "energy", 60)
+
+
+def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path) -> None:
+    with Results.open(small_results) as results:
+        figure = field_figure.field(results, "damage", 0)
+    with pytest.raises(FigureError, match=r"x\.foo: found suffix '\.foo', expected one of .*\.png"):
+        style.save(figure, tmp_path / "x.foo")
+    for setting, message in (
+        ({"fontsize": "3"}, "--set fontsize: found no such matplotlib setting"),
+        ({"font.size": "big"}, r"--set font\.size=big: "),
+    ):
+        with pytest.raises(FigureError, match=message), style.styled(setting):
+            pass
+    assert list(tmp_path.glob("x*")) == []
+
+
+def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        figure = field_figure.field(results, "velocity", 60, part="y")
+        largest = float(np.abs(results.field("vy", 60)).max())
+        narrow = field_figure.field(results, "velocity", 60, part="y", largest=2.0)
+        with pytest.raises(FieldError, match="velocity: found no component 'xx', expected one of magnitude, x, y"):
+            field_figure.field(results, "velocity", 60, part="xx")
+        with pytest.raises(FieldError, match="damage: found no component 'x', expected none, it is a scalar"):
+            field_figure.field(results, "damage", 60, part="x")
+    cells = figure.axes[0].collections[0]
+    factor, _ = prefixed(largest)
+    assert cells.get_clim() == pytest.approx((-largest * factor, largest * factor))
+    assert narrow.axes[0].collections[0].get_clim() == (-2.0, 2.0)
+
+
+def test_colours_end_at_the_usual_largest() -> None:
+    """One value in a thousand that is far above all others does not make the others all alike."""
+    values = np.full(1000, 2.0)
+    assert field_figure.usual(values) == 2.0
+    values[7] = -3.9
+    assert field_figure.usual(values) == 3.9
+    values[7] = -100.0
+    assert field_figure.usual(values) == 2.0
+    shown = field_figure.colours("stress", "xx", values)
+    assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
+    assert field_figure.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
+    assert field_figure.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
+    assert field_figure.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
+
+
+def torn_plate() -> tuple[Results, NDArray[np.float64]]:
+    """A lattice that is stretched by 1e-4, and the ids of two of its nodes that hang by a few bonds and are far off."""
+    from drawn import at, lattice
+
+    nodes = lattice(12, 9)._replace(cut=np.zeros(108, dtype=np.int64))
+    near = np.abs(nodes.position[:, None] - nodes.position).max(axis=2)
+    bonds = np.argwhere((near > 0) & (near < 1.5e-3))
+    start = np.searchsorted(bonds[:, 0], np.arange(109))
+    torn = [at(nodes, 5, 0), at(nodes, 6, 0)]
+    breaks = [(1, node, int(nodes.ids[b])) for node in torn for b in bonds[start[node - 1] : start[node]][:5, 1]]
+    breaks += [(1, int(nodes.ids[b]), node) for node in torn for b in bonds[start[node - 1] : start[node], 1]]
+
+    def share(first: int, last: int) -> Families:
+        return Families(start[first : last + 1] - start[first], bonds[start[first] : start[last], 1])
+
+    material = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
+    meta = {"time_step": 1e-6, "model": material}
+    writer = Writer.create(None, nodes._replace(family=np.diff(start)), share, np.empty((0, 4)), meta)
+    u = 1e-4 * nodes.position[:, 0]
+    u[np.array(torn) - 1] += [-1e-4, 1e-4]
+    fields = {"ux": u, "uy": 0 * u}
+    writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), [(1, 1e-6, *[0.0] * 6, len(breaks))], [], {}))
+    return Results(writer.connection, "memory"), np.array(torn)
+
+
+def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
+    """Two nodes with damage above 0.35 are light grey, said to be left out, and do not widen the colours."""
+    results, torn = torn_plate()
+    for name, few in (("strain", 0.02), ("stress", 1e9)):
+        shown = field_figure.values_of(results, name, 1, "xy")
+        assert np.flatnonzero(shown.torn).tolist() == (torn - 1).tolist()
+        assert np.abs(shown.values[shown.torn]).max() > few  # what is fitted to the bonds that are left
+        figure = field_figure.field(results, name, 1, part="xy")
+        low, high = figure.axes[0].collections[0].get_clim()
+        factor, _ = field_figure.unit(FIELDS[name].unit, few / 10)
+        assert high == -low
+        assert high < few * factor
+        grey = next(one for one in figure.axes[0].collections if len(one.get_paths()) == 2 and one.get_array() is None)
+        assert grey.get_facecolor()[0] == pytest.approx(to_rgba(style.TORN))
+        assert [path.vertices.mean(axis=0)[0] for path in grey.get_paths()] == pytest.approx([5, 6], abs=0.3)
+        words = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert words == ["left out, damage above 0.35: 2 nodes"]
+    for name in ("damage", "displacement"):
+        assert not field_figure.values_of(results, name, 1, "" if name == "damage" else "x").torn.any()
+
+
+def test_numbers_of_stress_leave_torn_nodes_out_too() -> None:
+    from pdpost.commands.shared import numbers
+
+    results, _ = torn_plate()
+    shown = field_figure.values_of(results, "stress", 1, "xy")
+    told = numbers(shown)
+    assert (told["nodes"], told["torn"], told["unknown"]) == (108, 2, 0)
+    assert told["largest"] == shown.values[~shown.torn].max() < shown.values.max()
+
+
+def test_nodes_without_a_value_are_explained(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        shown = field_figure.Shown(np.where(np.arange(252) < 3, np.nan, 1.0), np.zeros(252, dtype=bool))
+        figure = field_figure.field(results, "stress", 60, shown=shown)
+    assert "too few bonds for a value: 3 nodes" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
+    """A window on slow nodes has their speeds on its bar."""
+    with Results.open(small_results) as results:
+        speed = np.hypot(results.field("vx", 60), results.field("vy", 60))
+        position = results.nodes().position
+        slowest = position[int(speed.argmin())]
+        window = (*(slowest - 1.2e-3).tolist(), *(slowest + 1.2e-3).tolist())
+        figure = field_figure.field(results, "velocity", 60, window=window)
+    inside = (np.abs(position - slowest) <= 1.2e-3).all(axis=1)
+    factor, _ = prefixed(float(speed[inside].max()))
+    assert figure.axes[0].collections[0].get_clim()[1] == pytest.approx(speed[inside].max() * factor, rel=1e-6)
+    assert speed[inside].max() < speed.max()
+
+
+@pytest.mark.parametrize("what", DRAW)
+def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Path, what: str) -> None:
+    """A PDF holds TrueType fonts and no shapes of letters of its own (Type 3); in an SVG words can be searched."""
+    with Results.open(small_results) as results, style.styled():
+        figure = DRAW[what](results)
+        style.save(figure, tmp_path / "a.pdf")
+        style.save(figure, tmp_path / "a.svg")
+    pdf = (tmp_path / "a.pdf").read_bytes()
+    assert b"/FontFile2" in pdf
+    assert b"/Type3" not in pdf
+    texts = [
+        "".join(one.itertext())
+        for one in ElementTree.parse(tmp_path / "a.svg").iter("{http://www.w3.org/2000/svg}text")
+    ]
+    assert figure.axes[0].get_title() in texts
+    assert "x, mm" in texts
+
+
+def test_the_readme_names_the_colours_that_are_drawn() -> None:
+    """Bonds in README's table, and the chart of speed against accuracy, in the words of Okabe and Ito's palette."""
+    readme = (ROOT / "README.md").read_text()
+    assert (bond_figure.INTACT, bond_figure.BROKEN) == (style.SKY_BLUE, style.VERMILION)
+    assert "intact bonds sky blue, broken ones vermilion" in readme
+    assert "the defaults in the vermilion ring, what none beats in blue" in readme
+    chart = (ROOT / "benchmarks" / "accuracy.py").read_text()
+    assert style.VERMILION in chart
+    best = tradeoff_figure.BLUE
+    assert best == style.BLUE
+    assert "light grey, and dark grey" in readme
+    assert (style.TORN, style.UNKNOWN) == ("#c8c8c8", "#707070")
+
+
+def test_the_deformed_shape(small_results: Path) -> None:
+    """Cells are where displacement times the scale puts them; the title says so."""
+    with Results.open(small_results) as results:
+        figure = field_figure.field(results, "damage", 60, scale=3.0)
+        nodes = results.nodes()
+        u = np.column_stack([results.field("ux", 60), results.field("uy", 60)]).astype(float)
+    cells = figure.axes[0].collections[0]
+    middles = np.array([path.vertices[:4] for path in cells.get_paths()]).mean(axis=1)
+    assert middles == pytest.approx((nodes.position + 3.0 * u) * 1e3, abs=1e-5)
+    assert "3 times the displacement" in figure.axes[0].get_title()
+
+
+def test_the_scale_that_shows_displacements(small_results: Path) -> None:
+    """A round number: it moves nodes 2 to 5 % of the plate, and not less than they moved."""
+    with Results.open(small_results) as results:
+        assert sheets.chosen_scale(results, 0) == 1.0
+        scale = sheets.chosen_scale(results, 60)
+        u = np.hypot(results.field("ux", 60), results.field("uy", 60))
+    assert 0.02 <= scale * np.percentile(u, 99) / 20e-3 <= 0.05 + 1e-12 or scale == 1.0
+    assert f"{scale:.0e}"[0] in "125"
+
+
+def test_bonds_are_blue_and_red(small_results: Path) -> None:
+    """A line for each pair of nodes, between them; as many red ones as there are breaks."""
+    with Results.open(small_results) as results:
+        figure = bond_figure.bonds(results, 60)
+        found = pairs(results, 60)
+        early = pairs(results, 0)
+        nodes, breaks, families = results.nodes(), results.breaks(), results.families()
+    gone = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
+    assert len(found.broken) == len(families.neighbour) / 2
+    assert {frozenset(pair) for pair in nodes.ids[found.ends[found.broken]].tolist()} == gone
+    assert not early.broken.any()
+    intact, broken, *_ = (lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection))
+    assert tuple(broken.get_color()[0][:3]) == pytest.approx(to_rgb("#d55e00"))
+    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.broken) - len(gone), len(gone))
+    ends = nodes.position[found.ends[found.broken]] * 1e3
+    assert np.array(broken.get_segments()) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_an_image_has_the_same_bytes_each_time(
+    small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(plates, "MANY", 10)
+    written = []
+    for name in ("one", "two"):
+        with Results.open(small_results) as results:
+            style.save(field_figure.field(results, "velocity", 60, scale=2.0), tmp_path / f"{name}{suffix}")
+        written.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert written[0] == written[1]
+
+
+def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same colours at the nodes' places as the squares have."""
+    with Results.open(small_results) as results:
+        squares = field_figure.field(results, "damage", 60)
+        monkeypatch.setattr(plates, "MANY", 10)
+        image = field_figure.field(results, "damage", 60)
+        nodes = results.nodes()
+    cells = squares.axes[0].collections[0]
+    (painted,) = image.axes[0].images
+    pixels = np.asarray(painted.get_array())
+    x0, x1, y0, y1 = painted.get_extent()
+    rows, columns, _ = pixels.shape
+    column = ((nodes.position[:, 0] * 1e3 - x0) / (x1 - x0) * columns).astype(int)
+    row = ((nodes.position[:, 1] * 1e3 - y0) / (y1 - y0) * rows).astype(int)
+    assert np.array_equal(pixels[row, column], cells.to_rgba(np.asarray(cells.get_array()), bytes=True))
+    painted_rows, painted_columns = (np.flatnonzero((pixels[:, :, 3] == 255).any(axis=axis)) for axis in (1, 0))
+    inside = pixels[painted_rows[0] : painted_rows[-1] + 1, painted_columns[0] : painted_columns[-1] + 1, 3]
+    assert (inside[1:-1, 1:-1] == 255).all()
+    assert inside.size > 0.9 * rows * columns
+
+
+def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bond_figure, "LINES", 10)
+    with Results.open(small_results) as results:
+        figure = bond_figure.bonds(results, 60)
+        share = pairs(results, 60).broken.mean()
+    assert len(figure.axes[0].images) == 1
+    pixels = np.asarray(figure.axes[0].images[0].get_array())
+    blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
+    full = pixels[:, :, 3] > 0
+    whole = (pixels == blue).all(axis=2)
+    assert full.any()
+    assert 0 < (full & ~whole).mean() < 3 * share + 0.2
+    assert whole.any()
+
+
+def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
+    with Results.open(small_results) as results:
+        figure = level_figure.nodes(results, 60)
+        nodes = results.nodes()
+    dots = figure.axes[0].collections[0]
+    assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 mm: 252 nodes", "pre-crack"]

@@ -1,0 +1,181 @@
+"""Strain and stress against fields whose derivatives are known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pdpost.measures import fields, strain
+from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
+
+Field = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: float = 0.0) -> tuple[Nodes, Families]:
+    """A square of nodes, moved off their lattice by up to `jitter` spacings, each bonded to those near it."""
+    y, x = np.mgrid[0:side, 0:side]
+    position = spacing * np.column_stack([x.ravel(), y.ravel()]).astype(float)
+    position += jitter * spacing * np.random.default_rng(3).uniform(-1, 1, position.shape)
+    near = np.hypot(*(position[:, None] - position).transpose(2, 0, 1)) <= horizon * spacing
+    np.fill_diagonal(near, False)
+    count = len(position)
+    start = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    delta, area = np.full(count, spacing), np.random.default_rng(1).uniform(0.5, 1.0, count) * spacing**2
+    family = near.sum(axis=1)
+    nodes = Nodes(np.arange(1, count + 1) * 3, position, delta, area, family, np.zeros(count, dtype=np.int64))
+    return nodes, Families(start, np.nonzero(near)[1])
+
+
+MODEL = {"notch": [], "nodes": [], "material": {"E": 70e9, "rho": 2000.0, "G0": 10.0}}
+
+
+def results_of(
+    nodes: Nodes, families: Families, u: NDArray[np.float64], broken: list[tuple[int, int, int]], model: object = MODEL
+) -> Results:
+    """Results with one frame, at step 10, of displacements (n, 2), and bonds (step, node, neighbour) broken."""
+
+    def part(first: int, last: int) -> Families:
+        start = families.start[first : last + 1]
+        return Families(start - start[0], families.neighbour[start[0] : start[-1]])
+
+    writer = Writer.create(None, nodes, part, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
+    breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
+    writer.write(Frame(10, 1e-5, {"ux": u[:, 0], "uy": u[:, 1]}, breaks, [], [], {}))
+    return Results(writer.connection, "memory")
+
+
+H = np.array([[3e-3, -1e-3], [4e-3, 2e-3]])
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+def test_the_gradient_of_an_affine_field_is_exact_at_edges_too(jitter: float) -> None:
+    nodes, families = plate(jitter=jitter)
+    results = results_of(nodes, families, np.zeros((169, 2)), [])
+    found = strain.fitted(results, nodes.position @ H.T + 1.0, families)
+    assert np.abs(found - H).max() < 1e-12
+
+
+def test_a_quadratic_field_is_exact_inside_and_of_first_order_at_edges() -> None:
+    """On a uniform grid the odd moments of a whole family are nothing; at an edge they are not."""
+    inner, outer = [], []
+    for side, spacing in ((13, 1e-3), (25, 5e-4), (49, 2.5e-4)):
+        nodes, families = plate(side, spacing)
+        nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
+        results = results_of(nodes, families, np.zeros((side**2, 2)), [])
+        x, y = nodes.position.T
+        found = strain.fitted(results, np.column_stack([x * x + x * y, y * y]), families)
+        exact = np.stack([np.column_stack([2 * x + y, x]), np.column_stack([0 * x, 2 * y])], axis=1)
+        error = np.abs(found - exact).max(axis=(1, 2)).reshape(side, side)
+        inner.append(error[4:-4, 4:-4].max())
+        outer.append(error.max())
+    assert max(inner) < 1e-12
+    assert np.log2(np.array(outer[:-1]) / outer[1:]) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_cubic_field_is_of_second_order_inside() -> None:
+    errors = []
+    for side, spacing in ((13, 1e-3), (25, 5e-4), (49, 2.5e-4)):
+        nodes, families = plate(side, spacing)
+        nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
+        results = results_of(nodes, families, np.zeros((side**2, 2)), [])
+        x, y = nodes.position.T
+        found = strain.fitted(results, np.column_stack([x**3, x * y * y]), families)
+        error = np.abs(found[:, 0, 0] - 3 * x * x).reshape(side, side)
+        errors.append(error[4:-4, 4:-4].max())
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_broken_bonds_do_not_count() -> None:
+    """Two halves that move apart as rigid bodies have no strain once all bonds between them are broken."""
+    nodes, families = plate()
+    upper = nodes.position[:, 1] > 5.5e-3
+    u = np.where(upper, 1e-4, -1e-4)[:, None] * np.array([0.25, 1.0])
+    own = np.repeat(np.arange(169), np.diff(families.start))
+    between = upper[own] != upper[families.neighbour]
+    pairs = [
+        (5, int(nodes.ids[i]), int(nodes.ids[j]))
+        for i, j in zip(own[between], families.neighbour[between], strict=True)
+    ]
+    whole = fields.values(results_of(nodes, families, u, []), "strain", 10)
+    torn = fields.values(results_of(nodes, families, u, pairs), "strain", 10)
+    late = fields.values(results_of(nodes, families, u, [(11, *pair[1:]) for pair in pairs]), "strain", 10)
+    assert np.abs(whole).max() > 1e-2
+    assert np.abs(torn).max() < 1e-9
+    assert np.array_equal(late, whole)
+
+
+def test_a_node_whose_bonds_are_gone_or_on_a_line_has_no_strain() -> None:
+    nodes, families = plate(5)
+    first, second = 0, 12  # the corner keeps a bond to the right and one twice as far
+    own = np.repeat(np.arange(25), np.diff(families.start))
+    gone = [
+        (1, int(nodes.ids[i]), int(nodes.ids[j]))
+        for i, j in zip(own, families.neighbour, strict=True)
+        if i == second or (i == first and j not in (1, 2))
+    ]
+    found = fields.values(results_of(nodes, families, nodes.position @ H.T, gone), "strain", 10)
+    assert np.flatnonzero(np.isnan(found)).tolist() == [first, second]
+
+
+def test_turning_a_plate_does_not_strain_it() -> None:
+    nodes, families = plate()
+    angle = 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    gradient = np.tile(turn - np.eye(2), (169, 1, 1))
+    assert np.abs(strain.green(gradient)).max() < 1e-15
+    found = fields.values(results_of(nodes, families, nodes.position @ (turn - np.eye(2)).T, []), "strain", 10)
+    assert np.abs(found).max() < 1e-6  # displacements are stored in single precision
+
+
+def test_greens_strain_of_a_simple_shear() -> None:
+    """u = (g y, 0): xy is g / 2 and yy g^2 / 2."""
+    gradient = np.array([[[0.0, 0.2], [0.0, 0.0]]])
+    assert strain.green(gradient)[0] == pytest.approx([0.0, 0.02, 0.1])
+
+
+@pytest.mark.parametrize(("plane", "nu"), [("stress", 1 / 3), ("strain", 1 / 4)])
+def test_hookes_law(plane: str, nu: float) -> None:
+    """Pulled along x, free across: E times the strain in plane stress, E / (1 - nu^2) in plane strain."""
+    effective = nu if plane == "stress" else nu / (1 - nu)
+    modulus = 70e9 if plane == "stress" else 70e9 / (1 - nu**2)
+    pulled = np.array([[1e-3, -effective * 1e-3, 0.0], [0.0, 0.0, 1e-3]])
+    stress = strain.hooke(pulled, np.full(2, 70e9), plane)
+    out = 0.0 if plane == "stress" else nu * modulus * 1e-3
+    assert stress[0] == pytest.approx([modulus * 1e-3, 0.0, 0.0, out], abs=1e-3)
+    assert stress[1] == pytest.approx([0.0, 0.0, 70e9 / (1 + nu) * 1e-3, 0.0], abs=1e-3)
+
+
+def test_principal_and_equivalent_stress() -> None:
+    """Pure shear of t: principal stresses t and -t, von Mises t times the root of 3."""
+    nodes, families = plate()
+    g = 1e-6
+    u = nodes.position @ np.array([[0.0, g], [g, 0.0]])
+    found = fields.components(results_of(nodes, families, u, []), "stress", 10)
+    t = 70e9 / (1 + 1 / 3) * g
+    assert found["xy"] == pytest.approx(t, rel=1e-4)
+    assert found["largest"] == pytest.approx(t, rel=1e-4)
+    assert found["smallest"] == pytest.approx(-t, rel=1e-4)
+    assert found["mises"] == pytest.approx(np.sqrt(3) * t, rel=1e-4)
+
+
+def test_regions_have_their_own_stiffness() -> None:
+    """Named by ids or by a box; the last that holds a node counts."""
+    nodes, families = plate(3)
+    other = {"E": 1.0, "rho": 1.0, "G0": 1.0, "plane": "strain"}
+    model = {
+        "material": {**MODEL["material"], "plane": "strain"},  # type: ignore[dict-item]
+        "regions": [{"material": other, "nodes": [3, 6]}, {"material": {**other, "E": 2.0}, "box": [0, 0, 0, 2e-3]}],
+    }
+    modulus, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model))
+    assert plane == "strain"
+    assert modulus.tolist() == [2.0, 1.0, 70e9, 2.0, 70e9, 70e9, 2.0, 70e9, 70e9]
+
+
+def test_a_model_without_material_is_said() -> None:
+    nodes, families = plate(3)
+    with pytest.raises(ResultsError, match="memory: found no model to read"):
+        strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}))

@@ -1,0 +1,72 @@
+"""The public names: there when asked for, each what its home has, and no name of a module."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import pdpost
+from pdpost import Results, crack, figures
+from pdpost.__main__ import main
+from pdpost.measures.crack_summary import Summary
+
+PACKAGES = {"pdpost": pdpost, "pdpost.figures": figures}
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_public_name_is_there(name: str) -> None:
+    package = PACKAGES[name]
+    assert package.__all__ == sorted(package.__all__)
+    for public in package.__all__:
+        assert public in dir(package)
+        found = getattr(package, public)
+        assert found is getattr(package, public)
+        assert isinstance(found, ModuleType) or found.__name__ == public
+    modules = {module.name for module in pkgutil.iter_modules(package.__path__)}
+    assert not modules & {public for public in package.__all__ if not isinstance(getattr(package, public), ModuleType)}
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_no_other_name_is_there(name: str) -> None:
+    with pytest.raises(AttributeError, match=f"^module '{name}' has no attribute 'nothing'$"):
+        _ = PACKAGES[name].nothing
+    with pytest.raises(ImportError, match="cannot import name 'nothing'"):
+        exec(f"from {name} import nothing")
+
+
+def test_all_of_it_at_once() -> None:
+    names: dict[str, object] = {}
+    exec("from pdpost import *", names)
+    assert names["Results"] is Results
+    assert names["figures"] is importlib.import_module("pdpost.figures")
+
+
+def test_the_last_frame_and_step_are_what_is_meant_without_one(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        found, expected = crack(results), crack(results, 60)
+        titles = [draw(results).axes[0].get_title() for draw in (figures.field, figures.nodes, figures.bonds)]
+        assert figures.crack(results).axes[0].get_title().endswith("3 µs")
+    assert isinstance(found, Summary)
+    assert (found.step, found.growth) == (60, expected.growth)
+    assert all(title.endswith("(step 60)") for title in titles)
+
+
+def test_styled_pictures_are_those_of_the_commands(
+    small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same bytes; without the style others."""
+    monkeypatch.chdir(tmp_path)
+    for command in ("damage", "crack", "bonds"):
+        assert main([command, str(small_results), "-q", "-o", f"{command}.png"]) == 0
+    with Results.open(small_results) as results:
+        draw = {"damage": figures.field, "crack": figures.crack, "bonds": figures.bonds}
+        for command, figure in draw.items():
+            with figures.styled():
+                figures.save(figure(results), Path("a.png"))
+            figures.save(figure(results), Path("b.png"))
+            assert Path("a.png").read_bytes() == Path(f"{command}.png").read_bytes()
+            assert Path("b.png").read_bytes() != Path(f"{command}.png").read_bytes()
