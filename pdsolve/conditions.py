@@ -169,6 +169,15 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
 factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks seldom: compiling it would take longer
 
 
+def factors(condition: Condition, times: Sequence[float]) -> list[float]:
+    """A condition's factors at these times, s."""
+    points = condition.profile or ((0.0, 1.0),)
+    alone = Profiles(
+        np.array([0, len(points)]), *(np.array(column, dtype=float) for column in zip(*points, strict=True))
+    )
+    return [float(factor_now(alone, 0, time)) for time in times]
+
+
 @njit
 def apply_loads(drive, time):  # type: ignore[no-untyped-def]
     """Put the body forces of `time`, s, in place and keep the last ones."""

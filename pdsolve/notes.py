@@ -18,6 +18,7 @@ from pdsolve.reactions import Reaction, grips, reactions
 from pdsolve.results import Breaks, Families, Frame, Nodes
 from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
+from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
 
 KEPT = 1.0  # s between checkpoints in full precision
@@ -47,6 +48,8 @@ def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """Everything a later run needs to go on to the same bits, but for the broken bonds; a copy."""
     here = {**state._asdict(), "held_force": system.drive.held_force}
+    if isinstance(system.stepper, LoadSteps):
+        here["rested"] = system.stepper.keep()
     return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep())
 
 
@@ -59,7 +62,10 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
     order = np.argsort(ids)
     past = broken.step <= step
     source, target = (order[np.searchsorted(ids, column[past], sorter=order)] for column in broken[1:])
-    system.operator.back(kept, Broken(broken.step[past], source, target))
+    back = Broken(broken.step[past], source, target)
+    system.operator.back(kept, back)
+    if isinstance(system.stepper, LoadSteps):
+        system.stepper.back(kept["rested"], back)
     put_loads(system.drive, step * system.time_step)
 
 

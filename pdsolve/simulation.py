@@ -22,7 +22,9 @@ from pdsolve.notes import Notes, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.stability import UnstableError
 from pdsolve.state import Broken, State
-from pdsolve.system import Options, System, prepare
+from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.system import Options, Stepper, System, prepare
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 SAMPLE = 5  # steps timed for an estimate
@@ -36,6 +38,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
+    going: Going | None = None  # of a load step that is being solved
 
 
 class Plan(NamedTuple):
@@ -159,7 +162,7 @@ def _finish(
                 writer.write(notes.frame(0, whole=True, state=True))
             status = _march(system, state, writer, notes, watch)
         except BaseException as error:
-            ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
+            ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise
         last = writer.done()
@@ -188,6 +191,13 @@ def _march(system: System, state: State, writer: Behind, notes: Notes, watch: Wa
         balance = books.balance(system.initial_energy)
         return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
 
+    def going(now: Going) -> None:
+        """Show how far a load step is; it is lost where the run is to stop meanwhile."""
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.last.balance(0.0), now)):
+            raise KeyboardInterrupt
+
+    if isinstance(system.stepper, LoadSteps):
+        system.stepper.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
@@ -260,7 +270,15 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(system.initial_energy),
         "stopped": system.model.settings.run.until if stopped_early else None,
+        **_rested(system.stepper),
     }
+
+
+def _rested(stepper: Stepper) -> dict[str, Any]:
+    """How each load step came to rest."""
+    if not isinstance(stepper, LoadSteps):
+        return {}
+    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}
 
 
 __all__ = [
@@ -270,6 +288,7 @@ __all__ = [
     "Progress",
     "ResultsError",
     "System",
+    "UnsettledError",
     "UnstableError",
     "plan",
     "prepare",

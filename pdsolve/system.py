@@ -15,7 +15,9 @@ from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
+from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
+from pdsolve.loading import in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
@@ -25,6 +27,10 @@ from pdsolve.operators.operator import Operator
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.newton import Newton
+from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
 from pdsolve.threads import cores
@@ -98,6 +104,8 @@ def prepare(model: Model, options: Options) -> Prepared:
     settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
+    if model.settings.run.solver == "static":
+        return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
 
 
@@ -151,6 +159,28 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
+
+
+def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
+    """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
+    filling = lasting.filling()
+    operator, survey = _operator(model, options, scheme, filling, options.threads or cores())
+    area, nodes = filling.area, len(model.grid)
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
+    state = operator.place(State(*np.zeros((3, nodes, 2)), *np.zeros((2, nodes))))
+    method: Method
+    if static.method == "relaxation":
+        method = Relaxation(operator, static.tolerance, static.iterations)
+    else:
+        free = 2 * nodes - len(driven.holds.node)
+        method = Newton(operator, area, static.tolerance, static.iterations, free)
+    breakable = lasting.breakable() if breaks else None
+    stepper = LoadSteps(model, operator, driven, area, method, breakable)
+    step, bound = model.settings.run.time_step or 0.0, _bound(operator, model.rho)
+    counts = survey.family, survey.count
+    return Prepared(System(model, options, scheme, operator, stepper, driven, area, *counts, step, bound, 0.0), state)
 
 
 def _bound(operator: Operator, rho: NDArray[np.float64]) -> float:
