@@ -34,6 +34,7 @@ from pdmesh.grid import (
     Point,
     Region,
     Run,
+    Static,
     Velocity,
 )
 from pdmesh.shapes import Circle, Curve, Points, SceneError, Shape, Surface, parts, polyline, surface
@@ -47,6 +48,7 @@ __all__ = [
     "Run",
     "Scene",
     "SceneError",
+    "Static",
     "Zone",
     "box",
     "ramp",

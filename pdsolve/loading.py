@@ -44,7 +44,6 @@ def _refuse(model: Model, precision: str) -> None:
     """Raises ModelError for what has no meaning at rest."""
     run = model.settings.run
     for name, found, expected in (
-        ("start", run.start, "unloaded"),
         ("damping", run.damping, 0.0),
         ("until", run.until, None),
     ):

@@ -21,6 +21,7 @@ from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.stability import UnstableError
+from pdsolve.starts import started
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps
@@ -70,7 +71,7 @@ def simulate(
     ResultsError.
     """
     with writing_to(output):
-        system, state = prepare(model, options)
+        system, state = started(prepare(model, options))
         advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance)
 
@@ -118,7 +119,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         model = model_of(results.model(), str(output))
-        system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
+        system, state = started(prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(
@@ -132,7 +133,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
-    system, state = prepare(model, options)
+    system, state = started(prepare(model, options))
     advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
     system.stepper.march(state, 1, 2)
     began = clock.perf_counter()

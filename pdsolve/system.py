@@ -136,12 +136,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         work=np.zeros(nodes),
     )
     stepper: Stepper
-    if isinstance(operator, InBlocks):
-        state = operator.place(state)
+    state, damping = operator.place(state), model.settings.run.damping
+    if isinstance(operator, InBlocks) and not damping:
         stepper = VerletBlocks(operator, driven, rho, step)
         driven = stepper.drive
     else:
-        stepper = Verlet(operator, driven, rho, step)
+        stepper = Verlet(operator, driven, rho, step, damping)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     system = System(
         model,

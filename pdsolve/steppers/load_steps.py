@@ -22,10 +22,12 @@ from pdsolve.lasting import Breakable
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.operator import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, UnsettledError, forces
+from pdsolve.steppers.equilibrium import Asked, Method, Settled, UnsettledError, forces, norm
 from pdsolve.steppers.supports import Loose, loose, unbalanced
 
 Array = NDArray[np.float64]
+
+JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
 
 class Rested(NamedTuple):
@@ -90,28 +92,33 @@ class LoadSteps:
         before = self._drive.force.astype(float)
         put_loads(self._drive, step * self._dt)
         self.method.forget()
-        start = self._size(state, before)
+        start, spent = self._size(state, before), float(np.sum(self._area * state.dissipated))
         try:
             settled = self._load(state, before, step, step * self._dt)
             settled, breaks, least = self._break(state, step, settled)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
         self.rested.append(Rested(step, settled.iterations, settled.residual, breaks, least))
-        size = self._size(state, self._drive.force.astype(float))
-        if step > 1 and least * size < start and not self._warned:
+        self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
+
+    def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
+        """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
+        model, material = self._model, self._model.materials[0]
+        cost = float(np.sum(self._area * state.dissipated)) - spent
+        if step > 1 and less and cost > JUMP * float(model.horizons.max()) * material.G0 and not self._warned:
             self._warned = True
             warnings.warn(
-                f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: the crack went on under"
-                f" {least:.3g} of the load, less than the step before had: found a snap-back, expected what can be"
-                " followed by load steps alone; its length and what is spent are those of a jump",
+                f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: {cost:.3g} J/m were spent"
+                f" on cracks that {least:.3g} of the load was enough for, expected growth that load steps can follow;"
+                " this is that of a jump under this load",
                 ModelWarning,
                 stacklevel=2,
             )
 
     def _size(self, state: State, load: Array) -> float:
         """How much acts: the norm of loads, or of held displacements where there are none."""
-        size = float(np.linalg.norm(load))
-        return size if size > 0 else float(np.linalg.norm(state.value[self.held]))
+        size = norm(load)
+        return size if size > 0 else norm(state.value[self.held])
 
     def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
         """To rest under the loads and holds of `time`, s, from those before; books the work."""

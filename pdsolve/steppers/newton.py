@@ -19,7 +19,7 @@ from scipy.sparse.linalg import bicgstab, cg, splu
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, outside
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, norm, outside
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ class Newton:
         while done <= self._most:
             out = forces(self._operator, state)
             scale, rest = outside(asked, out), (out + asked.load)[free]
-            left = float(np.linalg.norm(rest))
+            left = norm(rest)
             residual = left / scale if scale > 0 else float(left > 0)
             if residual < self._tolerance:
                 return Settled(done, residual), done

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, outside
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, norm, outside
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion
@@ -84,7 +84,7 @@ class Relaxation:
         for iteration in range(done, self._most + 1):
             out = forces(self._operator, state)
             scale = outside(asked, out)
-            left = float(np.linalg.norm((out + asked.load)[free]))
+            left = norm((out + asked.load)[free])
             residual = left / scale if scale > 0 else float(left > 0)
             if residual < self._tolerance:
                 return Settled(iteration, residual), iteration
