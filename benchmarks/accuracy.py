@@ -126,7 +126,7 @@ def marched(problem: Prepared, steps: int) -> float:
 
 def kirsch() -> Iterator[Row]:
     """Displacements of the classical solution held at the edge, equilibrium inside."""
-    from linear import equilibrium
+    from systems import equilibrium
     from test_kirsch import classical
 
     unit = Material(E=1.0, rho=1.0, G0=1.0)
@@ -191,9 +191,9 @@ def strip(delta: float, ratio: int, m: float, length: float) -> tuple[Grid, floa
 
 def pulse() -> Iterator[Row]:
     """A P pulse from far left of x = 0 to as far right of it, in a strip that repeats itself upwards."""
-    from linear import accelerate
     from periodic import joined
     from plates import GLASS
+    from systems import accelerate
 
     speed = float(np.sqrt(1.125 * GLASS.E / GLASS.rho))
     way = 6 * WIDTH

@@ -49,6 +49,11 @@ def _refuse(model: Model, precision: str) -> None:
     ):
         if found != expected:
             raise ModelError(f"{model.name}: $.run.{name}: found {found}, expected none, as the solver is static")
+    if run.static.floating and run.static.method == "relaxation":
+        raise ModelError(
+            f"{model.name}: $.run.static.floating: found true, expected false, as the method is relaxation: it has no"
+            " way to tell a slow motion from one that nothing holds"
+        )
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
     for number, condition in enumerate(model.settings.conditions):

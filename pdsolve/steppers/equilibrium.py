@@ -2,7 +2,7 @@
 
 At rest the densities of what neighbours do, f, and of loads, b, leave nothing on a component that is free: r = f + b
 is 0 there. What is left is measured over what comes from outside: |r| / |b|, or over the forces on what is held where
-there is no load; norms are over components.
+there is no load; norms are over components. Where hardly anything comes from outside, round-off is the measure.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
 
+ROUND = 3e-16  # of a force: what its sum over neighbours is known to
 Tell = Callable[[int, float], None]  # iterations so far in this go, and what is left
 
 
@@ -60,10 +61,21 @@ def forces(operator: Operator, state: State) -> NDArray[np.float64]:
     return out
 
 
-def outside(asked: Asked, out: NDArray[np.float64]) -> float:
-    """The norm of the forces from outside, N/m^3, `out` (n, w) being those of neighbours."""
+def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float) -> float:
+    """What is left of the forces over those from outside, `out` (n, w) being those of neighbours.
+
+    Those from outside count as `least`, 1/m times the norm of displacements, where they are less.
+    """
     load = norm(asked.load[~asked.held])
-    return load if load > 0 else norm(out[asked.held])
+    outside = load if load > 0 else norm(out[asked.held])
+    left, scale = norm((out + asked.load)[~asked.held]), max(outside, least * norm(state.value))
+    return left / scale if scale > 0 else float(left > 0)
+
+
+def round_off(stiffest: float, tolerance: float) -> float:
+    """The least force from outside over displacements, N/m^4, of which `tolerance` can be left and no less: forces of a
+    plate this stiff (N/m^4) are not known any better."""
+    return ROUND * stiffest / tolerance
 
 
 def norm(values: NDArray[np.float64]) -> float:

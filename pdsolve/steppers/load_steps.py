@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +62,15 @@ class LoadSteps:
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
         self.watch: Callable[[Going], None] | None = None
-        self._warned = False
+        self._warned, self._loose = False, cast("Loose | None", None)
         self._support(operator.broken(), "")
+        for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
+            put_loads(drive, step * self._dt)
+            try:
+                self._balance("")
+            except UnsettledError as error:
+                raise ModelError(f"{model.name}: $.conditions: {error}") from None
+        drive.force[:] = 0
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
@@ -157,7 +164,10 @@ class LoadSteps:
             broken = Broken(*(np.concatenate(both) for both in zip(self._operator.broken(), new, strict=True)))
             self._operator.back(self._operator.keep(), broken)
             self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
-            settled = self._settle(state, step, iterations)
+            try:
+                settled = self._settle(state, step, iterations)
+            except UnsettledError as error:
+                raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
             iterations += settled.iterations
             breaks += 1
         return Settled(iterations, settled.residual), breaks, least
@@ -209,18 +219,16 @@ class LoadSteps:
             if when:
                 raise UnsettledError(when + said)
             raise ModelError(f"{model.name}: $.conditions: {said}")
-        self._float(found, when)
-
-    def _float(self, found: Loose, when: str) -> None:
-        """Hold bodies softly that nothing supports, as long as their loads balance."""
-        force = self._drive.force * self._area[:, None]
-        said = unbalanced(self._model.grid.position, force, found)
-        if said:
-            said = f"found loads of {said} that do not balance, expected supports"
-            if when:
-                raise UnsettledError(when + said)
-            raise ModelError(f"{self._model.name}: $.conditions: {said}")
+        self._loose = found
+        self._balance(when)
         self.method.hold_softly(found.nodes)
+
+    def _balance(self, when: str) -> None:
+        """Look whether loads on bodies that nothing supports balance now. Raises UnsettledError."""
+        if self._loose is not None:
+            said = unbalanced(self._model.grid.position, self._drive.force * self._area[:, None], self._loose)
+            if said:
+                raise UnsettledError(f"{when}found loads of {said} that do not balance, expected supports")
 
 
 def _held_at(drive: Drive, time: float, state: State) -> Array:

@@ -19,12 +19,12 @@ from scipy.sparse.linalg import bicgstab, cg, splu
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, norm, outside
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
 
 Array = NDArray[np.float64]
 
 MOST = 300  # iterations
-FACTORED = 150_000  # free components
+FACTORED = 60_000  # free components
 PATIENCE = 20  # iterations in which a tangent must bring the residual down by FALL
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away
@@ -48,6 +48,7 @@ class Newton:
     ) -> None:
         """`area` (n,) m^2 makes equations symmetric where bonds are; `free` is how many components are."""
         self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
+        self._least = round_off(float(operator.stiffest().max(initial=0.0)), tolerance)
         self._factored = free <= factored
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.said = f"Newton's method with {way}"
@@ -108,9 +109,7 @@ class Newton:
         milestone, reached = np.inf, done
         while done <= self._most:
             out = forces(self._operator, state)
-            scale, rest = outside(asked, out), (out + asked.load)[free]
-            left = norm(rest)
-            residual = left / scale if scale > 0 else float(left > 0)
+            residual, rest = left_over(state, asked, out, self._least), (out + asked.load)[free]
             if residual < self._tolerance:
                 return Settled(done, residual), done
             tell(done, residual)

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, norm, outside
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion
@@ -51,12 +51,13 @@ class Relaxation:
         """`mass` (n, w) or (n, 1), N/m^4 s^2; None: by the operator's bound, a tenth more as bonds turn."""
         self._operator, self._tolerance, self._most = operator, tolerance, most or MOST
         self._mass = 1.1 * by_eigenvalue(operator)[:, None] if mass is None else mass
+        self._least = round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def forget(self) -> None:
         """As in `Method`."""
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """As in `Method`: a motion without a force never starts."""
+        """Never asked for: see `pdsolve.loading`."""
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
         """As in `Method`."""
@@ -83,9 +84,7 @@ class Relaxation:
         start, least, first = state.value.copy(), np.inf, True
         for iteration in range(done, self._most + 1):
             out = forces(self._operator, state)
-            scale = outside(asked, out)
-            left = norm((out + asked.load)[free])
-            residual = left / scale if scale > 0 else float(left > 0)
+            residual = left_over(state, asked, out, self._least)
             if residual < self._tolerance:
                 return Settled(iteration, residual), iteration
             if not residual < GROWN * max(least, self._tolerance):
