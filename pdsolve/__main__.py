@@ -152,9 +152,11 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _show_plan(found: Plan, args: argparse.Namespace) -> int:
+    steps = f"steps of {found.time_step:.4g} s (surely stable up to {found.stable_time_step:.4g} s)"
+    if found.at_rest:
+        steps = f"load steps of {found.time_step:.4g} s, times without cracks"
     lines = [
-        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} steps of {found.time_step:.4g} s"
-        f" (surely stable up to {found.stable_time_step:.4g} s)",
+        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} {steps}",
         f"{found.memory / 1e6:.3g} MB while marching, about {found.wall_time:.3g} s",
     ]
     commandline.report(found._asdict(), lines, args)

@@ -51,7 +51,8 @@ class Plan(NamedTuple):
     time_step: float  # s
     stable_time_step: float  # s
     memory: int  # bytes of the arrays that marching uses
-    wall_time: float  # s, by a few timed steps
+    wall_time: float  # s, by a few timed steps; at rest by the first load step, without what breaking adds
+    at_rest: bool = False
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -135,14 +136,18 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
     system, state = started(prepare(model, options))
     advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
-    system.stepper.march(state, 1, 2)
+    steps, at_rest = system.model.settings.run.steps, isinstance(system.stepper, LoadSteps)
+    if isinstance(system.stepper, LoadSteps):
+        system.stepper.break_nothing()
+        timed = range(1, 2)
+    else:
+        system.stepper.march(state, 1, 2)
+        timed = range(2, 2 + SAMPLE)
     began = clock.perf_counter()
-    system.stepper.march(state, 2, 2 + SAMPLE)
-    per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, system.bonds
-    return Plan(
-        len(model.grid), bonds, steps, system.time_step, system.bound, system.operator.bytes(), per_step * steps
-    )
+    system.stepper.march(state, timed.start, timed.stop)
+    wall = (clock.perf_counter() - began) / len(timed) * steps
+    sizes = len(model.grid), system.bonds, steps
+    return Plan(*sizes, system.time_step, system.bound, system.operator.bytes(), wall, at_rest)
 
 
 def _finish(

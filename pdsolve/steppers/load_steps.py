@@ -82,6 +82,10 @@ class LoadSteps:
         put_loads(self._drive, 0.0)
         return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
+    def break_nothing(self) -> None:
+        """Let all bonds last from now on."""
+        self._breakable = None
+
     def keep(self) -> Array:
         """How load steps came to rest so far (k, 5), for a checkpoint."""
         return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from plates import plate, struck_plate
 
 from pdmesh.grid import Grid, Load, Material, Run
-from pdpost.cracks import cracked_since, directions
+from pdpost.measures.cracks import cracked_since, directions
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import run

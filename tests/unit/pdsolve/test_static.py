@@ -14,7 +14,7 @@ from plates import GLASS, STEEL, plate, square_grid
 from pdmesh.grid import AnyCondition, Displacement, Load, Run, Static, Velocity
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
-from pdsolve.simulation import Options, Progress, UnsettledError, resume, simulate
+from pdsolve.simulation import Options, Progress, UnsettledError, plan, resume, simulate
 
 OPEN = 1e-4  # m
 
@@ -217,6 +217,12 @@ def test_softening_is_not_followed() -> None:
         simulate(cantilever(material=steel), None, Options(threads=1))
     with simulate(cantilever(material=steel, opening=1e-7), None, Options(threads=1)) as results:
         assert results.summary()["energy"]["work"] > 0
+
+
+def test_a_plan_breaks_nothing() -> None:
+    found = plan(cantilever(), Options(threads=1))
+    assert (found.steps, found.at_rest) == (6, True)
+    assert found.wall_time > 0
 
 
 def test_a_snap_back_is_noticed() -> None:
