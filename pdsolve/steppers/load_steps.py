@@ -100,11 +100,12 @@ class LoadSteps:
         self._support(broken, "")
 
     def _take(self, state: State, step: int) -> None:
-        before = self._drive.force.astype(float)
+        before = self._drive.force.astype(float) if self.rested else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.forget()
         start, spent = self._size(state, before), float(np.sum(self._area * state.dissipated))
         try:
+            self._balance("")
             settled = self._load(state, before, step, step * self._dt)
             settled, breaks, least = self._break(state, step, settled)
         except UnsettledError as error:

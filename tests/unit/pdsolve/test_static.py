@@ -98,6 +98,16 @@ def test_a_crack_between_its_mirror_images_grows_straight(grown: Path) -> None:
     assert all(y * v < 0 for _, _, y, _, v in found)
 
 
+def test_a_run_interrupted_in_its_first_load_step_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    path, model = tmp_path / "stopped.sqlite", cantilever(Static(), conditions=(FOOT, PULL))
+    with pytest.raises(KeyboardInterrupt):
+        simulate(model, path, Options(threads=1), lambda progress: progress.going is not None)
+    resume(path, 1).close()
+    with simulate(model, None, Options(threads=1)) as results, Results.open(path) as others:
+        assert results.history().tolist() == others.history().tolist()
+        assert results.history()["work"][-1] > 0
+
+
 def test_an_interrupted_run_goes_on_to_the_same_bits(grown: Path, tmp_path: Path) -> None:
     path = tmp_path / "stopped.sqlite"
 
