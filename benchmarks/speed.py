@@ -30,7 +30,8 @@ from benchmarks import lammps_peri
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
-from pdmesh.grid import Grid, Horizon, Material, Run, Settings
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdsolve.model import Model
 from pdsolve.simulation import Progress, simulate
 from pdsolve.system import Options, Prepared, prepare
@@ -73,8 +74,8 @@ def grids(names: list[str]) -> dict[str, Grid]:
     scenes = sorted(Path(__file__).parent.parent.glob("geometries/*.geo"))
     wanted = [scene for scene in scenes if scene.stem in names]
     if wanted:
-        from pdmesh.geo import read_geo
-        from pdmesh.lattice import build_grid
+        from pdmesh.drawing.geo import read_geo
+        from pdmesh.grid.lattice import build_grid
 
         for scene in wanted:
             found[scene.stem] = build_grid(read_geo(scene))[0]

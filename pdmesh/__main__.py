@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.units import UNITS
+from pdmesh.drawing.units import UNITS
 
 if TYPE_CHECKING:
-    from pdmesh.grid import Document
+    from pdmesh.model.document import Document
 
 DRAWING = "a .geo or .py scene, a STEP or BREP file, a mesh, or a model built before"
 
@@ -85,9 +85,9 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from pdmesh.grid import write_file
-    from pdmesh.report import nodes_by_spacing
-    from pdmesh.sources import build
+    from pdmesh.drawing.sources import build
+    from pdmesh.model.document import write_file
+    from pdmesh.say.report import nodes_by_spacing
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
     built = build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
@@ -120,8 +120,8 @@ def _build(args: argparse.Namespace) -> int:
 
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file as it is, or of anything else what would be built."""
-    from pdmesh.grid import read_file
-    from pdmesh.sources import build
+    from pdmesh.drawing.sources import build
+    from pdmesh.model.document import read_file
 
     changed = _assigned(args) or args.refine or args.cracks
     if args.drawing.suffix.lower() == ".json" and not changed:
@@ -130,14 +130,14 @@ def _document(args: argparse.Namespace) -> Document:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from pdmesh.report import info, info_lines
+    from pdmesh.say.report import info, info_lines
 
     result = info(_document(args), str(args.drawing))
     return _say(result, info_lines(result), args)
 
 
 def _preview(args: argparse.Namespace) -> int:
-    from pdmesh import preview
+    from pdmesh.say import preview
 
     path = commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
@@ -147,9 +147,9 @@ def _preview(args: argparse.Namespace) -> int:
 
 
 def _plan(args: argparse.Namespace) -> int:
-    from pdmesh.report import plan, plan_lines
-    from pdmesh.shapes import SceneError
-    from pdmesh.sources import read_scene
+    from pdmesh.drawing.sources import read_scene
+    from pdmesh.say.report import plan, plan_lines
+    from pdmesh.scene.shapes import SceneError
 
     scene = read_scene(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     reason = ""
@@ -157,7 +157,7 @@ def _plan(args: argparse.Namespace) -> int:
         if args.within is None:
             result = plan(scene)
             return _say(result, plan_lines(result), args)
-        from pdmesh import promise
+        from pdmesh.say import promise
 
         found = promise.proposal(scene, args.within)
         reason = promise.because(found.within, found.feature, found.named)
@@ -168,7 +168,7 @@ def _plan(args: argparse.Namespace) -> int:
 
 
 def _params(args: argparse.Namespace) -> int:
-    from pdmesh.sources import parameters
+    from pdmesh.drawing.sources import parameters
 
     found = parameters(args.drawing, _assigned(args), args.trust)
     result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
@@ -192,7 +192,7 @@ def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace)
 
 def _schema(args: argparse.Namespace) -> int:
     from pdmesh.files import write_atomically
-    from pdmesh.grid import schema
+    from pdmesh.model.document import schema
 
     text = json.dumps(schema(), indent=2) + "\n"
     if args.output is None:
@@ -209,8 +209,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.grid import GridError
-    from pdmesh.scene import SceneError
+    from pdmesh.model.document import GridError
+    from pdmesh.scene.shapes import SceneError
 
     return dict.fromkeys((SceneError, GridError), commandline.BAD_INPUT)
 

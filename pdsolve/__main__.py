@@ -190,7 +190,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.grid import GridError
+    from pdmesh.model.document import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
     from pdsolve.simulation import UnstableError

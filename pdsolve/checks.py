@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.neighbours import ROUND_OFF, Neighbours, row_chunks
-from pdmesh.trees import tree_of
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
+from pdmesh.model.trees import tree_of
 from pdsolve.lattice import lattice_ratios
 from pdsolve.laws.critical import critical_stretch, limits
 from pdsolve.model import MOST, Model, ModelError, ModelWarning

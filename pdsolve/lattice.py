@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
-from pdmesh.neighbours import ROUND_OFF
+from pdmesh.model.document import Material
+from pdmesh.model.neighbours import ROUND_OFF
 from pdsolve.laws.critical import critical_stretch
 from pdsolve.laws.micromodulus import micromodulus
 

@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import (
+from pdmesh.model.cloud import Grid, document_of, grid_of
+from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
     Condition,
     Displacement,
     Document,
-    Grid,
     GridError,
     Load,
     Material,
@@ -27,12 +27,10 @@ from pdmesh.grid import (
     Selection,
     Settings,
     Velocity,
-    document_of,
     encode,
-    grid_of,
     read_file,
 )
-from pdmesh.grid import read_document as parse_document
+from pdmesh.model.document import read_document as parse_document
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 MOST = 1e30  # of any number; beyond, products of them leave what a number can hold

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.trees import tree_of
+from pdmesh.model.trees import tree_of
 from pdsolve.checks import Watch
 from pdsolve.conditions import put_loads
 from pdsolve.measures import Ledger, books, fields

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.spatial import cKDTree
 
-from pdmesh.grid import Material, Run
+from pdmesh.model.document import Material, Run
 from pdsolve.bonds import Bonds, in_precision
 from pdsolve.conditions import Drive, drive
 from pdsolve.laws import LAWS

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 
 SQUARED = {
     ("stress", "constant"): 4 * np.pi / 9,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 
 STIFFNESS = {
     ("stress", "constant"): 9 / np.pi,

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
-from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
-from pdmesh.visibility import Sight
+from pdmesh.model.document import Material
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
+from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios

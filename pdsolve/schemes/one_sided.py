@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.neighbours import Neighbours, chosen
-from pdmesh.visibility import Sight
+from pdmesh.model.neighbours import Neighbours, chosen
+from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.lattice import full_family, hu_beta

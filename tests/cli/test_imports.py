@@ -29,7 +29,9 @@ class Row(NamedTuple):
 
 
 MAY = {  # what a program may import of the others
-    "pdpost": ("pdmesh.commandline", "pdmesh.files", "pdsolve.results"),
+    "pdmesh": (),
+    "pdsolve": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model"),
+    "pdpost": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model", "pdsolve.results"),
 }
 ROWS = {
     "pdpost": (

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plates import GLASS
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.lattice import lattice_ratios, offsets
 from pdsolve.laws.bilinear import intact_share, spent_share
 from pdsolve.laws.critical import critical_stretch, limits

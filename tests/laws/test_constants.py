@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import GLASS
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.laws.critical import critical_stretch
 from pdsolve.laws.micromodulus import micromodulus
 

@@ -13,9 +13,9 @@ from linear import matrix, sources
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Load, Material, Run
-from pdmesh.lattice import build_grid
-from pdmesh.scene import Scene, box
+from pdmesh import Scene, box
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.document import Load, Material, Run
 from pdsolve.lattice import hu_beta, offsets
 from pdsolve.model import ModelError
 from pdsolve.simulation import plan, simulate

@@ -20,7 +20,8 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
 from systems import at_step, bonds_of, broken
 
-from pdmesh.grid import Grid, Load, Material, Run
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Load, Material, Run
 from pdsolve.laws.critical import critical_stretch
 from pdsolve.measures import damage
 from pdsolve.simulation import plan

@@ -15,7 +15,7 @@ from plates import GLASS, plate, square_grid
 from scipy.sparse.linalg import spsolve
 from systems import at_step
 
-from pdmesh.grid import Region, Run
+from pdmesh.model.document import Region, Run
 from pdsolve.measures import books
 from pdsolve.model import Model
 from pdsolve.simulation import plan

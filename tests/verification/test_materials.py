@@ -10,7 +10,7 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Material, Region
+from pdmesh.model.document import Material, Region
 from pdsolve.bonds import Bonds
 from pdsolve.lattice import calibration
 from pdsolve.laws import brittle, law_of

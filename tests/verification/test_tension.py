@@ -10,7 +10,7 @@ import pytest
 from linear import equilibrium
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Load
+from pdmesh.model.document import Load
 from pdsolve.lattice import calibration, lattice_ratios
 from pdsolve.system import Options, prepare
 

@@ -13,7 +13,7 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.sparse.linalg import eigs
 from systems import at_step
 
-from pdmesh.families import SURFACES, stable_step
+from pdmesh.say.families import SURFACES, stable_step
 from pdsolve.lattice import calibration
 from pdsolve.system import Options, Prepared, prepare
 

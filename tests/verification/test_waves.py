@@ -10,7 +10,7 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import at_step
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.lattice import calibration, hu_beta, offsets
 from pdsolve.laws.micromodulus import micromodulus
 from pdsolve.system import Options, Prepared, prepare

@@ -14,7 +14,7 @@ import msgspec
 import pytest
 from whole import contents
 
-from pdmesh.grid import Displacement, Velocity
+from pdmesh.model.document import Displacement, Velocity
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsWarning, WriteError, Writer
 from pdsolve.simulation import Options, Progress, resume, simulate

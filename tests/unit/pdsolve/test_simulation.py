@@ -14,7 +14,7 @@ from plates import plate, square_grid
 from systems import bonds_of, kept
 from tampered import tampered
 
-from pdmesh.grid import Run
+from pdmesh.model.document import Run
 from pdsolve.measures import CRACKED, damage, pieces
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.notes import breaks, restore

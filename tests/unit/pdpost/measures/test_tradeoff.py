@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Load, Run
+from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
 from pdpost.measures.tradeoff import cheapest, cost, errors, front
 from pdsolve.model import ModelWarning

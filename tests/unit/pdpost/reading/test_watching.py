@@ -13,7 +13,8 @@ import pytest
 from tampered import tampered
 
 import pdsolve.results.writer
-from pdmesh.grid import document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdpost.figures import field_figure, style
 from pdpost.reading import watching
 from pdpost.reading.watching import SilentError
