@@ -11,14 +11,15 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from pdmesh.model.continuum import critical_stretch
+from pdmesh.model.document import MOST
+from pdmesh.model.full_lattice import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.trees import tree_of
-from pdsolve.lattice import lattice_ratios
-from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.model import MOST, Model, ModelError, ModelWarning
+from pdsolve.laws.critical import limits
+from pdsolve.model import Model, ModelError, ModelWarning
 
 LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
@@ -163,6 +164,8 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     segments = grid.cracks.reshape(-1, 2, 2)
     if not len(segments):
         return hit
+    import shapely  # here, as a plate without cracks needs none
+
     cracks, reach = shapely.multilinestrings(segments), ON * float(grid.delta.max())
     shapely.prepare(cracks)
     rows = np.flatnonzero(shapely.dwithin(cracks, shapely.points(grid.position), reach))

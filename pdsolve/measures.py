@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import CRACKED
 from pdsolve.state import State
 from pdsolve.system import System
 
-CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 Energies = tuple[NDArray[np.float64], NDArray[np.float64]]  # of an operator: held, and spent on softening

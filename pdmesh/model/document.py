@@ -15,10 +15,12 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
+from pdmesh.model.fields import Column
 
 FORMAT_VERSION = 1
 
 LARGEST = 1e9  # m
+MOST = 1e30  # of any number; products of more than that leave what a number can hold
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -26,7 +28,6 @@ MOST_STEPS = 2**31 - 1  # what a broken bond can remember
 PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
-Field = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
 
 
 class GridError(ValueError):
@@ -129,7 +130,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Field, ...] = get_args(Field)  # what a frame holds
+    fields: tuple[Column, ...] = get_args(Column)  # what a frame holds
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet

@@ -1,4 +1,7 @@
-"""Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts."""
+"""Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts.
+
+shapely is imported where there is one of them: a bare list of nodes is solved without.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.cloud import Grid
@@ -15,6 +17,7 @@ from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
 
 if TYPE_CHECKING:
+    import shapely
     from scipy.spatial import cKDTree
 
 SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate, one at the tip of a crack is cut
@@ -28,10 +31,12 @@ class Sight:
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid
-        self._cracks = cracks_of(grid)
-        self._void: shapely.Geometry | None = _void_around(plate_of(grid, name), grid)
-        for obstacle in (self._cracks, self._void):
-            shapely.prepare(obstacle)
+        self._cracks = cracks_of(grid) if len(grid.cracks) else None
+        self._void = _void_around(plate_of(grid, name), grid)
+        if self._cracks is not None or self._void is not None:
+            import shapely
+
+            shapely.prepare([self._cracks, self._void])
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -47,10 +52,12 @@ class Sight:
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
-        return self._meet(pairs, self._cracks)
+        return np.zeros(len(pairs.source), dtype=bool) if self._cracks is None else self._meet(pairs, self._cracks)
 
     def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
         """Which pairs (b,) have a segment that meets the obstacle; (i, j) and (j, i) give the same answer."""
+        import shapely
+
         met = np.zeros(len(pairs.source), dtype=bool)
         if obstacle.is_empty or not len(met):
             return met
@@ -84,6 +91,8 @@ def cracks_of(grid: Grid) -> shapely.Geometry:
 
 def _lengthened(segments: NDArray[np.float64], by: float) -> shapely.Geometry:
     """The segments (k, 2, 2) as lines, longer at both ends, m."""
+    import shapely
+
     way = np.diff(segments, axis=1)
     length = np.hypot(way[..., :1], way[..., 1:])
     longer = by * way / np.where(length > 0, length, 1.0)
@@ -97,6 +106,8 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
     """
     if not grid.outline:
         return None
+    import shapely
+
     rings: dict[str, list[shapely.Polygon]] = {}
     for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
         rings[key] = [shapely.Polygon(ring) for ring in corners]
@@ -116,6 +127,8 @@ def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry
     """What is not plate, as far as bonds get; empty where none can get there, None for a plate that is not drawn."""
     if plate is None:
         return None
+    import shapely
+
     slack = SLACK * float(grid.delta.min())
     if plate.convex_hull.area - plate.area < CONVEX * plate.area:
         inside = plate.buffer(slack, join_style="mitre")

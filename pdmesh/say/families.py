@@ -9,20 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.cloud import Grid
+from pdmesh.model.continuum import micromodulus
 from pdmesh.model.document import Material
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours
+from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.visibility import Sight
 
 CHUNK = 50_000  # nodes whose bonds are looked at together
 
-STIFFNESS = {  # micromodulus over E / horizon^3 (at |xi| = 0), as the solver has it
-    ("stress", "constant"): 9 / np.pi,
-    ("stress", "conical"): 36 / np.pi,
-    ("strain", "constant"): 48 / (5 * np.pi),
-    ("strain", "conical"): 192 / (5 * np.pi),
-}
 SURFACES = 0.84  # of the step of a full family: corrected edges are stiffer along themselves, measured 0.85 to 0.885
-C11 = {"stress": 1.125, "strain": 1.2}  # over E, three times C12 and C66
 
 
 @dataclass(frozen=True)
@@ -69,13 +64,12 @@ def stable_step(material: Material, ratio: float, spacing: float) -> float:
     mode's bound is shorter.
     """
     partial = material.micromodulus == "constant"
-    reach = int(np.ceil(ratio)) + 1
-    x, y = (steps.ravel() for steps in np.meshgrid(*[np.arange(-reach, reach + 1)] * 2))
-    length = np.hypot(x, y)
-    near = (length > 0) & (length <= (ratio + 0.5 * partial) * (1 + ROUND_OFF))
-    x, y, length = x[near], y[near], length[near]
-    share = np.clip(ratio + 0.5 - length, 0.0, 1.0) if partial else np.maximum(1 - length / ratio, 0.0)
-    c = STIFFNESS[material.plane, material.micromodulus] * share / ratio**3  # in E / spacing^3
-    mean = float((c * (x**4 + 6 * x**2 * y**2) / length**3).sum()) / (6 * C11[material.plane])
-    total = material.E * float((c / length).sum()) / mean if mean > 0 else 0.0
-    return float(SURFACES * spacing * np.sqrt(4 * material.rho / total)) if total > 0 else float("inf")
+    length = np.hypot(*offsets(ratio + 0.5 * partial).T)
+    horizon = np.full(len(length), ratio)
+    c = micromodulus(material, length, horizon)  # of a spacing of 1
+    if partial:
+        c = c * hu_beta(length, horizon, np.ones(len(length)))
+    if not c.any():
+        return float("inf")
+    total = calibration(ratio, material, partial).stiffness * float((c / length).sum())
+    return float(SURFACES * spacing * np.sqrt(4 * material.rho / total))

@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
+from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import bonds
-from pdmesh.say.report import check_selections, selected
 from pdmesh.scene.shapes import SceneError
 
 WIDTH, TALLEST, DPI = 8.0, 9.0, 200  # inches, inches, dots per inch
@@ -35,7 +35,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     Raises GridError.
     """
     grid = grid_of(document, name)
-    check_selections(document, grid, name)
+    selection.check(document, grid, name)
     plate_of(grid, name)
     window = _window(grid, document.horizon.ratio) if with_bonds else _whole(grid)
     size = window[1] - window[0]
@@ -124,7 +124,7 @@ def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> No
     entries: list[tuple[Any, Any]] = [(condition.__struct_config__.tag, condition) for condition in document.conditions]
     entries += [("material", region) for region in document.regions]
     for number, (kind, entry) in enumerate(entries):
-        rows = selected(entry, grid)
+        rows = selection.selected(grid, entry.nodes, entry.box)
         colour = CONDITIONS[number % len(CONDITIONS)]
         size = _marker(float(np.median(grid.delta[rows])), points)
         label = f"{kind} '{entry.name}': {int(rows.sum())} nodes"

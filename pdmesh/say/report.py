@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
 
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
+from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Condition, Document, GridError, Load, Settings
+from pdmesh.model.document import Document, Settings
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import count, stable_step
 from pdmesh.scene.scene import Scene
@@ -26,7 +26,7 @@ SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 def info(document: Document, name: str) -> dict[str, Any]:
     """What the model called `name` holds, for `pdmesh info`. Raises GridError."""
     grid = grid_of(document, name)
-    check_selections(document, grid, name)
+    selection.check(document, grid, name)
     plate, at_hole = plate_of(grid, name), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
@@ -127,42 +127,8 @@ def _fields(struct: Any) -> dict[str, Any]:
 
 def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
     values = {"kind": condition.__struct_config__.tag} | _fields(condition)
-    values["nodes"] = int(selected(condition, grid).sum())
+    values["nodes"] = int(selection.selected(grid, condition.nodes, condition.box).sum())
     return {name: value for name, value in values.items() if value not in (None, (), "")}
-
-
-def selected(selection: Any, grid: Grid) -> Any:
-    """Which nodes (n,) a condition or a region acts on."""
-    if selection.nodes is not None:
-        return np.isin(grid.ids, np.array(selection.nodes, dtype=np.int64))
-    if selection.box is None:
-        return np.zeros(len(grid), dtype=bool)
-    x0, y0, x1, y1 = selection.box
-    x, y = grid.position.T
-    slack = 1e-9 * grid.delta
-    return (x >= x0 - slack) & (x <= x1 + slack) & (y >= y0 - slack) & (y <= y1 + slack)
-
-
-def check_selections(document: Document, grid: Grid, name: str) -> None:
-    """Raises GridError for a condition or region whose nodes are not the grid's."""
-    groups = {"conditions": document.conditions, "regions": document.regions}
-    for key, selections in groups.items():
-        for number, selection in enumerate(selections):
-            place = f"{name}: $.{key}[{number}]"
-            if (selection.nodes is None) == (selection.box is None):
-                raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
-            if selection.nodes is not None:
-                missing = set(selection.nodes) - set(grid.ids.tolist())
-                if missing:
-                    raise GridError(f"{place}.nodes: found id {min(missing)}, expected one of the grid's nodes")
-            if not selected(selection, grid).any():
-                raise GridError(f"{place}: found no node, expected at least one")
-            if isinstance(selection, Condition):
-                times = [time for time, _ in selection.profile]
-                if any(after <= before for before, after in itertools.pairwise(times)):
-                    raise GridError(f"{place}.profile: found times {times}, expected times that increase")
-            if isinstance(selection, Load) and (selection.traction is None) == (selection.body_force is None):
-                raise GridError(f"{place}: found neither or both of traction and body_force, expected one of them")
 
 
 def smallest_step(settings: Settings, grid: Grid) -> float | None:

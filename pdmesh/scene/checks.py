@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import LARGEST, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.model.document import LARGEST, MOST, InitialVelocity, Load, Material, Run, Settings
 from pdmesh.scene.conditions import Condition, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
@@ -19,7 +19,6 @@ MOST_NODES = 2e7
 EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
 MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
-LARGEST_VALUE = 1e30  # of any number; products of more than that leave what a number can hold
 RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
 FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
 
@@ -62,8 +61,8 @@ def _described(struct: Any, kind: type, place: str) -> None:
     except (msgspec.ValidationError, TypeError) as error:
         raise SceneError(f"{place}: {error}") from None
     for name, value in fields.items():
-        if isinstance(value, float | int) and not abs(value) <= LARGEST_VALUE:
-            raise SceneError(f"{place}: {name}: found {value:g}, expected at most {LARGEST_VALUE:g} in SI units")
+        if isinstance(value, float | int) and not abs(value) <= MOST:
+            raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")
 
 
 def remarks(scene: Plate) -> tuple[str, ...]:
@@ -172,8 +171,8 @@ def _condition(condition: Condition, scene: Plate) -> None:
             raise SceneError(f"{place}: found no component, expected x, y or both")
         values = [value for value in (action.x, action.y) if value is not None]
     values += [value for point in getattr(action, "profile", ()) for value in point]
-    if not (np.abs(values) <= LARGEST_VALUE).all():
-        raise SceneError(f"{place}: found {values}, expected finite numbers of at most {LARGEST_VALUE:g}")
+    if not (np.abs(values) <= MOST).all():
+        raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
     if not isinstance(action, InitialVelocity) and not isinstance(action.breakable, bool):
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
     if condition.place.shape.distance(scene.shape) > rows * scene.spacing:

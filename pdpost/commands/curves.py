@@ -73,7 +73,7 @@ def _place(name: str, count: int) -> Any:
 
 
 def _history(args: argparse.Namespace) -> int:
-    from pdpost.measures import histories
+    from pdmesh.model.fields import FIELDS
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
@@ -85,7 +85,7 @@ def _history(args: argparse.Namespace) -> int:
             from pdpost.figures import charts, style
 
             style.save(charts.histories(curves, args.quantity), path)
-    unit = histories.QUANTITIES[args.quantity][1]
+    unit = FIELDS[args.quantity].unit
     found = {
         "quantity": args.quantity,
         "components": parts,
@@ -111,7 +111,7 @@ def _usual(results: Results) -> list[Place]:
     probed = np.unique(results.probes()["node"])
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
-    moved = np.hypot(*vector(results, "u", last_frame(results)).T)
+    moved = np.hypot(*vector(results, "displacement", last_frame(results)).T)
     return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
 
 

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from pdmesh.model.selection import selected
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS
-from pdpost.reading.selection import selected
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes

@@ -79,7 +79,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
     """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
-    moved = vector(results, "u", step)
+    moved = vector(results, "displacement", step)
     return np.where(np.isfinite(moved), moved, 0.0)
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.reading.selection import rows_of
+from pdmesh.model.fields import CRACKED
+from pdmesh.model.selection import rows_of
 from pdsolve.results import Results
 
-CRACKED = 0.35
 LINKED = 1.5  # spacings between two nodes of a crack
 ROUND_OFF = 1e-6
 

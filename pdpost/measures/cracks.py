@@ -14,7 +14,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pdpost.measures.cracked import CRACKED, LINKED, ROUND_OFF, cracked_since, pre_crack_tips
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, pre_crack_tips
 from pdpost.measures.regions import grown
 from pdpost.measures.segments import distances
 from pdsolve.results import Nodes, Results

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.cracks import PIECE, clusters
 from pdsolve.results import Results
 

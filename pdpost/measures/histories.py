@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.reading import selection
+from pdmesh.model import selection
+from pdmesh.model.fields import FIELDS
 from pdpost.reading.frames import frames
 from pdpost.reading.stored import vector
 from pdsolve.results import Results, ResultsError
 
-QUANTITIES = {"displacement": ("u", "m"), "velocity": ("v", "m/s"), "acceleration": ("a", "m/s^2")}
+QUANTITIES = ("displacement", "velocity", "acceleration")
 COMPONENTS = ("x", "y", "magnitude")
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
 
@@ -45,8 +46,8 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
     probes = results.probes()
     mine = probes[probes["node"] == node]
     if len(mine):
-        letter = QUANTITIES[quantity][0]
-        value = _component(mine[f"{letter}x"], mine[f"{letter}y"], component)
+        x_column, y_column = FIELDS[quantity].columns
+        value = _component(mine[x_column], mine[y_column], component)
         return History(label, component, (node,), "probe", mine["time"], value, value, value, (x, y), 0.0)
     time, values = _of_frames(results, rows, quantity, component)
     return History(label, component, (node,), "frames", time, values[:, 0], values[:, 0], values[:, 0], (x, y), 0.0)
@@ -96,8 +97,7 @@ def _of_frames(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (t,) of the frames and the quantity (t, rows) there."""
     steps, times = frames(results)
-    letter = QUANTITIES[quantity][0]
-    found = (vector(results, letter, int(step))[rows] for step in steps)
+    found = (vector(results, quantity, int(step))[rows] for step in steps)
     return times, np.array([_component(both[:, 0], both[:, 1], component) for both in found])
 
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdpost.measures.cracked import CRACKED, LINKED, ROUND_OFF, cracked_since, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, damage_at
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other

@@ -10,38 +10,27 @@ are all gone, has no strain: NaN.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.continuum import BONDS_NU
+from pdmesh.model.document import Material, Region
+from pdmesh.model.selection import rows_of, selected
 from pdpost.reading.embedded import read
-from pdpost.reading.selection import rows_of, selected
 from pdpost.reading.stored import vector
 from pdsolve.results import Families, Results
 
 BLOCK = 1 << 15  # nodes at a time, so that memory stays small
 FLAT = 1e-6  # det / trace^2 of a family's shape below which its bonds lie on a line; a full family has 0.25
-BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4}  # Poisson's ratio of bonds, by plane
-
-
-class _Material(msgspec.Struct):
-    E: float  # Pa
-    plane: Literal["stress", "strain"] = "stress"
-
-
-class _Region(msgspec.Struct):
-    material: _Material
-    nodes: list[int] | None = None
-    box: tuple[float, float, float, float] | None = None  # m
 
 
 class _Materials(msgspec.Struct):
     """What is read of the grid file."""
 
-    material: _Material
-    regions: list[_Region] = []
+    material: Material
+    regions: tuple[Region, ...] = ()
 
 
 def gradients(results: Results, step: int) -> NDArray[np.float64]:
@@ -49,7 +38,7 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
     Raises ResultsError if the frame does not hold ux and uy.
     """
-    return fitted(results, vector(results, "u", step), intact(results, results.families(), step))
+    return fitted(results, vector(results, "displacement", step), intact(results, results.families(), step))
 
 
 def fitted(results: Results, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
 from pdpost.measures.plates import check_alike
@@ -150,7 +151,7 @@ def _at(results: Results, time: float) -> NDArray[np.float64]:
     gap = float(times[after] - times[before])
     share = (time - float(times[before])) / gap if gap > 0 else 1.0
     share = min(max(share, 0.0), 1.0)
-    old, new = (vector(results, "u", int(steps[at])) for at in (before, after))
+    old, new = (vector(results, "displacement", int(steps[at])) for at in (before, after))
     return np.asarray((1 - share) * old + share * new)
 
 

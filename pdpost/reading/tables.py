@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdsolve.results import FIELDS, Results
+from pdmesh.model.fields import UNITS as OF_FIELDS
+from pdsolve.results import Results
 
 SHOWN = {  # what is in it
     "node_state": "every node at every frame; NULL where a field was not stored",
@@ -17,8 +18,8 @@ SHOWN = {  # what is in it
     "crack": "segments of pre-cracks",
     "meta": "what the run says of itself; 'model' is the grid file",
 }
-UNITS = {
-    **FIELDS,
+UNITS: dict[str, str] = {
+    **OF_FIELDS,
     **dict.fromkeys(("x", "y", "z", "x0", "y0", "x1", "y1", "delta", "uz", "displacement_x", "displacement_y"), "m"),
     **dict.fromkeys(("kinetic", "strain", "dissipated", "work"), "J/m"),
     **dict.fromkeys(("momentum_x", "momentum_y"), "N s/m"),

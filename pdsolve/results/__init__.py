@@ -9,11 +9,10 @@ checkpoint in full precision as well, from which a run goes on.
 from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
-from pdsolve.results.schema import FIELDS, Breaks, Families, Frame, Nodes
+from pdsolve.results.schema import Breaks, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, remove
 
 __all__ = [
-    "FIELDS",
     "Breaks",
     "BusyError",
     "DamagedError",

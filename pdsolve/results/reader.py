@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import UNITS
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
-from pdsolve.results.schema import CHUNK, FIELDS, SCHEMA_VERSION, WITHOUT_CHECKSUMS, Breaks, Families, Nodes
+from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_CHECKSUMS, Breaks, Families, Nodes
 from pdsolve.results.tables import Tables
 
 
@@ -132,7 +133,7 @@ class Results:
         else:
             rows = self._tables.rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
             names = [row[0] for row in rows]
-        return [name for name in FIELDS if name in names]
+        return [name for name in UNITS if name in names]
 
     def _expect_field(self, name: str, step: int) -> None:
         """Raises ResultsError, naming those there are, if a frame does not hold a field."""

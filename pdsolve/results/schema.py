@@ -8,19 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import UNITS
+
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION, WITHOUT_CHECKSUMS = 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
-FIELDS = {  # name: unit, in the order of the view
-    "ux": "m",
-    "uy": "m",
-    "vx": "m/s",
-    "vy": "m/s",
-    "ax": "m/s^2",
-    "ay": "m/s^2",
-    "energy": "J/m^3",
-    "damage": "1",
-}
 
 
 class Nodes(NamedTuple):
@@ -124,7 +116,7 @@ def _view() -> str:
     WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 
-    columns = [decoded(field) for field in FIELDS]
+    columns = [decoded(column) for column in UNITS]
     for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
         columns.insert(at, name)
     return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,

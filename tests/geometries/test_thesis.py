@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdsolve.results import Results
 from pdsolve.system import Options, prepare
 

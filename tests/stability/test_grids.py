@@ -16,7 +16,7 @@ from systems import bonds_of
 from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Material, Run
-from pdsolve.lattice import hu_beta, offsets
+from pdmesh.model.full_lattice import hu_beta, offsets
 from pdsolve.model import ModelError
 from pdsolve.simulation import plan, simulate
 from pdsolve.system import Options, Prepared, prepare

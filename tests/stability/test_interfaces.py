@@ -21,8 +21,8 @@ from scipy.special import erf
 from systems import at_step, bonds_of, broken
 
 from pdmesh.model.cloud import Grid
+from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Load, Material, Run
-from pdsolve.laws.critical import critical_stretch
 from pdsolve.measures import damage
 from pdsolve.simulation import plan
 from pdsolve.system import Options, Prepared, prepare

@@ -11,7 +11,7 @@ from linear import equilibrium
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load
-from pdsolve.lattice import calibration, lattice_ratios
+from pdmesh.model.full_lattice import calibration, lattice_ratios
 from pdsolve.system import Options, prepare
 
 STRESS = 1.0

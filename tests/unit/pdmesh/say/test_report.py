@@ -97,8 +97,8 @@ def test_info_of_a_bare_grid(plate: Scene) -> None:
     [
         ({"conditions": (Load(nodes=(1, 9999), body_force=(0, 1)),)}, r"\$.conditions\[0\].nodes: found id 9999"),
         ({"conditions": (Load(body_force=(0, 1)),)}, r"\$.conditions\[0\]: found neither or both of nodes and box"),
-        ({"conditions": (Load(box=(1, 1, 2, 2), body_force=(0, 1)),)}, r"\$.conditions\[0\]: found no node"),
-        ({"conditions": (Load(nodes=(1,)),)}, "found neither or both of traction and body_force"),
+        ({"conditions": (Load(box=(1, 1, 2, 2), body_force=(0, 1)),)}, r"\$.conditions\[0\]\.box: found no node"),
+        ({"conditions": (Load(nodes=(1,)),)}, "found neither or both of body_force and traction"),
         (
             {"conditions": (Load(nodes=(1,), body_force=(0, 1), profile=((1, 0), (0, 1))),)},
             "expected times that increase",

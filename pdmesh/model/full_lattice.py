@@ -13,10 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.continuum import C11, C66, critical_stretch, micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.neighbours import ROUND_OFF
-from pdsolve.laws.critical import critical_stretch
-from pdsolve.laws.micromodulus import micromodulus
 
 
 class LatticeRatios(NamedTuple):
@@ -80,8 +79,8 @@ def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_
     spent = c * s0**2 * length / 2
     row = np.sum(spent * np.maximum(xi[:, 1], 0))
     diagonal = np.sum(spent * np.maximum(xi.sum(axis=1), 0)) / np.sqrt(2)
-    full11, full66 = (1.125, 0.375) if plane == "stress" else (1.2, 0.4)
-    return LatticeRatios(*(float(value) for value in (c11 / full11, c66 / full66, c66 / full66, row, diagonal)))
+    found = c11 / C11[plane], c66 / C66[plane], c66 / C66[plane], row, diagonal
+    return LatticeRatios(*(float(value) for value in found))
 
 
 def calibration(ratio: float, material: Material, partial_cells: bool = True) -> Calibration:

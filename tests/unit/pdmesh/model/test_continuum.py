@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from plates import GLASS
 
+from pdmesh.model.continuum import critical_stretch, micromodulus
 from pdmesh.model.document import Material
-from pdsolve.laws.critical import critical_stretch
-from pdsolve.laws.micromodulus import micromodulus
 
 CASES = [(plane, profile) for plane in ("stress", "strain") for profile in ("constant", "conical")]
 SODA_LIME = Material(E=72e9, rho=2440.0, G0=135.0)
