@@ -101,7 +101,7 @@ def test_info_of_a_bare_grid(plate: Scene) -> None:
         ({"conditions": (Load(nodes=(1,)),)}, "found neither or both of body_force and traction"),
         (
             {"conditions": (Load(nodes=(1,), body_force=(0, 1), profile=((1, 0), (0, 1))),)},
-            "expected times that increase",
+            "expected them to increase",
         ),
     ],
 )
