@@ -1,6 +1,6 @@
 """An existing mesh as a grid: the centres of its cells are the nodes, their areas the areas.
 
-Any format meshio reads. Groups of cells are named as in a drawing (drawing.py); a surface group whose name has no
+Any format meshio reads. Groups of cells are named as in a drawing (groups.py); a surface group whose name has no
 kind is a region of material. A node's spacing is the root of its cell's area. Numbers come from ``--set``, the unit of
 the coordinates too.
 """

@@ -45,7 +45,7 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Nodes:
+class PlacedNodes:
     """The nodes of a scene, the coarsest first; n of them."""
 
     position: NDArray[np.float64]  # (n, 2) m
@@ -65,7 +65,7 @@ def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     return grid, settings_of(scene, nodes.position, nodes.delta), nodes.shifts
 
 
-def place_nodes(scene: Scene) -> Nodes:
+def place_nodes(scene: Scene) -> PlacedNodes:
     """The nodes alone. Raises SceneError if a spacing stays without nodes or a crack cannot be cleared."""
     found: list[NDArray[np.float64]] = []
     regular: list[NDArray[np.bool_]] = []
@@ -91,7 +91,7 @@ def place_nodes(scene: Scene) -> Nodes:
         inside = zone.shape.buffer(zone.spacing / 2)
         if not shapely.contains_xy(inside, np.concatenate(found)[delta <= zone.spacing * (1 + 1e-9)]).any():
             raise SceneError(f"zone '{zone.name}': found no node, expected a spacing below {zone.spacing:g} m")
-    return Nodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
+    return PlacedNodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
 
 
 def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from pdmesh.grid.pieces import faces_of, pieces
 from pdmesh.grid.supports import rows_of, unheld
 from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Settings
+from pdmesh.model.full_lattice import has_partial_cells
 from pdmesh.model.visibility import cracks_of, plate_of
 from pdmesh.scene.shapes import SceneError, near
 
@@ -55,7 +56,7 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
 def _pieces(grid: Grid, settings: Settings, faces: list[shapely.Polygon]) -> list[_Piece]:
     """The pieces, the largest first."""
     materials = [settings.material, *(region.material for region in settings.regions)]
-    partial = any(material is not None and material.micromodulus == "constant" for material in materials)
+    partial = any(material is not None and has_partial_cells(material) for material in materials)
     number = pieces(grid, settings.horizon.ratio + 0.5 * partial)
     order = np.argsort(number, kind="stable")
     rows = np.split(order, np.cumsum(np.bincount(number))[:-1])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.neighbours import ROUND_OFF
 from pdmesh.model.trees import tree_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _thesis_areas_of(
     distance, near = tree.query(position[rows], k=min(NEAREST, len(position) - 1) + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     offset = position[near] - position[rows, None, :]
-    seen = distance <= horizon[rows, None] * (1 + 1e-9)
+    seen = distance <= horizon[rows, None] * (1 + ROUND_OFF)
     sums = []
     for axis in (0, 1):
         along, across = offset[..., axis], np.abs(offset[..., 1 - axis])

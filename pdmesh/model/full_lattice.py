@@ -35,6 +35,14 @@ class Calibration(NamedTuple):
     stretch: float  # times the critical stretch
 
 
+def has_partial_cells(material: Material) -> bool:
+    """Whether cells count by their share within the horizon, and families reach half a spacing beyond it.
+
+    A conical micromodulus is 0 at the horizon, so that it hardly matters there, and cells count in full.
+    """
+    return material.micromodulus == "constant"
+
+
 def hu_beta(
     length: NDArray[np.float64], horizon: NDArray[np.float64], delta: NDArray[np.float64]
 ) -> NDArray[np.float64]:

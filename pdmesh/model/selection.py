@@ -24,8 +24,8 @@ from pdmesh.model.document import (
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
-class Nodes(Protocol):
-    """Nodes as a grid has them, and results."""
+class Cloud(Protocol):
+    """Nodes where they are, as a grid has them and as results do."""
 
     @property
     def ids(self) -> NDArray[np.int64]:
@@ -40,47 +40,47 @@ class Nodes(Protocol):
         """(n,) spacing, m."""
 
 
-def rows_of(nodes: Nodes, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
     """The rows (k,) of the nodes with these ids (k,), which must be there."""
-    order = np.argsort(nodes.ids)
-    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
+    order = np.argsort(cloud.ids)
+    return np.asarray(order[np.searchsorted(cloud.ids, ids, sorter=order)], dtype=np.int64)
 
 
-def in_box(nodes: Nodes, box: ArrayLike) -> NDArray[np.bool_]:
+def in_box(cloud: Cloud, box: ArrayLike) -> NDArray[np.bool_]:
     """Which nodes (n,) are in a box x0, y0, x1, y1, m, or on its edge."""
     low, high = np.reshape(np.asarray(box, dtype=float), (2, 2))
-    slack = SLACK * nodes.delta[:, None]
-    return np.asarray(((nodes.position >= low - slack) & (nodes.position <= high + slack)).all(axis=1))
+    slack = SLACK * cloud.delta[:, None]
+    return np.asarray(((cloud.position >= low - slack) & (cloud.position <= high + slack)).all(axis=1))
 
 
-def selected(nodes: Nodes, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
+def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
     """Which nodes (n,) a condition or a region means: those of its ids or, where it has none, those in its box."""
     if ids is not None:
-        return np.isin(nodes.ids, np.array(ids, dtype=np.int64))
+        return np.isin(cloud.ids, np.array(ids, dtype=np.int64))
     assert box is not None
-    return in_box(nodes, box)
+    return in_box(cloud, box)
 
 
-def check(settings: Settings, nodes: Nodes, name: str) -> None:
+def check(settings: Settings, cloud: Cloud, name: str) -> None:
     """Raises GridError for a condition or a region, of the file called `name`, that means no node or nothing."""
     for number, condition in enumerate(settings.conditions):
         place = f"{name}: $.conditions[{number}]"
-        _check_selection(condition, nodes, place)
+        _check_selection(condition, cloud, place)
         _check_condition(condition, place)
     for number, region in enumerate(settings.regions):
-        _check_selection(region, nodes, f"{name}: $.regions[{number}]")
+        _check_selection(region, cloud, f"{name}: $.regions[{number}]")
 
 
-def _check_selection(selection: Selection, nodes: Nodes, place: str) -> None:
+def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
     if (selection.nodes is None) == (selection.box is None):
         raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
     if selection.nodes is not None:
-        missing = np.setdiff1d(np.array(selection.nodes, dtype=np.int64), nodes.ids)
+        missing = np.setdiff1d(np.array(selection.nodes, dtype=np.int64), cloud.ids)
         if len(missing):
             raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
         if not selection.nodes:
             raise GridError(f"{place}.nodes: found none, expected at least one")
-    elif selection.box is not None and not in_box(nodes, selection.box).any():
+    elif selection.box is not None and not in_box(cloud, selection.box).any():
         raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.cloud import Grid
 from pdmesh.model.continuum import micromodulus
 from pdmesh.model.document import Material
-from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.visibility import Sight
 
@@ -21,7 +21,7 @@ SURFACES = 0.84  # of the step of a full family: corrected edges are stiffer alo
 
 
 @dataclass(frozen=True)
-class Bonds:
+class SeenPairs:
     """Directed bonds of one part of a grid's nodes."""
 
     source: NDArray[np.int64]  # (b,) row of the node whose horizon reaches the other
@@ -30,13 +30,13 @@ class Bonds:
     cut: NDArray[np.bool_]  # (b,) crossed by a pre-crack
 
 
-def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[Bonds]:
+def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[SeenPairs]:
     """The directed bonds |xi| <= `ratio` delta of each node, or of those in `rows`, a chunk of nodes at a time."""
     neighbours, sight = Neighbours(grid.position, grid.delta, ratio * grid.delta), Sight(grid)
     wanted = np.arange(len(grid)) if rows is None else rows
     for start in range(0, len(wanted), CHUNK):
         pairs = neighbours.pairs(wanted[start : start + CHUNK])
-        yield Bonds(pairs.source, pairs.target, sight.inside(pairs), sight.cut(pairs))
+        yield SeenPairs(pairs.source, pairs.target, sight.inside(pairs), sight.cut(pairs))
 
 
 def count(grid: Grid, ratio: float, sample: int | None = None) -> tuple[int, int]:
@@ -63,7 +63,7 @@ def stable_step(material: Material, ratio: float, spacing: float) -> float:
     edges, whose bonds are not known here; in plates hardly larger than a horizon they are stiffer still. The thesis
     mode's bound is shorter.
     """
-    partial = material.micromodulus == "constant"
+    partial = has_partial_cells(material)
     length = np.hypot(*offsets(ratio + 0.5 * partial).T)
     horizon = np.full(len(length), ratio)
     c = micromodulus(material, length, horizon)  # of a spacing of 1

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import LARGEST, MOST, InitialVelocity, Load, Material, Run, Settings
-from pdmesh.scene.conditions import Condition, describe
+from pdmesh.scene.conditions import PlacedCondition, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
 
@@ -155,7 +155,7 @@ def _material(material: Material, place: str) -> None:
         )
 
 
-def _condition(condition: Condition, scene: Plate) -> None:
+def _condition(condition: PlacedCondition, scene: Plate) -> None:
     action, place = condition.action, describe(condition.action)
     rows = condition.place.rows
     if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:

@@ -44,7 +44,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Condition:
+class PlacedCondition:
     """A condition of the grid file, its nodes still to be found in `place`."""
 
     place: Place

@@ -11,7 +11,7 @@ import shapely
 from shapely import MultiLineString, Polygon
 
 from pdmesh.model.document import Material, Run
-from pdmesh.scene.conditions import Condition, MaterialRegion
+from pdmesh.scene.conditions import MaterialRegion, PlacedCondition
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
 
@@ -58,7 +58,7 @@ class Plate:
     refinements: tuple[Refinement, ...] = ()
     cracks: tuple[Crack, ...] = ()
     regions: tuple[MaterialRegion, ...] = ()
-    conditions: tuple[Condition, ...] = ()
+    conditions: tuple[PlacedCondition, ...] = ()
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with

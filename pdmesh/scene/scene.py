@@ -31,7 +31,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.scene import checks
-from pdmesh.scene.conditions import Condition, MaterialRegion, Place, Profile, checked_profile
+from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, Profile, checked_profile
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -161,7 +161,7 @@ class Scene(Plate):
             action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
         except msgspec.ValidationError as error:
             raise SceneError(f"{place}: {error}") from None
-        condition = Condition(Place(self._place(where, place), rows), action)
+        condition = PlacedCondition(Place(self._place(where, place), rows), action)
         return replace(self, conditions=(*self.conditions, condition))
 
     def _place(self, where: Where, place: str) -> Curve | Surface:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.continuum import C11, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.document import Material
-from pdmesh.model.full_lattice import Calibration, calibration, hu_beta, lattice_ratios
+from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
@@ -127,7 +127,7 @@ def _mean_of_ends(
 
 
 def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
-    return corrections.partial_cells and material.micromodulus == "constant"
+    return corrections.partial_cells and has_partial_cells(material)
 
 
 def _calibration(model: Model, material: Material, corrections: Corrections) -> Calibration:
