@@ -166,6 +166,12 @@ MUTANTS = (
         "pdsolve/bonds.py",
         "return (sums[0, 0] + sums[1, 1]) / 2 + np.hypot(",
         "return (sums[0, 0] + sums[1, 1]) / 2 - np.hypot(",
+        "tests/verification/test_time_step.py::test_the_bound_is_safe_whatever_pre_cracks_cut",
+    ),
+    Mutant(
+        "pdsolve/laws/ordinary.py",
+        "(stiffest[_sources(bonds)] + stiffest[bonds.neighbour]) * length",
+        "stiffest[_sources(bonds)] * length",
         f"{CONTRACTS}::test_the_bound_is_safe_and_not_far_off",
     ),
     Mutant(

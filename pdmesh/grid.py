@@ -9,7 +9,6 @@ SI units throughout; the model is plane, per unit thickness.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from pdmesh.reading import read_bytes
 FORMAT_VERSION = 1
 
 LARGEST = 1e9  # m
+USUAL_LAW = "brittle"
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -46,14 +46,15 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rho: Positive  # density, kg/m^3
     G0: Positive  # fracture energy, J/m^2
     nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; springs have 1/3 or 1/4
-    law: str = "brittle"  # one of those that the solver knows
+    law: str = USUAL_LAW  # one of those that the solver knows
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
 
     def __post_init__(self) -> None:
-        msgspec.structs.force_setattr(self, "law", sys.intern(self.law))  # defaults are left out of files by identity
+        if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
+            msgspec.structs.force_setattr(self, "law", USUAL_LAW)
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
