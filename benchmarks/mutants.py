@@ -50,8 +50,8 @@ MUTANTS = (
     ),
     Mutant(  # resumed
         "pdsolve/operators/blocks/layout.py",
-        "blocks.softened[block[slot_soft]] = True",
-        "blocks.softened[block[slot_soft]] = False",
+        "stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]",
+        "stiffness[soft] = stiffness[soft]",
         f"{UNIT}/test_blocks.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
     ),
     Mutant(  # let go
@@ -67,16 +67,16 @@ MUTANTS = (
         f"{UNIT}/test_interrupted_runs.py::test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped",
     ),
     Mutant(
-        "pdpost/tips.py",
+        "pdpost/measures/tips.py",
         "np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w)",
         "np.arctan2(came[1] * w[0] - came[0] * w[1], came @ w)",
-        "tests/unit/pdpost/test_tips.py::test_arms_to_the_left_are_positive",
+        "tests/unit/pdpost/measures/test_tips.py::test_arms_to_the_left_are_positive",
     ),
     Mutant(
-        "pdpost/tradeoff.py",
+        "pdpost/measures/tradeoff.py",
         "return float(np.sqrt(np.sum(area * off**2) / size))",
         "return float(np.sqrt(np.sum(area.mean() * off**2) / size))",
-        "tests/unit/pdpost/test_tradeoff.py::test_large_cells_weigh_more",
+        "tests/unit/pdpost/measures/test_tradeoff.py::test_large_cells_weigh_more",
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
