@@ -7,6 +7,8 @@
 # make bench    chart speed against accuracy: benchmarks/accuracy.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
+# make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
+# make mutants  break the code on purpose, one place after the other, and see that tests notice
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -14,7 +16,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test slow thesis failures check bench bench-speed bench-quick install gmsh-libraries clean
+.PHONY: demo test slow thesis failures check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -74,11 +76,17 @@ bench: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -W ignore -m benchmarks.planning --check
 
 bench-speed: gmsh-libraries
-	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json
+	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json $(if $(AGAINST),--against $(AGAINST))
 	$(BIN)/python -m benchmarks.savings
 
 bench-quick: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.speed --quick
+
+compare: $(VENV)/install.done gmsh-libraries
+	$(BIN)/python -m benchmarks.compare $(AGAINST)
+
+mutants: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m benchmarks.mutants
 
 clean:
 	rm -rf $(VENV) demo build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -16,7 +16,7 @@ LENGTH = 60  # lines of a function, with its signature and docstring
 POSITIONAL = 8  # parameters of a function
 
 FOLDERS = ("pdmesh", "pdsolve", "pdpost", "tests", "benchmarks", ".ci")
-COMPILED = ("njit", "jit", "vectorize", "guvectorize", "overload")
+COMPILED = ("njit", "jit", "vectorize", "guvectorize", "overload", "intrinsic")
 
 
 def broken(path: Path) -> Iterator[str]:

@@ -1,7 +1,8 @@
 """How fast the solver is: the fast kernel against the listed one and numpy, in one interleaved run.
 
-`python -m benchmarks.speed` writes speed.json and speed.png; `--quick` measures one plate and fails where the fast
-kernel is less than `LEAST` times the listed one. benchmarks/README.md says how each number is made.
+`python -m benchmarks.speed` writes speed.json and speed.png, with what the processor allows; `--against DIR` measures
+another checkout beside this one; `--quick` measures one plate and fails where the fast kernel is less than `LEAST`
+times the listed one. benchmarks/README.md says how each number is made.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from tqdm import tqdm
 
-from benchmarks import lammps_peri
+from benchmarks import beside, bound, lammps_peri
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
@@ -240,8 +241,8 @@ def _written(model: Model, mode: str) -> float:
             return float(results.summary()["wall_time"])
 
 
-def chart(rows: list[dict[str, Any]], path: Path) -> None:
-    """ns a bond against nodes: all variants."""
+def chart(rows: list[dict[str, Any]], least: dict[str, float], path: Path) -> None:
+    """ns a bond against nodes: all variants, and the least of a thread of this processor."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
@@ -255,6 +256,8 @@ def chart(rows: list[dict[str, Any]], path: Path) -> None:
                 if (row["mode"], row["law"]) == (mode, law) and name in row["ns"]
             )
             axis.loglog(*zip(*points, strict=True), marker="o", label=name)
+        for (precision, ns), style in zip(least.items(), ("--", ":"), strict=True):
+            axis.axhline(ns, color="k", linestyle=style, linewidth=1, label=f"bound of 1 thread, {precision}")
         axis.set(title=f"{law}, {mode}", xlabel="nodes")
         axis.grid(alpha=0.3)
     axes[0, 0].set_ylabel("ns per directed bond and step")
@@ -288,6 +291,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--grids", default=usual, help="of 4k, 13k, 64k, 1M and the shipped scenes")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--runs", default="kalthoff_winkler,duran50", help="shipped scenes whose whole run is timed")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout, measured beside this one")
     parser.add_argument("-o", "--output", type=Path, default=Path("speed.json"))
     args = parser.parse_args(arguments)
     threads = min(2, numba.config.NUMBA_NUM_THREADS)
@@ -318,9 +322,15 @@ def main(arguments: list[str] | None = None) -> int:
         "threads": threads,
         "numba": numba.__version__,
     }
-    found = {"machine": machine, "intact": rows, "others": others, "runs": runs, "processes": waiting}
+    least = {precision: bound.ns_per_bond(precision) for precision in ("float64", "float32")}
+    print("; ".join(f"the least of a thread, {precision}: {ns:.3g} ns a bond" for precision, ns in least.items()))
+    found = {"machine": machine, "bound": least, "intact": rows, "others": others, "runs": runs, "processes": waiting}
+    if args.against:
+        found["against"] = list(beside.compared(args.against))
+        for measured in found["against"]:
+            beside.tell(measured)
     args.output.write_text(json.dumps(found, indent=1))
-    chart(rows, args.output.with_suffix(".png"))
+    chart(rows, least, args.output.with_suffix(".png"))
     return 0
 
 

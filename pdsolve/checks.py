@@ -20,6 +20,7 @@ from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.trees import tree_of
 from pdsolve.laws.critical import limits
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.state import Broken
 
 LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
@@ -27,6 +28,7 @@ CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
+TOGETHER = 10_000  # of such triangles are checked together
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
@@ -231,8 +233,10 @@ def _shapes(model: Model) -> None:
 class Watch:
     """Looks at the motion of a run now and then; says each thing once."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]]) -> None:
+        """`bonds(first, last)` are the rows of the ends of bonds at the start, of the sources `first` to `last` - 1."""
         self._model, self._said, self._vague = model, False, False
+        self._bonds = bonds
         self._triangles: _Triangles | None = None  # not asked for while displacements are small
         self._smallest = float(model.grid.delta.min())
         breaking = np.full(len(model.grid), np.inf)
@@ -242,13 +246,13 @@ class Watch:
             breaking[own] = stretch * model.grid.delta[own]
         self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
 
-    def look(self, u: NDArray[np.floating], intact: Callable[[int], NDArray[np.int64]], step: int) -> None:
+    def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warns of bonds turned inside out, and of displacements too large for their digits.
 
-        `u` (n, 2) are the displacements, m; `intact(row)` are the rows that a node still has a bond to.
+        `u` (n, 2) are the displacements, m; `broken` are all bonds that are.
         """
         if not self._said and np.ptp(u, axis=0).max() >= self._smallest:
-            self._crushed(u, intact, step)
+            self._crushed(u, broken, step)
         known = float(np.finfo(u.dtype).eps * np.abs(u).max(initial=0.0))
         if not self._vague and known > FRACTION * self._breaking:
             self._vague = True
@@ -259,24 +263,41 @@ class Watch:
                 " a bond",
             )
 
-    def _crushed(self, u: NDArray[np.floating], intact: Callable[[int], NDArray[np.int64]], step: int) -> None:
+    def _crushed(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         position = self._model.grid.position
         if self._triangles is None:
-            self._triangles = _triangles(position, FLAT * self._smallest**2)
+            self._triangles = self._bonded(_triangles(position, FLAT * self._smallest**2))
         rows, one, other, before = self._triangles
         place = position + u
         now = _cross(place[one] - place[rows], place[other] - place[rows])
-        for at in np.flatnonzero(before * now <= 0).tolist():
-            corners = [int(rows[at]), int(one[at]), int(other[at])]
-            if np.isin(corners[1:], intact(corners[0])).all():
-                self._said = True
-                names = ", ".join(_named(self._model, row) for row in corners)
-                _warn(
-                    self._model,
-                    f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
-                    " compression; bonds do not keep nodes apart",
-                )
-                return
+        turned = np.flatnonzero(before * now <= 0)
+        if not len(turned):
+            return
+        near = np.zeros(len(position), dtype=bool)
+        near[rows[turned]] = True
+        gone = (len(position) * broken.source + broken.target)[near[broken.source]]
+        for end in (one, other):
+            turned = turned[~np.isin(len(position) * rows[turned] + end[turned], gone, assume_unique=True)]
+        if len(turned):
+            self._said = True
+            names = ", ".join(_named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
+            _warn(
+                self._model,
+                f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
+                " compression; bonds do not keep nodes apart",
+            )
+
+    def _bonded(self, found: _Triangles) -> _Triangles:
+        """Those whose nodes were bonded at the start."""
+        kept = np.ones(len(found.row), dtype=bool)
+        for at in range(0, len(found.row), TOGETHER):
+            row, one, other, _ = (column[at : at + TOGETHER] for column in found)
+            nodes = len(self._model.grid)
+            source, target = self._bonds(int(row[0]), int(row[-1]) + 1)
+            keys = nodes * source + target
+            bonded = [np.isin(nodes * row + end, keys, assume_unique=True) for end in (one, other)]
+            kept[at : at + TOGETHER] = bonded[0] & bonded[1]
+        return _Triangles(found.row[kept], found.one[kept], found.other[kept], found.twice[kept])
 
 
 class _Triangles(NamedTuple):

@@ -9,12 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.system import System
 
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
-Energies = tuple[NDArray[np.float64], NDArray[np.float64]]  # of an operator: held, and spent on softening
+
+class Asked(NamedTuple):
+    """What an operator says of one state, asked once for all who want to know."""
+
+    held: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
+    spent: NDArray[np.float64]  # (n,) on softening so far, J/m^3
+    broken: Broken  # all so far
+
+
+def ask(system: System, state: State) -> Asked:
+    """The operator, at this state."""
+    return Asked(*system.operator.energies(state), system.operator.broken())
 
 
 class Ledger(NamedTuple):
@@ -38,9 +49,9 @@ class Ledger(NamedTuple):
         return missing / scale if scale else 0.0
 
 
-def books(system: System, state: State, step: int, energies: Energies | None = None) -> Ledger:
-    """The ledger after `step`, in double precision and in the nodes' order; `energies` are the operator's, if known."""
-    strain, softened = energies or system.operator.energies(state)
+def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
+    """The ledger after `step`, in double precision and in the nodes' order; `asked` of this state, if it was."""
+    strain, softened, broken = asked or ask(system, state)
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(
@@ -52,27 +63,31 @@ def books(system: System, state: State, step: int, energies: Energies | None = N
             work=float(np.sum(area * state.work)),
             momentum_x=float(np.sum(rho * area * velocity[:, 0])),
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-            broken=len(system.operator.broken().step),
+            broken=len(broken.step),
         )
 
 
-def damage(system: System) -> NDArray[np.float64]:
-    """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any."""
+def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
+    """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any.
+
+    `broken` are all of them, if known.
+    """
     family = system.family
-    intact = system.count - np.bincount(system.operator.broken().source, minlength=len(family))
+    broken = system.operator.broken() if broken is None else broken
+    intact = system.count - np.bincount(broken.source, minlength=len(family))
     return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
 
 
 def fields(
-    system: System, state: State, names: Iterable[str], energies: Energies | None = None
+    system: System, state: State, names: Iterable[str], asked: Asked | None = None
 ) -> dict[str, NDArray[np.floating]]:
-    """The fields (n,) of these names now; `energies` as in `books`."""
+    """The fields (n,) of these names now; `asked` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
     for name in names:
         if name == "damage":
-            found[name] = damage(system)
+            found[name] = damage(system, asked and asked.broken)
         elif name == "energy":
-            found[name] = (energies or system.operator.energies(state))[0]
+            found[name] = asked.held if asked else system.operator.energies(state)[0]
         else:
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
             found[name] = values[:, "xy".index(name[1])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pdmesh.model.trees import tree_of
 from pdsolve.checks import Watch
 from pdsolve.conditions import put_loads
-from pdsolve.measures import Ledger, books, fields
+from pdsolve.measures import Ledger, ask, books, fields
 from pdsolve.reactions import Reaction, grips, reactions
 from pdsolve.results import Breaks, Families, Frame, Nodes
 from pdsolve.stability import check_physics
@@ -29,21 +30,24 @@ def nodes(system: System) -> Nodes:
 
 
 def families(system: System, first: int, last: int) -> Families:
-    """Who is bonded to whom before anything has broken, for the rows `first` to `last` - 1."""
-    _, target = system.operator.bonds(first, last)
+    """Who is bonded to whom before anything has broken, for the rows `first` to `last` - 1; while a run goes on too."""
+    _, target = system.operator.bonds(first, last, start=True)
     return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
 
 
-def breaks(system: System, after: int) -> Breaks:
-    """Bonds broken after a step, in order."""
-    ids, found = system.model.grid.ids, system.operator.broken(after)
-    order = np.lexsort((found.target, found.source, found.step))
-    return Breaks(found.step[order], ids[found.source[order]], ids[found.target[order]])
+def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
+    """Bonds broken after a step, in order; of all that are `broken`, if known."""
+    ids, found = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
+    new = np.flatnonzero(found.step > after)
+    step, source, target = (column[new] for column in found)
+    order = np.lexsort((target, source, step))
+    return Breaks(step[order], ids[source[order]], ids[target[order]])
 
 
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
-    """Everything a later run needs to go on to the same bits, but for the broken bonds."""
-    return {**state._asdict(), "held_force": system.drive.held_force, **system.operator.keep()}
+    """Everything a later run needs to go on to the same bits, but for the broken bonds; a copy."""
+    here = {**state._asdict(), "held_force": system.drive.held_force}
+    return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep())
 
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
@@ -72,11 +76,11 @@ class Notes:
         self._reactions: list[Reaction] = []
         self._grips = grips(system.model)
         self._rows = tree_of(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
-        self._watch = Watch(system.model)
+        self._watch = Watch(system.model, partial(system.operator.bonds, start=True))
         self.written = step
         self._kept = clock.perf_counter()
-        self._energies = system.operator.energies(state)
-        self.last = books(system, state, step, self._energies)
+        self.now = ask(system, state)
+        self.last = books(system, state, step, self.now)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -85,10 +89,11 @@ class Notes:
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         system, state = self._system, self._state
-        self._energies = system.operator.energies(state)
-        self.last = books(system, state, step, self._energies)
+        if step != self.last.step:
+            self.now = ask(system, state)
+            self.last = books(system, state, step, self.now)
         check_physics(system, state, self.last)
-        self._watch.look(state.value, lambda row: system.operator.bonds(row, row + 1)[1], step)
+        self._watch.look(state.value, self.now.broken, step)
         self._ledgers.append(self.last)
         u, v, a = state.value, state.rate, state.second
         for row in dict.fromkeys(self._rows):
@@ -103,12 +108,13 @@ class Notes:
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        found = fields(system, self._state, run.fields, self._energies) if whole else None
+        asked = self.now if self.last.step == step else None
+        found = fields(system, self._state, run.fields, asked) if whole else {}
         frame = Frame(
             step,
             step * system.time_step,
-            found,
-            breaks(system, self.written),
+            {name: values.astype("<f4") for name, values in found.items()} if whole else None,
+            breaks(system, self.written, asked and asked.broken),
             self._ledgers,
             self._probes,
             checkpoint(system, self._state) if state else None,

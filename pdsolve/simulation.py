@@ -19,9 +19,9 @@ from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, families, nodes, restore
-from pdsolve.results import Results, ResultsError, Writer, writing_to
+from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.stability import UnstableError
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.system import Options, System, prepare
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -34,8 +34,8 @@ class Progress(NamedTuple):
 
     step: int
     steps: int
-    broken: int
-    balance: float  # of the last ledger
+    broken: int  # directed bonds, as of the last ledger
+    balance: float  # likewise
 
 
 class Plan(NamedTuple):
@@ -81,16 +81,11 @@ def run(
 
 
 def _run(system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str) -> Results:
-    cracks = system.model.grid.cracks
-    writer = Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
-    try:
-        notes = Notes(system, state, 0)
-        notes.take(0)
-        writer.write(notes.frame(0, whole=True, state=True))
-    except BaseException:
-        writer.discard()
-        raise
-    return _finish(system, state, writer, output, notes, watch)
+    def new() -> Writer:
+        cracks = system.model.grid.cracks
+        return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
+
+    return _finish(system, state, new, output, None, watch)
 
 
 def resume(output: Path, threads: int | None = None, watch: Watcher | None = None) -> Results:
@@ -114,7 +109,11 @@ def _is_finished(output: Path) -> bool:
 def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results:
     with Results.open(output) as results:
         results.verify()
-        meta, known = results.meta(), results.nodes()
+        meta, known, (step, kept) = results.meta(), results.nodes(), results.checkpoint()
+        if not kept.keys() >= set(State._fields):
+            raise ResultsError(
+                f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
+            )
         model = model_of(results.model(), str(output))
         system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
@@ -123,10 +122,9 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
                 f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
                 f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
             )
-        step, kept = results.checkpoint()
         restore(system, state, step, kept, results.breaks())
     notes = Notes(system, state, step, float(meta.get("wall_time", 0.0)))
-    return _finish(system, state, Writer.reopen(output), output, notes, watch)
+    return _finish(system, state, partial(Writer.reopen, output), output, notes, watch)
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
@@ -144,17 +142,29 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
 
 
 def _finish(
-    system: System, state: State, writer: Writer, output: Path | None, notes: Notes, watch: Watcher | None
+    system: System,
+    state: State,
+    make: Callable[[], Writer],
+    output: Path | None,
+    notes: Notes | None,
+    watch: Watcher | None,
 ) -> Results:
+    """March to the end, from the start where there are no `notes` yet; `make` gives the writer."""
     _give_back_memory()
-    try:
-        status = _march(system, state, writer, notes, watch)
-    except BaseException as error:
-        ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
-        writer.abandon(ends.get(type(error), "failed"))
-        raise
-    writer.close(status)
-    return Results(writer.connection, "results in memory") if output is None else Results.open(output)
+    with behind(make, new=notes is None) as writer:
+        try:
+            if notes is None:
+                notes = Notes(system, state, 0)
+                notes.take(0)
+                writer.write(notes.frame(0, whole=True, state=True))
+            status = _march(system, state, writer, notes, watch)
+        except BaseException as error:
+            ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
+            writer.abandon(ends.get(type(error), "failed"))
+            raise
+        last = writer.done()
+        last.close(status)
+    return Results(last.connection, "results in memory") if output is None else Results.open(output)
 
 
 def _give_back_memory() -> None:
@@ -166,7 +176,7 @@ def _give_back_memory() -> None:
             trim(0)
 
 
-def _march(system: System, state: State, writer: Writer, notes: Notes, watch: Watcher | None) -> str:
+def _march(system: System, state: State, writer: Behind, notes: Notes, watch: Watcher | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
     run, step = system.model.settings.run, notes.written
     chunk = max(1, int(PATIENCE / max(system.bonds, 1)))
@@ -174,23 +184,25 @@ def _march(system: System, state: State, writer: Writer, notes: Notes, watch: Wa
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        balance = notes.last.balance(system.initial_energy)
-        return watch is not None and watch(Progress(step, run.steps, len(system.operator.broken().step), balance))
+        books = notes.last
+        balance = books.balance(system.initial_energy)
+        return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
 
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         system.stepper.march(state, step + 1, min(ends) + 1)
         step = min(ends)
+        writer.look()
         interrupted = asked()
         if step in ends[1:]:
             notes.take(step)
-            done = _is_enough(system, step)
+            done = _is_enough(system, notes.now.broken, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
     found = notes.last if notes.last.step == step else books(system, state, step)
-    writer.tell({"summary": json.dumps(_summary(system, found, notes.wall(), done))})
+    writer.done().tell({"summary": json.dumps(_summary(system, found, notes.wall(), done))})
     balance, spent = found.balance(system.initial_energy), found.dissipated
     closing(system.model, balance, spent, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
@@ -200,13 +212,13 @@ def _next(step: int, interval: int) -> int:
     return (step // interval + 1) * interval
 
 
-def _is_enough(system: System, step: int) -> bool:
+def _is_enough(system: System, broken: Broken, step: int) -> bool:
     """Whether the run has seen what its model waits for."""
     run = system.model.settings.run
     if run.until == "split":
         return pieces(system) > 1
     if run.until == "quiet":
-        last = int(system.operator.broken().step.max(initial=0))
+        last = int(broken.step.max(initial=0))
         return last > 0 and run.quiet is not None and (step - last) * system.time_step >= run.quiet
     return False
 
@@ -220,7 +232,7 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
         "numba": numba.__version__,
         "mode": system.options.mode,
         "precision": system.options.precision,
-        "threads": numba.get_num_threads(),
+        "threads": system.threads,
         "kernel": system.operator.name,
         "time_step": system.time_step,
         "stable_time_step": system.bound,
@@ -240,7 +252,7 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
         "stable_time_step": system.bound if np.isfinite(system.bound) else None,
         "mode": system.options.mode,
         "precision": system.options.precision,
-        "threads": numba.get_num_threads(),
+        "threads": system.threads,
         "kernel": system.operator.name,
         "wall_time": wall,
         "bond_updates_per_second": bonds * books.step / wall if wall > 0 else 0.0,

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Filling, Part, in_precision, listed, stiffest
+from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
@@ -27,6 +27,7 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
+from pdsolve.threads import cores
 
 
 class Stepper(Protocol):
@@ -63,6 +64,11 @@ class System:
     initial_energy: float  # J/m
 
     @property
+    def threads(self) -> int:
+        """How many share the work."""
+        return self.options.threads or cores()
+
+    @property
     def bonds(self) -> int:
         """How many directed bonds there were at the start."""
         return int(self.count.sum())
@@ -85,10 +91,10 @@ def prepare(model: Model, options: Options) -> Prepared:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    cores = numba.config.NUMBA_NUM_THREADS
-    if options.threads is not None and not 1 <= options.threads <= cores:
-        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores}")
-    numba.set_num_threads(options.threads or cores)
+    if options.kernel not in (None, "blocks", "listed"):
+        raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
+    if options.threads is not None and not 1 <= options.threads <= cores():
+        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
@@ -98,7 +104,8 @@ def prepare(model: Model, options: Options) -> Prepared:
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling, kind = scheme.fill(model), np.dtype(options.precision).type
-    operator, survey = _operator(model, options, scheme, filling)
+    threads = options.threads or cores()
+    operator, survey = _operator(model, options, scheme, filling, threads)
     rho = model.rho.astype(kind)
     step, bound = model.settings.run.time_step, _bound(operator, model.rho)
     if step is None:
@@ -188,18 +195,22 @@ class _Survey:
         return np.concatenate(self._stiffest)
 
 
-def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, _Survey]:
+def _operator(
+    model: Model, options: Options, scheme: Scheme, filling: Filling, threads: int
+) -> tuple[Operator, _Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
-    law, kind, threads = law_of(model), np.dtype(options.precision).type, numba.config.NUMBA_NUM_THREADS
-    if law in PAIRS and options.kernel != "listed":
+    law, kind = law_of(model), np.dtype(options.precision).type
+    compiled = not numba.config.DISABLE_JIT  # blocks are nothing but compiled code
+    if law in PAIRS and options.kernel != "listed" and compiled:
         survey = _Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads)
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
     if options.kernel == "blocks":
         raise ModelError(
-            "kernel: found nodes without a lattice, or a law that is no pair's, expected others for blocks"
+            "kernel: found nodes without a lattice, a law that is no pair's, or code that is not compiled, expected"
+            " others for blocks"
         )
     survey = _Survey(filling, scheme.symmetric)
-    bonds = in_precision(listed(survey.parts(), filling.area).bonds, options.precision)
-    return Listed(law, law.columns(model, bonds), bonds, scheme.symmetric, numba.get_num_threads()), survey
+    bonds = listed(survey.parts(), filling.area).bonds
+    return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

@@ -1,23 +1,128 @@
-"""Work that several threads share."""
+"""Work that several threads share.
+
+numba's own parallel loops take as long to compile as all that is in them, and to begin and end some microseconds each
+time. Here Python's threads run compiled code side by side, and wait for each other inside of it.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import pairwise
+from threading import Barrier
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 LEAST = 1000  # rows: a smaller part is done before another thread has begun
+PATIENCE = 2000  # looks at whether others have come, before the processor is offered to somebody else
+
+
+class Gate(NamedTuple):
+    """Where threads wait for each other."""
+
+    arrived: NDArray[np.int64]  # (1,) how often any thread has come
+    threads: int
+    idle: int  # the address of what offers the processor to somebody else
+
+
+def cores() -> int:
+    """How many threads there may be: the cores that the process may use, or NUMBA_NUM_THREADS."""
+    return int(numba.config.NUMBA_NUM_THREADS)
+
+
+def gate_of(threads: int) -> Gate:
+    """A gate for so many threads."""
+    return Gate(np.zeros(1, dtype=np.int64), threads, _idle())
+
+
+@cache
+def _idle() -> int:
+    """The address of what offers the processor to somebody else."""
+    if sys.platform == "win32":
+        idle = ctypes.windll.kernel32.SwitchToThread
+    else:
+        idle = ctypes.CDLL(None).sched_yield
+    return ctypes.cast(idle, ctypes.c_void_p).value or 0
+
+
+@njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def meet(gate):  # type: ignore[no-untyped-def]
+    """Go on when all threads have come here."""
+    if gate.threads == 1:
+        return
+    goal, looks = (_arrive(gate.arrived) // gate.threads + 1) * gate.threads, 0
+    while _arrived(gate.arrived) < goal:
+        looks += 1
+        if looks > PATIENCE:
+            _call(gate.idle)
+
+
+@intrinsic
+def _arrive(typingctx: Any, arrived: Any) -> Any:
+    """Count one more; returns how many there were before."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        data = context.make_array(arrived)(context, builder, values[0]).data
+        return builder.atomic_rmw("add", data, ir.IntType(64)(1), "seq_cst")
+
+    return types.int64(arrived), generate
+
+
+@intrinsic
+def _arrived(typingctx: Any, arrived: Any) -> Any:
+    """How many there are now."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        data = context.make_array(arrived)(context, builder, values[0]).data
+        return builder.load_atomic(data, "seq_cst", 8)
+
+    return types.int64(arrived), generate
+
+
+@intrinsic
+def _call(typingctx: Any, address: Any) -> Any:
+    """Call a function without arguments."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        kind = ir.FunctionType(ir.IntType(32), ())
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), [])
+
+    return types.int32(types.int64), generate
+
+
+def side_by_side(work: Callable[[int], None], threads: int) -> None:
+    """Do `work(thread)` on so many threads; it must let go of Python's lock. Raises RuntimeError for too many."""
+    if threads == 1:
+        work(0)
+        return
+    begin = Barrier(threads)
+
+    def begun(thread: int) -> None:
+        begin.wait()
+        work(thread)
+
+    with ThreadPoolExecutor(threads - 1) as pool:
+        try:
+            others = [pool.submit(begun, thread) for thread in range(1, threads)]
+        except RuntimeError:
+            begin.abort()  # nobody waits for one who never comes
+            raise
+        begun(0)
+        for other in others:
+            other.result()
 
 
 def share(work: Callable[[int, int], None], rows: int, threads: int) -> None:
     """Do `work(first, last)` on all rows, in equal parts side by side; it must let go of Python's lock."""
     parts = max(1, min(threads, rows // LEAST))
-    own, *others = pairwise(rows * part // parts for part in range(parts + 1))
-    if not others:
-        work(*own)
-        return
-    with ThreadPoolExecutor(len(others)) as pool:
-        begun = [pool.submit(work, *ends) for ends in others]
-        work(*own)
-        for other in begun:
-            other.result()
+    ends = list(pairwise(rows * part // parts for part in range(parts + 1)))
+    side_by_side(lambda part: work(*ends[part]), parts)

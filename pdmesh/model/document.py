@@ -21,6 +21,7 @@ FORMAT_VERSION = 1
 
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
+USUAL_LAW = "brittle"
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -41,11 +42,15 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rho: Positive  # density, kg/m^3
     G0: Positive  # fracture energy, J/m^2
     nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; springs have 1/3 or 1/4
-    law: str = "brittle"  # one of those that the solver knows
+    law: str = USUAL_LAW  # one of those that the solver knows
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
+
+    def __post_init__(self) -> None:
+        if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
+            msgspec.structs.force_setattr(self, "law", USUAL_LAW)
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -195,7 +200,7 @@ def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
     fields |= {name: getattr(document, name) for name in document.__struct_fields__ if name != "nodes"}
-    nodes = b",\n".join(b"  " + msgspec.json.encode(node) for node in document.nodes)
+    nodes = b"  " + msgspec.json.encode(document.nodes)[1:-1].replace(b"},{", b"},\n  {")  # no node has braces inside
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
     return b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]) + b"\n}\n"
 

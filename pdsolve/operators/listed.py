@@ -13,8 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds, ends, find, stiffest
+from pdsolve.bonds import Bonds, ends, find, in_precision, stiffest
 from pdsolve.laws.law import List, Now, age, bind, close, deformed, energy, gather, pull
+from pdsolve.model import Model
 from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.threads import share
@@ -81,13 +82,23 @@ class Listed:
 
     name = "listed"
 
-    def __init__(self, law: ModuleType, columns: Any, bonds: Bonds, symmetric: bool, threads: int = 1) -> None:
-        """`columns` are those of the law for these bonds."""
+    def __init__(
+        self,
+        law: ModuleType,
+        model: Model,
+        exact: Bonds,
+        symmetric: bool,
+        precision: str = "float64",
+        threads: int = 1,
+    ) -> None:
+        """The law of the model for bonds in double precision, to be summed in this `precision`."""
         bind(law)
+        self._stiffest = stiffest(exact, law.springs(law.columns(model, exact), exact), symmetric)
+        bonds = in_precision(exact, precision)
         xi = tuple(np.ascontiguousarray(bonds.xi[:, axis]) for axis in range(bonds.xi.shape[1]))
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", len(xi), 2),)
         self.symmetric = symmetric
-        self.law, self.columns, self._bonds = law, columns, bonds
+        self.law, self.columns, self._bonds = law, law.columns(model, bonds), bonds
         self._list, self._nodes, self._threads = List(bonds.start, bonds.neighbour, xi), len(bonds.start) - 1, threads
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
@@ -103,7 +114,7 @@ class Listed:
 
     def stiffest(self) -> NDArray[np.float64]:
         """As in `Operator`."""
-        return stiffest(self._bonds, self.law.springs(self.columns, self._bonds), self.symmetric)
+        return self._stiffest
 
     def tangent(self, state: State) -> csr_array:
         """As in `Operator`."""
@@ -119,10 +130,12 @@ class Listed:
             return tangent.of_two_passes(self._list, pulls, value)
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """As in `Operator`."""
         begin, end = self._list.start[[first, self._nodes if last is None else last]]
-        return ends(self._bonds, begin + np.flatnonzero(self._steps()[begin:end] == 0))
+        return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | start))
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""

@@ -46,9 +46,11 @@ class Operator(Protocol):
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4; component a of node i is at
         w i + a."""
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows (k,) of both nodes of the bonds that are intact, source and target, in order; of the sources from
-        `first` to `last` - 1, or of all."""
+        `first` to `last` - 1, or of all. Those at the `start` may be asked for while others march."""
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""

@@ -6,6 +6,7 @@ with its broken bonds and its ledger: a killed run loses at most the last frame.
 checkpoint in full precision as well, from which a run goes on.
 """
 
+from pdsolve.results.behind import Behind, behind
 from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
@@ -13,6 +14,7 @@ from pdsolve.results.schema import Breaks, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, remove
 
 __all__ = [
+    "Behind",
     "Breaks",
     "BusyError",
     "DamagedError",
@@ -25,6 +27,7 @@ __all__ = [
     "ResultsWarning",
     "WriteError",
     "Writer",
+    "behind",
     "remove",
     "writing_to",
 ]

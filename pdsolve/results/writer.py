@@ -243,9 +243,13 @@ class Writer:
 
 
 def _connected(path: Path | None) -> sqlite3.Connection:
-    """A connection to write with: readers are not disturbed, and the disk is waited for once in `WAL_PAGES`."""
+    """A connection to write with, by one thread after another.
+
+    Readers are not disturbed, and the disk is waited for once in `WAL_PAGES`.
+    """
+    place = ":memory:" if path is None else path
     with explained(path, WriteError):
-        connection = sqlite3.connect(":memory:" if path is None else path, timeout=LOOK, isolation_level=None)
+        connection = sqlite3.connect(place, timeout=LOOK, isolation_level=None, check_same_thread=False)
         try:
             connection.execute(f"PRAGMA page_size = {PAGE}")
             connection.execute("PRAGMA journal_mode = WAL")

@@ -10,15 +10,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import get_num_threads, get_thread_id, njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, apply_loads
-from pdsolve.operators.blocks.kernel import FX, FY, INNER, LANE_COUNT, LANES, sum_block
+from pdsolve.operators.blocks.kernel import FX, FY, INNER, LANES, across, sum_lanes
+from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.layout import aligned
 from pdsolve.operators.blocks.operator import InBlocks
+from pdsolve.operators.blocks.vectors import kick_and_drift
 from pdsolve.state import State
 from pdsolve.steppers.holds import hold_component, release_component
+from pdsolve.threads import gate_of, meet, side_by_side
 
 
 class Course(NamedTuple):
@@ -27,7 +30,9 @@ class Course(NamedTuple):
     force: NDArray[np.floating]  # (2, m) body force now, N/m^3
     before: NDArray[np.floating]  # (2, m) body force one step ago
     rho: NDArray[np.floating]  # (m,) kg/m^3
+    lightness: NDArray[np.floating]  # (m,) 1 / rho
     loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
+    plain: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
     turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
@@ -38,29 +43,31 @@ class VerletBlocks:
 
     def __init__(self, operator: InBlocks, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
-        count = len(operator.blocks.softened)
+        count, threads = len(operator.blocks.softened), len(operator.blocks.scratch)
         block = drive.holds.node // LANES
         held, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
-        self._operator, self._dt = operator, dt
+        held_start = np.searchsorted(block[held], np.arange(count + 1))
+        self._operator, self._dt, self._threads = operator, dt, threads
         self._course = Course(
             force=_spread(drive.force, count),
             before=_spread(drive.before, count),
             rho=_spread(rho, count, 1.0),
+            lightness=_spread(1 / rho, count, 1.0),
             loaded=loaded,
+            plain=~loaded & (np.diff(held_start) == 0),
             held=held,
-            held_start=np.searchsorted(block[held], np.arange(count + 1)),
-            turns=_turns(count, get_num_threads()),
+            held_start=held_start,
+            turns=_turns(count, threads),
         )
         nodes = len(rho)
         self.drive = drive._replace(force=self._course.force[:, :nodes].T, before=self._course.before[:, :nodes].T)
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        drive, operator = self.drive, self._operator
-        advance_blocks(
-            operator.blocks, operator.tracks, self._course, drive, drive.holds, drive.profiles, self._dt, first, last
-        )
+        operator, gate = self._operator, gate_of(self._threads)
+        arguments = operator.blocks, operator.tracks, self._course, self.drive, self._dt, first, last
+        side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
 
 
 def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
@@ -79,53 +86,61 @@ def _turns(count: int, threads: int) -> NDArray[np.int64]:
     return np.argsort(np.arange(count) // group % threads, kind="stable").astype(np.int64)
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def advance_blocks(blocks, tracks, course, drive, holds, profiles, dt, first, last):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    `holds` and `profiles` are those of `drive`: a parallel loop knows the tuples among the arguments only.
+    Threads run this side by side, each with a share of the blocks, and `meet` once a step.
     """
-    u, speed, force, steps = tracks.u, drive.held_speed, drive.held_force, last - first
+    u, steps, count = tracks.u, last - first, len(course.turns)
+    own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
     for taken in range(steps + 1 if steps > 0 else 0):
         if taken > 0 and drive.varies:
-            apply_loads(drive, (first + taken - 1) * dt)
+            if thread == 0:
+                apply_loads(drive, (first + taken - 1) * dt)
+            meet(gate)
         before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
-        starts, ends, step = taken == 0, taken == steps, first + taken - 1
-        for b in prange(len(course.loaded)):
-            turn = course.turns[b]
-            _sweep_block(
-                blocks, tracks, course, now, before, after, holds, profiles, speed, force, dt, step, starts, ends, turn
-            )
-    if steps > 0 and steps % 3 != 0:
+        for turn in range(own, others):
+            b, step, starts, ends = course.turns[turn], first + taken - 1, taken == 0, taken == steps
+            if not starts and not ends and course.plain[b]:
+                _sweep_plain(blocks, tracks, course.lightness, now, before, after, dt, step, b, s)
+            else:
+                _sweep_block(blocks, tracks, course, drive, now, before, after, dt, step, starts, ends, b, s)
+        meet(gate)
+    if thread == 0 and steps > 0 and steps % 3 != 0:
         _copy(u, steps % 3)
 
 
-@njit(**INNER)
-def _sweep_block(blocks, tracks, course, u, before, after, holds, profiles, speed, force, dt, step, starts, ends, b):  # type: ignore[no-untyped-def]
+@njit(forceinline=True, **INNER)
+def _sweep_plain(blocks, tracks, lightness, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
+    """End `step` for block b, which nothing but its bonds acts on, and go on to the next one."""
+    whole, half = u.dtype.type(dt), u.dtype.type(dt / 2)
+    for lane in range(0, LANES, across(s)):
+        sum_lanes(blocks, tracks, u, before, step, b, lane, s)
+        kick_and_drift(u, after, tracks.v, lightness, whole, half, b * LANES + lane, s)
+
+
+@njit(forceinline=True, **INNER)
+def _sweep_block(blocks, tracks, course, drive, u, before, after, dt, step, starts, ends, b, s):  # type: ignore[no-untyped-def]
     """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
-    holds_some, thread = course.held_start[b] < course.held_start[b + 1], get_thread_id()
-    s = blocks.scratch[thread]
     if starts:
         _take_acceleration(tracks.a, s, b)
     else:
-        sum_block(blocks, tracks.broken, tracks.worst, u, before, tracks.dissipated, step, b, thread, s)
+        for lane in range(0, LANES, across(s)):
+            sum_lanes(blocks, tracks, u, before, step, b, lane, s)
+            for k in range(across(s)):
+                s[FX + lane + k], s[FY + lane + k] = s[k], s[ROW + k]
         if course.loaded[b]:
             _load_lanes(course.force, course.before, tracks.v, tracks.work, s, dt, b)
-        _accelerate_lanes(course.rho, s, b)
-        if ends or holds_some:
-            _keep_acceleration(tracks.a, s, b)
-        if holds_some:
-            _release_block(tracks, course, holds, profiles, speed, force, dt, step * dt, b)
-            _take_acceleration(tracks.a, s, b)
-        if not (ends or holds_some):
-            _kick_and_drift_lanes(tracks.v, u, after, s, dt, b)
-            return
+        _accelerate_lanes(course.lightness, s, b)
+        _keep_acceleration(tracks.a, s, b)
+        _release_block(tracks, course, drive, dt, step * dt, b)
+        _take_acceleration(tracks.a, s, b)
         _kick_lanes(tracks.v, s, dt, b)
     if not ends:
         _kick_lanes(tracks.v, s, dt, b)
         _drift_lanes(tracks.v, u, after, dt, b)
-        if holds_some:
-            _hold_block(tracks, course, after, holds, profiles, speed, dt, (step + 1) * dt, b)
+        _hold_block(tracks, course, drive, after, dt, (step + 1) * dt, b)
 
 
 @njit(**INNER)
@@ -136,25 +151,25 @@ def _copy(u, last):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _release_block(tracks, course, holds, profiles, speed, force, dt, time, b):  # type: ignore[no-untyped-def]
-    v, a = tracks.v.T, tracks.a.T
+def _release_block(tracks, course, drive, dt, time, b):  # type: ignore[no-untyped-def]
+    v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
     for k in range(course.held_start[b], course.held_start[b + 1]):
         e = course.held[k]
-        release_component(v, a, course.rho, tracks.work, holds, profiles, speed, force, e, dt, time)
+        release_component(v, a, course.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time)
 
 
 @njit(**INNER)
-def _hold_block(tracks, course, u, holds, profiles, held_speed, dt, time, b):  # type: ignore[no-untyped-def]
+def _hold_block(tracks, course, drive, u, dt, time, b):  # type: ignore[no-untyped-def]
+    v, a = tracks.v.T, tracks.a.T
     for k in range(course.held_start[b], course.held_start[b + 1]):
-        hold_component(u.T, tracks.v.T, tracks.a.T, holds, profiles, held_speed, course.held[k], dt, time)
+        hold_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
 
 
 @njit(**INNER)
 def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
     """Add the loads to the forces of block b, and the work they do."""
-    first = np.uint64(b) * LANE_COUNT
-    for lane in range(LANE_COUNT):
-        i = first + lane
+    for lane in range(LANES):
+        i = b * LANES + lane
         s[FX + lane] += force[0, i]
         s[FY + lane] += force[1, i]
         work[i] += (before[0, i] + force[0, i]) / 2 * (dt * v[0, i])
@@ -162,53 +177,38 @@ def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def _accelerate_lanes(rho, s, b):  # type: ignore[no-untyped-def]
+def _accelerate_lanes(lightness, s, b):  # type: ignore[no-untyped-def]
     """From force densities to accelerations, which then are in FX and FY."""
-    first = np.uint64(b) * LANE_COUNT
-    for lane in range(LANE_COUNT):
-        s[FX + lane] /= rho[first + lane]
-        s[FY + lane] /= rho[first + lane]
+    for lane in range(LANES):
+        s[FX + lane] *= lightness[b * LANES + lane]
+        s[FY + lane] *= lightness[b * LANES + lane]
 
 
 @njit(**INNER)
 def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
-    first = np.uint64(b) * LANE_COUNT
-    for lane in range(LANE_COUNT):
-        a[0, first + lane] = s[FX + lane]
-        a[1, first + lane] = s[FY + lane]
+    for lane in range(LANES):
+        a[0, b * LANES + lane] = s[FX + lane]
+        a[1, b * LANES + lane] = s[FY + lane]
 
 
 @njit(**INNER)
 def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
-    first = np.uint64(b) * LANE_COUNT
-    for lane in range(LANE_COUNT):
-        s[FX + lane] = a[0, first + lane]
-        s[FY + lane] = a[1, first + lane]
+    for lane in range(LANES):
+        s[FX + lane] = a[0, b * LANES + lane]
+        s[FY + lane] = a[1, b * LANES + lane]
 
 
 @njit(**INNER)
 def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
-    first, half = np.uint64(b) * LANE_COUNT, s.dtype.type(dt / 2)
-    for lane in range(LANE_COUNT):
-        v[0, first + lane] += half * s[FX + lane]
-        v[1, first + lane] += half * s[FY + lane]
+    half = s.dtype.type(dt / 2)
+    for lane in range(LANES):
+        v[0, b * LANES + lane] += half * s[FX + lane]
+        v[1, b * LANES + lane] += half * s[FY + lane]
 
 
 @njit(**INNER)
 def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
-    first, whole = np.uint64(b) * LANE_COUNT, v.dtype.type(dt)
-    for lane in range(LANE_COUNT):
-        after[0, first + lane] = u[0, first + lane] + whole * v[0, first + lane]
-        after[1, first + lane] = u[1, first + lane] + whole * v[1, first + lane]
-
-
-@njit(**INNER)
-def _kick_and_drift_lanes(v, u, after, s, dt, b):  # type: ignore[no-untyped-def]
-    """The last half of a step and the first of the next: to the same bits as one by one, in one sweep."""
-    first, half, whole = np.uint64(b) * LANE_COUNT, s.dtype.type(dt / 2), s.dtype.type(dt)
-    for axis, row in ((0, FX), (1, FY)):
-        for lane in range(LANE_COUNT):
-            kick = half * s[row + lane]
-            speed = v[axis, first + lane] + kick + kick
-            v[axis, first + lane] = speed
-            after[axis, first + lane] = u[axis, first + lane] + whole * speed
+    whole = v.dtype.type(dt)
+    for lane in range(LANES):
+        after[0, b * LANES + lane] = u[0, b * LANES + lane] + whole * v[0, b * LANES + lane]
+        after[1, b * LANES + lane] = u[1, b * LANES + lane] + whole * v[1, b * LANES + lane]

@@ -209,6 +209,7 @@ BAD = {
     "areas missing": (changed(areas=[1.0]), rf"\$.areas: found 1, expected {len(PLAIN['nodes'])}"),
     "area of nothing": (changed(areas=[0.0] * len(PLAIN["nodes"])), r"> 0.0 - at `\$.areas\[0\]`"),
     "unknown plane": (changed(material=PLAIN["material"] | {"plane": "elastic"}), "Invalid enum value 'elastic'"),
+    "law that is no word": (changed(material=PLAIN["material"] | {"law": 3}), r"got `int` - at `\$.material.law`"),
     "negative E": (changed(material=PLAIN["material"] | {"E": -1}), r"Expected `float` > 0.0 - at `\$.material.E`"),
     "unknown condition": (changed(conditions=[{"kind": "heat"}]), r"'heat' - at `\$.conditions\[0\].kind`"),
     "horizon of nothing": (changed(horizon={"ratio": 0}), r"at `\$.horizon.ratio`"),

@@ -2,22 +2,19 @@
 
 Layout, after the sliced ELL format of sparse matrices:
     block    64 consecutive nodes; a node's place in it is its lane
-    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of the lanes
-             are consecutive too, which is nearly everywhere, a slot stores the first one (base), else all 64 (ids).
+    row      16 consecutive lanes
+    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes
+             are consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all (ids).
     table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
              inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
-             A slot gets a row of stiffnesses of its own when its first bond breaks.
-    mask     one bit a lane: there is a bond, and it is intact. As the stiffness says where there is none, only what
+             A slot gets rows of its own when its first bond breaks or softens.
+    mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what
              looks at single bonds needs it.
-    spare    64 nodes a thread behind the others, to line up neighbours that are not consecutive
-
-What numba makes of the loops over lanes is vector code as long as they write to one scratch array at places known to
-the compiler, read consecutive nodes and count in unsigned integers; benchmarks/ watches over that.
 
 Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against.
-A block is first summed as if nothing broke. Where every e is below the lowest peak of the block's bonds nothing can
-have broken or softened; otherwise, and where a bond has softened before, the block is summed again with the laws
-asked. Which of the two it is depends on the state alone.
+A lane carries an `edge`: nothing happens to its bond up to this e, that of its peak or, once it has softened, that of
+its largest stretch so far; its stiffness is the secant's. So all bonds are summed alike, and a slot is looked at lane
+by lane in the steps alone in which one of its bonds goes beyond.
 """
 
 from __future__ import annotations
@@ -25,38 +22,42 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_thread_id, njit
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share, spent_share
+from pdsolve.operators.blocks import lanes, vectors
+from pdsolve.operators.blocks.lanes import ROW
+from pdsolve.operators.blocks.pull import NARROW
+from pdsolve.operators.blocks.vectors import BOUND, FAR, PULL, VECTOR, add_any, add_far, add_slots
 
-LANES = 64
+LANES = 4 * ROW
+LIMITS = 7  # of a slot: row of `peak` and `limit`
 # Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile.
 # Nor does it make arrays: counting references to those it is given took a tenth of a step
 INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-NO_BOND = -1.0  # stiffness of a lane without an intact bond; at the edge of a horizon that of a bond may be 0
 
-# Where the rows of 64 begin in a thread's scratch array
-_UX, _UY, FX, FY, _TOP, _STRETCH, _WORST, END = (np.uint64(LANES * row) for row in range(8))
-LANE_COUNT, _ONE = np.uint64(LANES), np.uint64(1)
+# Where a thread's scratch has the sums of the whole block
+FX, FY, END = vectors.SCRATCH, vectors.SCRATCH + LANES, vectors.SCRATCH + 2 * LANES
+_E = vectors.E
+ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
 
 
 class Blocks(NamedTuple):
     """Bonds in blocks: s slots."""
 
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
-    vector: NDArray[np.int32]  # (s,) row of `vectors`
-    base: NDArray[np.int64]  # (s,) node next to lane 0, or -1 - row of `ids`
-    pull: NDArray[np.int32]  # (s,) row of `stiffness`, whole[slot] or its own, which is (rows - s) + slot
-    whole: NDArray[np.int32]  # (s,) row of `stiffness` while no bond is broken
-    bound: NDArray[np.int32]  # (s,) row of `peak` and `limit`
-    mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
-    ids: NDArray[np.uint32]  # (., 64) neighbours
-    vectors: NDArray[np.floating]  # (., 3) xi_x, xi_y and 1/|xi|^2
-    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|, below 0 without a bond; at the end one for each slot
+    slots: NDArray[np.int32]  # (s, 8) way from the nodes of each row to their neighbours, or FAR + row of `ids`; then
+    # rows of `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
+    ids: NDArray[np.int32]  # (., 16) neighbours
+    vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2
+    stiffness: NDArray[np.floating]  # (., 64) secant stiffness / |xi|, 0 without a bond; at the end one for each slot
+    near: NDArray[np.floating]  # (., 64) |e| up to which a lane needs no care, infinite without a bond; likewise
+    edge: NDArray[np.floating]  # (., 64) e above which something happens to a bond; likewise
     peak: NDArray[np.floating]  # (., 64)
     limit: NDArray[np.floating]  # (., 64)
-    threshold: NDArray[np.floating]  # (blocks,) of e, below which nothing breaks or softens
+    whole: NDArray[np.int32]  # (s,) row of `stiffness` while no bond is broken or softened
+    mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
     softened: NDArray[np.bool_]  # (blocks,) whether a bond has been above its peak
     scratch: NDArray[np.floating]  # (threads, .) room for the sums of a block
 
@@ -64,7 +65,7 @@ class Blocks(NamedTuple):
 class Tracks(NamedTuple):
     """The state of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
 
-    u: NDArray[np.floating]  # (3, 2, m + spare) displacements of three steps in turn, m; at rest in the first
+    u: NDArray[np.floating]  # (3, 2, m) displacements of three steps in turn, m; at rest in the first
     v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
     a: NDArray[np.floating]  # (2, m) acceleration, m/s^2
     dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
@@ -73,248 +74,143 @@ class Tracks(NamedTuple):
     worst: NDArray[np.floating]  # (s, 64) or (0, 64): largest stretch above the peak, 0 if never there
 
 
-@njit(**INNER)
-def sum_block(blocks, broken, worst, u, before, dissipated, step, b, thread, s):  # type: ignore[no-untyped-def]
-    """Force densities on the nodes of block b, N/m^3, at u (2, m + spare): in the rows FX and FY of `s`.
+@njit(forceinline=True, **INNER)
+def sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+    """Force densities on some lanes of block b, from `lane` on, at u (2, m), N/m^3: at the beginning of `s`.
 
-    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's row
-    of scratch.
+    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
+    scratch.
     """
-    first, spare = np.uint64(b) * LANE_COUNT, LANE_COUNT * np.uint64(len(blocks.start) - 1 + thread)
-    if not blocks.softened[b]:
-        _begin(u, first, s)
-        _add_intact(blocks, u, b, spare, s)
-        if not _exceeds(s):
-            return
-    _begin(u, first, s)
-    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        lined_up = _lined_up(blocks, u, slot, spare)
-        if len(worst) > 0:
-            _add_softening(blocks, worst, u, slot, lined_up, s)
-            if _remember(worst, slot, s):
+    slots, ids, table, pull = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness
+    near, edge, slot, last, own = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1], b * LANES + lane
+    for k in range(2 * ROW):
+        s[k] = 0
+    slot = add_slots(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
+    while slot < last:
+        slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
+        if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
+            slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, own, lane, s)
+
+
+@njit(forceinline=True, **INNER)
+def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
+    """Break or soften the bonds of a slot that are beyond their edge, and book what that has spent.
+
+    Returns whether there were any.
+    """
+    some, law = False, blocks.slots[slot, LIMITS]
+    for k in range(across(s)):
+        lane, e = first + k, s[_E + k]
+        if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
+            some, row = True, _own_rows(blocks, slot)
+            stretch, peak, limit = e / (1 + np.sqrt(1 + e)), blocks.peak[law, lane], blocks.limit[law, lane]
+            if stretch > limit:
+                _break(blocks, tracks, before, step, slot, b * LANES + lane, lane, stretch)
+                continue
+            if stretch > peak:
                 blocks.softened[b] = True
-        else:
-            _add_brittle(blocks, u, slot, lined_up, s)
-        if _exceeds(s):
-            _break(blocks, broken, worst, before, dissipated, step, slot, first, s)
+                tracks.worst[slot, lane] = stretch  # whose digits are all that a checkpoint has
+                share = intact_share(np.float64(tracks.worst[slot, lane]), np.float64(peak), np.float64(limit))
+                blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
+            blocks.edge[row, lane] = e
+            blocks.near[row, lane] = min(e, NARROW)
+    return some
 
 
 @njit(**INNER)
-def _begin(u, first, s):  # type: ignore[no-untyped-def]
-    """The block's displacements, and nothing else yet."""
-    zero = s.dtype.type(0)
-    for lane in range(LANE_COUNT):
-        s[_UX + lane] = u[0, first + lane]
-        s[_UY + lane] = u[1, first + lane]
-    for lane in range(LANE_COUNT):
-        s[FX + lane] = zero
-        s[FY + lane] = zero
-        s[_TOP + lane] = zero
+def across(s):  # type: ignore[no-untyped-def]
+    """How many lanes are summed at once into this scratch."""
+    return ACROSS if s.itemsize == 8 else ROW
 
 
 @njit(**INNER)
-def _lined_up(blocks, u, slot, spare):  # type: ignore[no-untyped-def]
-    """The first of a slot's 64 neighbours; where they are not consecutive, copies of them from `spare` on."""
-    base = blocks.base[slot]
-    if base >= 0:
-        return np.uint64(base)
-    ids, row = blocks.ids, np.uint64(-1 - base)
-    for lane in range(LANE_COUNT):
-        u[0, spare + lane] = u[0, ids[row, lane]]
-        u[1, spare + lane] = u[1, ids[row, lane]]
-    return spare
+def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignore[no-untyped-def]
+    """Take out the bond of node i that is over its limit, and book what it has spent."""
+    row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
+    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
+    peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
+    if peak < limit:
+        spent = peak * limit
+    else:
+        eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
+        e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+        spent = stretch * (e / (np.sqrt(1 + e) + 1))
+    tracks.dissipated[i] += blocks.stiffness[blocks.whole[slot], lane] / inverse * spent / 4
+    tracks.broken[slot, lane] = step
+    blocks.mask[slot] &= ~(np.uint64(1) << np.uint64(lane))
+    blocks.stiffness[blocks.slots[slot, PULL], lane] = 0
+    blocks.edge[row, lane] = blocks.near[row, lane] = np.inf
 
 
 @njit(**INNER)
-def _vector(vectors, row):  # type: ignore[no-untyped-def]
-    """xi_x, xi_y and 1 / |xi|^2 of a row of the table."""
-    at = np.uint64(row)
-    return vectors[at, 0], vectors[at, 1], vectors[at, 2]
+def _own_rows(blocks, slot):  # type: ignore[no-untyped-def]
+    """Give a slot rows of stiffnesses and edges of its own; returns that of the edges."""
+    slots = len(blocks.mask)
+    pull, bound = len(blocks.stiffness) - slots + slot, len(blocks.edge) - slots + slot
+    if blocks.slots[slot, PULL] == pull:
+        return bound
+    for lane in range(LANES):
+        blocks.stiffness[pull, lane] = blocks.stiffness[blocks.slots[slot, PULL], lane]
+        blocks.near[bound, lane] = blocks.near[blocks.slots[slot, BOUND], lane]
+        blocks.edge[bound, lane] = blocks.edge[blocks.slots[slot, BOUND], lane]
+    blocks.slots[slot, PULL], blocks.slots[slot, BOUND] = pull, bound
+    return bound
 
 
-@njit(fastmath={"contract"}, **INNER)
-def _add_intact(blocks, u, b, spare, s):  # type: ignore[no-untyped-def]
-    """Forces as if nothing broke; in _TOP how many of a lane's bonds have an e above the threshold.
-
-    What a lane without a bond finds in `u` does not matter.
-    """
-    stiffness, threshold, zero, one = blocks.stiffness, blocks.threshold[b], s.dtype.type(0), s.dtype.type(1)
-    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        first, row = _lined_up(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
-        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-        x2, y2 = (x + x) * inverse, (y + y) * inverse
-        for lane in range(LANE_COUNT):
-            eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
-            w = stiffness[row, lane]
-            e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
-            e = e if w >= zero else zero
-            pull = w * e / (one + e + np.sqrt(one + e))  # q (q + 1) = q^2 + q
-            s[FX + lane] += pull * (x + eta_x)
-            s[FY + lane] += pull * (y + eta_y)
-            # The largest e would do, but is a store under a mask, which some processors take ten times as long for
-            s[_TOP + lane] += one if e > threshold else zero
-
-
-@njit(fastmath={"contract"}, **INNER)
-def _add_brittle(blocks, u, slot, first, s):  # type: ignore[no-untyped-def]
-    """Forces of the bonds below their limit; how far stretches are above it."""
-    stiffness, limit, zero, one = blocks.stiffness, blocks.limit, s.dtype.type(0), s.dtype.type(1)
-    row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
-    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-    x2, y2 = (x + x) * inverse, (y + y) * inverse
-    for lane in range(LANE_COUNT):
-        eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
-        w = stiffness[row, lane]
-        e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
-        e = e if w >= zero else zero
-        q = np.sqrt(one + e)
-        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
-        pull, stretch = w * loss, q * loss
-        pull = zero if stretch > limit[bound, lane] else pull
-        s[FX + lane] += pull * (x + eta_x)
-        s[FY + lane] += pull * (y + eta_y)
-        s[_STRETCH + lane] = stretch
-        s[_TOP + lane] = stretch - limit[bound, lane]
-
-
-@njit(fastmath={"contract"}, **INNER)
-def _add_softening(blocks, worst, u, slot, first, s):  # type: ignore[no-untyped-def]
-    """The same where bonds soften, and the largest stretches above their peaks so far."""
-    stiffness, peaks, limits, zero, one = blocks.stiffness, blocks.peak, blocks.limit, s.dtype.type(0), s.dtype.type(1)
-    row, bound = np.uint64(blocks.pull[slot]), np.uint64(blocks.bound[slot])
-    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-    x2, y2 = (x + x) * inverse, (y + y) * inverse
-    for lane in range(LANE_COUNT):
-        eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
-        w = stiffness[row, lane]
-        e = (x2 + inverse * eta_x) * eta_x + (y2 + inverse * eta_y) * eta_y
-        e = e if w >= zero else zero
-        q = np.sqrt(one + e)
-        loss = e / (one + e + q)  # e / (q (q + 1)): one division for the two below
-        pull, stretch = w * loss, q * loss
-        peak, limit, known = peaks[bound, lane], limits[bound, lane], worst[slot, lane]
-        so_far = known if w >= zero else zero
-        risen = stretch if stretch > peak else so_far
-        risen = risen if risen > so_far else so_far
-        largest = so_far if stretch > limit else risen
-        share = intact_share(largest, peak, limit)
-        share = share if largest > zero else one
-        share = zero if stretch > limit else share
-        s[FX + lane] += share * pull * (x + eta_x)
-        s[FY + lane] += share * pull * (y + eta_y)
-        s[_WORST + lane] = largest if w >= zero else known
-        s[_STRETCH + lane] = stretch
-        s[_TOP + lane] = stretch - limit
-
-
-@njit(**INNER)
-def _exceeds(s):  # type: ignore[no-untyped-def]
-    """Whether a lane's top is above 0. Counting is vector code, looking for the largest is not."""
-    above, zero = 0, s.dtype.type(0)
-    for lane in range(LANE_COUNT):
-        above += 1 if s[_TOP + lane] > zero else 0
-    return above > 0
-
-
-@njit(**INNER)
-def _remember(worst, slot, s):  # type: ignore[no-untyped-def]
-    """Write the largest stretches down; returns whether there are any."""
-    some, zero = 0, s.dtype.type(0)
-    for lane in range(LANE_COUNT):
-        some += 1 if s[_WORST + lane] > zero else 0
-    if some > 0:
-        for lane in range(LANE_COUNT):
-            worst[slot, lane] = s[_WORST + lane]
-    return some > 0
-
-
-@njit(**INNER)
-def _break(blocks, broken, worst, before, dissipated, step, slot, first, s):  # type: ignore[no-untyped-def]
-    """Take out the bonds over their limit, one by one, and book what they have spent."""
-    x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-    for lane in range(LANE_COUNT):
-        if s[_TOP + lane] > 0:
-            i, j = first + lane, _neighbour(blocks, slot, lane)
-            peak, limit = blocks.peak[blocks.bound[slot], lane], blocks.limit[blocks.bound[slot], lane]
-            if len(worst) > 0 and peak < limit:
-                spent = peak * limit
-            else:
-                eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
-                e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-                spent = s[_STRETCH + lane] * (e / (np.sqrt(1 + e) + 1))
-            dissipated[i] += blocks.stiffness[blocks.pull[slot], lane] / inverse * spent / 4
-            broken[slot, lane] = step
-            blocks.mask[slot] &= ~(_ONE << lane)
-            _tear(blocks, slot, lane)
-
-
-@njit(**INNER)
-def _tear(blocks, slot, lane):  # type: ignore[no-untyped-def]
-    """Mark a lane of a slot as being without a bond from now on, in a row of stiffnesses of the slot's own."""
-    own, row = len(blocks.stiffness) - len(blocks.pull) + np.int64(slot), blocks.pull[slot]
-    if row != own:
-        for other in range(LANE_COUNT):
-            blocks.stiffness[own, other] = blocks.stiffness[row, other]
-        blocks.pull[slot] = own
-    blocks.stiffness[own, lane] = NO_BOND
-
-
-@njit(**INNER)
-def _neighbour(blocks, slot, lane):  # type: ignore[no-untyped-def]
-    """The node that the bond of a lane goes to."""
-    base = blocks.base[slot]
-    return np.uint64(base) + lane if base >= 0 else np.uint64(blocks.ids[-1 - base, lane])
+@njit(forceinline=True, **INNER)
+def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
+    """The node that the bond of node i, in this lane, goes to."""
+    way = blocks.slots[slot, lane // ROW]
+    return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
 
 
 @njit(cache=True, error_model="numpy")
 def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-def]
-    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; else as `sum_block`."""
+    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; else as `sum_lanes`."""
+    s = blocks.scratch[0]
     for b in range(len(blocks.start) - 1):
-        _sum_into(blocks, tracks, before, out, step, np.int64(b))
-
-
-@njit(**INNER)
-def _sum_into(blocks, tracks, before, out, step, b):  # type: ignore[no-untyped-def]
-    s, first = blocks.scratch[0], b * LANES
-    sum_block(blocks, tracks.broken, tracks.worst, tracks.u[0], before, tracks.dissipated, step, b, 0, s)
-    for lane in range(min(LANES, len(out) - first)):
-        out[first + lane, 0] += s[FX + np.uint64(lane)]
-        out[first + lane, 1] += s[FY + np.uint64(lane)]
+        for lane in range(0, LANES, across(s)):
+            sum_lanes(blocks, tracks, tracks.u[0], before, step, b, lane, s)
+            for k in range(min(across(s), len(out) - b * LANES - lane)):
+                out[b * LANES + lane + k, 0] += s[k]
+                out[b * LANES + lane + k, 1] += s[ROW + k]
 
 
 @njit(cache=True, error_model="numpy")
-def energy_densities(blocks, worst, u, strain, softened):  # type: ignore[no-untyped-def]
+def energy_densities(blocks, worst, u, held, spent):  # type: ignore[no-untyped-def]
     """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3.
 
-    On one thread: it is asked for once in many steps, and a parallel loop would take a second more to compile.
+    On one thread: it is asked for once in many steps.
     """
     for b in range(len(blocks.start) - 1):
-        _energies_of(blocks, worst, u, strain, softened, np.int64(b))
+        for slot in range(blocks.start[b], blocks.start[b + 1]):
+            _energies_of(blocks, u, b, slot, held)
+            if blocks.softened[b]:
+                _spent_of(blocks, worst, b, slot, spent)
 
 
 @njit(**INNER)
-def _energies_of(blocks, worst, u, strain, softened, b):  # type: ignore[no-untyped-def]
-    thread = get_thread_id()
-    s, spare = blocks.scratch[thread], LANE_COUNT * np.uint64(len(blocks.start) - 1 + thread)
-    own, zero = np.uint64(b) * LANE_COUNT, blocks.scratch.dtype.type(0)
-    _begin(u, own, s)
-    for slot in range(np.uint64(blocks.start[b]), np.uint64(blocks.start[b + 1])):
-        first, row = _lined_up(blocks, u, slot, spare), np.uint64(blocks.pull[slot])
-        x, y, inverse = _vector(blocks.vectors, blocks.vector[slot])
-        for lane in range(LANE_COUNT):
-            eta_x, eta_y = u[0, first + lane] - s[_UX + lane], u[1, first + lane] - s[_UY + lane]
-            w = blocks.stiffness[row, lane]
+def _energies_of(blocks, u, b, slot, held):  # type: ignore[no-untyped-def]
+    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
+    x, y, inverse = vector[0], vector[1], vector[4]
+    stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
+    for row in range(LANES // ROW):
+        first, way = b * LANES + row * ROW, blocks.slots[slot, row]
+        for k in range(ROW):
+            i = np.uint64(first + k)
+            j = np.uint64(first + way + k) if way < FAR else np.uint64(blocks.ids[way - FAR, k])
+            eta_x, eta_y = u[0, j] - u[0, i], u[1, j] - u[1, i]
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
-            energy = w / inverse / 4 * stretch * stretch
-            s[_STRETCH + lane] = energy if w >= zero else zero
-        if blocks.softened[b]:
-            bound = np.uint64(blocks.bound[slot])
-            for lane in range(LANE_COUNT):
-                largest, w = worst[slot, lane], blocks.stiffness[row, lane]
-                if largest > zero and w >= zero:
-                    peak, limit = blocks.peak[bound, lane], blocks.limit[bound, lane]
-                    softened[own + lane] += w / inverse / 4 * peak * limit * spent_share(largest, peak, limit)
-                    s[_STRETCH + lane] *= intact_share(largest, peak, limit)
-        for lane in range(LANE_COUNT):
-            strain[own + lane] += s[_STRETCH + lane]
+            held[i] += stiffness[row * ROW + k] / inverse / 4 * stretch * stretch
+
+
+@njit(**INNER)
+def _spent_of(blocks, worst, b, slot, spent):  # type: ignore[no-untyped-def]
+    law, inverse = blocks.slots[slot, LIMITS], blocks.vectors[blocks.slots[slot, VECTOR], 4]
+    for lane in range(LANES):
+        largest = worst[slot, lane]
+        if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
+            peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
+            whole = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
+            spent[b * LANES + lane] += whole * peak * limit * spent_share(largest, peak, limit)

@@ -15,7 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share
-from pdsolve.operators.blocks.kernel import END, LANES, NO_BOND, Blocks
+from pdsolve.operators.blocks.distinct import Distinct
+from pdsolve.operators.blocks.kernel import END, LANES, LIMITS, Blocks
+from pdsolve.operators.blocks.lanes import ROW
+from pdsolve.operators.blocks.pull import NARROW
+from pdsolve.operators.blocks.vectors import BOUND, FAR, FIELDS, PULL, VECTOR
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -23,54 +27,8 @@ NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
 SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
-MARGIN = 1e-5  # of e: room for round-off below a peak
 _intact_share = getattr(intact_share, "py_func", intact_share)  # for whole arrays
-LAST = -1  # the number of a lane without a bond: the last in the table of stiffnesses
-
-
-class _Distinct:
-    """Different values, numbered as they turn up; one within a share of the largest of a value known is that value."""
-
-    def __init__(self, share: float) -> None:
-        self._share, self._tolerance = share, 0.0
-        self._order = np.zeros(0, dtype=np.int32)
-        self.values = np.zeros(0)
-
-    def numbers(self, values: NDArray[np.float64]) -> NDArray[np.int32]:
-        """The numbers of `values`, new ones added."""
-        if self._share > 0:
-            self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
-        number, known = self._look_up(values)
-        if not known.all():
-            self._add(np.sort(values[~known]))
-            number, known = self._look_up(values)
-            assert known.all()
-        return number
-
-    def loosen(self, share: float) -> None:
-        """From now on values within this share are one, if it is larger."""
-        self._share = max(self._share, share)
-
-    def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
-        with np.errstate(invalid="ignore"):  # infinite less infinite
-            return np.asarray((one == other) | (np.abs(one - other) <= self._tolerance))
-
-    def _look_up(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        if not len(self.values):
-            return np.zeros(len(values), dtype=np.int32), np.zeros(len(values), dtype=bool)
-        ordered = self.values[self._order]
-        above = np.searchsorted(ordered, values).clip(max=len(ordered) - 1)
-        below = np.maximum(above - 1, 0)
-        at = np.where(self._near(values, ordered[below]), below, above)
-        return self._order[at], self._near(values, ordered[at])
-
-    def _add(self, ordered: NDArray[np.float64]) -> None:
-        new, at = [], 0
-        while at < len(ordered):  # each is as near to the first of its group as the tolerance, not to the next one only
-            new.append(float(ordered[at]))
-            at = max(int(np.searchsorted(ordered, ordered[at] + 0.99 * self._tolerance, side="right")), at + 1)
-        self.values = np.append(self.values, new)
-        self._order = np.argsort(self.values).astype(np.int32)
+LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
 
 
 class _Rows(NamedTuple):
@@ -87,8 +45,8 @@ class _Slots(NamedTuple):
     counts: NDArray[np.int64]  # (blocks,) slots of a block
     vector: NDArray[np.int32]  # (s,)
     mask: NDArray[np.uint64]  # (s,)
-    base: NDArray[np.int64]  # (s,) or -1 - row of `ids`
-    ids: NDArray[np.uint32]  # (., 64)
+    way: NDArray[np.int64]  # (s, 4) or FAR + row of `ids`
+    ids: NDArray[np.int32]  # (., 16)
     pull: _Rows
     bound: _Rows
 
@@ -97,8 +55,8 @@ class _Tables:
     """What slots of all parts share."""
 
     def __init__(self) -> None:
-        self.components, self.pulls = _Distinct(SAME_PLACE), _Distinct(SAME_STIFFNESS)
-        self.peaks, self.limits, self.bounds = _Distinct(0.0), _Distinct(0.0), _Distinct(0.0)
+        self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
+        self.peaks, self.limits, self.bounds = Distinct(0.0), Distinct(0.0), Distinct(0.0)
         self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components
         self.keys = np.zeros(0, dtype=np.int64)  # components by number
 
@@ -125,35 +83,41 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
     counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
     if not bonds or bonds < LEAST_FILLED * LANES * len(mask):
         return None
-    start = np.concatenate([[0], np.cumsum(counts)])
-    base, scattered = [], 0
+    way, scattered = [], 0
     for part in slots:
-        base.append(np.where(part.base < 0, part.base - scattered, part.base))
+        way.append(np.where(part.way >= FAR, part.way + scattered, part.way))
         scattered += len(part.ids)
     pull, pulls = _shared([part.pull for part in slots])
     bound, bounds = _shared([part.bound for part in slots])
-    peak = tables.peaks.values[(tables.bounds.values // SIDES**2).astype(np.int64)][bounds]
-    limit = tables.limits.values[(tables.bounds.values % SIDES**2).astype(np.int64)][bounds]
-    block_peak = np.minimum.reduceat(np.append(peak.min(axis=1)[bound], np.inf), start[:-1])
-    block_peak[counts == 0] = np.inf
-    x, y = tables.xi()
+    number = tables.bounds.values.astype(np.int64)
+    peak = np.append(tables.peaks.values[number // SIDES**2], np.inf)[bounds]
+    limit = np.append(tables.limits.values[number % SIDES**2], np.inf)[bounds]
+    edge = peak * (peak + 2)
+    near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
     return Blocks(
-        start=start,
-        vector=vector,
-        base=np.concatenate(base),
-        pull=pull,
-        whole=pull.copy(),
-        bound=bound,
-        mask=mask,
+        start=np.concatenate([[0], np.cumsum(counts)]),
+        slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
         ids=np.concatenate([part.ids for part in slots]),
-        vectors=np.column_stack([x, y, 1 / (x * x + y * y)]).astype(kind),
-        stiffness=aligned(np.append(tables.pulls.values, NO_BOND).astype(kind)[pulls], len(mask)),
+        vectors=aligned(_table(tables).astype(kind)),
+        stiffness=aligned(np.append(tables.pulls.values, 0.0)[pulls].astype(kind), len(mask)),
+        near=aligned(near.astype(kind), len(mask)),
+        edge=aligned(edge.astype(kind), len(mask)),
         peak=peak.astype(kind),
         limit=limit.astype(kind),
-        threshold=((1 - MARGIN) * block_peak * (block_peak + 2)).astype(kind),
+        whole=pull,
+        mask=mask,
         softened=np.zeros(len(counts), dtype=np.bool_),
-        scratch=aligned(np.zeros((threads, int(END)), dtype=kind)),
+        scratch=aligned(np.zeros((threads, END), dtype=kind)),
     )
+
+
+def _table(tables: _Tables) -> NDArray[np.float64]:
+    """Each reference vector as the kernel wants it."""
+    x, y = tables.xi()
+    inverse = 1 / (x * x + y * y)
+    table = np.zeros((len(x), FIELDS))
+    table[:, :5] = np.column_stack([x, y, 2 * x * inverse, 2 * y * inverse, inverse])
+    return table
 
 
 def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | None:
@@ -177,16 +141,20 @@ def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | No
     slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
     lane = np.full((len(keys), LANES), -1, dtype=np.int32)  # the bond in each lane
     lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
+    nodes = first + keys // vectors * LANES
+    way, _ = _ways(bonds.neighbour, lane, nodes, room)
+    order = np.lexsort(((way >= FAR).any(axis=1), nodes))  # the quick loop then goes as far as it can
+    keys, lane = keys[order], lane[order]
     there = lane >= 0
-    base, ids = _neighbours(bonds.neighbour, lane, there, room)
+    way, ids = _ways(bonds.neighbour, lane, nodes, room)
     return _Slots(
         counts=np.bincount(keys // vectors, minlength=blocks),
         vector=(keys % vectors).astype(np.int32),
         mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
-        base=base,
+        way=way,
         ids=ids,
-        pull=_rows(pulls, lane, there, LAST),
-        bound=_rows(tables.bounds.numbers(bounds), lane, there, None),
+        pull=_rows(pulls, lane, there),
+        bound=_rows(tables.bounds.numbers(bounds), lane, there),
     )
 
 
@@ -199,28 +167,30 @@ def _vectors(sides: NDArray[np.int64], tables: _Tables) -> NDArray[np.int32]:
     return np.asarray(tables.vectors[key])
 
 
-def _neighbours(
-    neighbour: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], room: int
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """The base of slots whose neighbours are consecutive, rows of 64 neighbours of those that are not."""
+def _ways(
+    neighbour: NDArray[np.int32], lane: NDArray[np.int32], first: NDArray[np.int64], room: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The ways (s, 4) of rows whose neighbours are consecutive, and the 16 neighbours of those that are not.
+
+    `lane` (s, 64) are the bonds of slots, whose blocks begin with the nodes `first` (s,) of `room`.
+    """
     to = neighbour[lane].astype(np.int64) if len(neighbour) else lane.astype(np.int64)
-    start = to - np.arange(LANES)
-    low = np.where(there, start, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
-    high = np.where(there, start, -1).max(axis=1, initial=-1)
-    scattered = (low != high) | (low < 0) | (low > room - LANES)
-    low[scattered] = -1 - np.arange(np.count_nonzero(scattered))
-    return low, np.where(there, to, 0)[scattered].astype(np.uint32)
+    to, there = to.reshape(-1, ROW), (lane >= 0).reshape(-1, ROW)
+    own = (first[:, None] + ROW * np.arange(LANES // ROW)).ravel()
+    way = to - own[:, None] - np.arange(ROW)
+    low = np.where(there, way, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+    high = np.where(there, way, np.iinfo(np.int64).min).max(axis=1, initial=np.iinfo(np.int64).min)
+    low[~there.any(axis=1)] = high[~there.any(axis=1)] = 0  # what such a row finds there does not matter
+    scattered = (low != high) | (own + low < 0) | (own + low > room - ROW)
+    low[scattered] = FAR + np.arange(np.count_nonzero(scattered))
+    return low.reshape(-1, LANES // ROW), np.where(there, to, 0)[scattered].astype(np.int32)
 
 
-def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_], without: int | None) -> _Rows:
-    """The numbers of the bonds (b,), slot by slot; lanes `without` a bond have that number, or their slot's least."""
+def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
+    """The numbers of the bonds (b,), slot by slot; LAST in lanes without a bond."""
     if not len(numbers):
         return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
-    number = numbers[lane]
-    if without is None:
-        number = np.where(there, number, np.where(there, number, np.iinfo(np.int32).max).min(axis=1)[:, None])
-    else:
-        number = np.where(there, number, np.int32(without))
+    number = np.where(there, numbers[lane], np.int32(LAST))
     mixed = (number != number[:, :1]).any(axis=1)
     return _Rows(number[:, 0], mixed, number[mixed])
 
@@ -238,7 +208,7 @@ def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
     """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
     some = np.flatnonzero(mask)
-    row, lane = np.nonzero(_bits(mask[some]))
+    row, lane = np.divmod(np.flatnonzero(_bits(mask[some])), LANES)
     return np.asarray(LANES * (first + some[row]) + lane)
 
 
@@ -246,24 +216,17 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
     """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
     slot, lane = np.divmod(numbers, LANES)
     source = (np.searchsorted(blocks.start, slot, side="right") - 1) * LANES + lane
-    target = blocks.base[slot] + lane
-    listed = blocks.base[slot] < 0
-    target[listed] = blocks.ids[-1 - blocks.base[slot[listed]], lane[listed]]
+    way = blocks.slots[slot, lane // ROW].astype(np.int64)
+    target, listed = source + way, way >= FAR
+    target[listed] = blocks.ids[way[listed] - FAR, lane[listed] % ROW]
     return source, target
 
 
-def springs(
-    blocks: Blocks, worst: NDArray[np.floating], numbers: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reference vectors (k, 2), m, and force densities for a unit stretch (k,), N/m^3, that bonds have left."""
     slot, lane = np.divmod(numbers, LANES)
-    x, y, inverse = blocks.vectors[blocks.vector[slot]].astype(np.float64).T
-    pull = blocks.stiffness[blocks.pull[slot], lane] / np.sqrt(inverse)
-    if len(worst):
-        known, bound = worst[slot, lane], blocks.bound[slot]
-        share = _intact_share(known, blocks.peak[bound, lane], blocks.limit[bound, lane])
-        pull *= np.where(known > 0, share, 1.0)
-    return np.column_stack([x, y]), pull
+    table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
+    return table[:, :2], blocks.stiffness[blocks.slots[slot, PULL], lane] / np.sqrt(table[:, 4])
 
 
 def find(
@@ -282,20 +245,34 @@ def find(
     return numbers[order[np.searchsorted(key, source * room + target, sorter=order)]]
 
 
-def revive(blocks: Blocks, broken: NDArray[np.int32], worst: NDArray[np.floating], intact: NDArray[np.uint64]) -> None:
-    """Make masks and marks those of the state (s, 64): `intact` (s,) were the masks of the whole plate."""
+def revive(
+    blocks: Blocks,
+    intact: NDArray[np.uint64],
+    broken: NDArray[np.int32],
+    worst: NDArray[np.floating],
+    edge: NDArray[np.floating],
+) -> None:
+    """Make stiffnesses, edges and masks those of a state (s, 64): where bonds are `broken`, their `worst` stretches and
+    the `edge` of those that have one; `intact` (s,) were the masks of the whole plate."""
     whole = _bits(intact)
-    alive = whole & (broken == 0)
-    blocks.mask[:] = np.packbits(alive, axis=1, bitorder="little").view(np.uint64)[:, 0]
-    torn = np.flatnonzero(blocks.mask != intact)
-    blocks.pull[:] = blocks.whole
-    blocks.pull[torn] = len(blocks.stiffness) - len(intact) + torn
-    blocks.stiffness[blocks.pull[torn]] = np.where(alive[torn], blocks.stiffness[blocks.whole[torn]], NO_BOND)
-    blocks.softened[:] = False
+    gone, soft = whole & (broken != 0), np.broadcast_to(worst > 0, whole.shape) if len(worst) else np.zeros_like(whole)
+    blocks.mask[:] = np.packbits(whole & ~gone, axis=1, bitorder="little").view(np.uint64)[:, 0]
+    blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
+    torn = np.flatnonzero((gone | soft).any(axis=1))
+    pull, bound = (len(table) - len(intact) + torn for table in (blocks.stiffness, blocks.edge))
+    law, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
+    stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[law], blocks.edge[law]
     if len(worst):
-        slot_soft = (whole & (worst > 0)).any(axis=1)
-        block = np.repeat(np.arange(len(blocks.softened)), np.diff(blocks.start))
-        blocks.softened[block[slot_soft]] = True
+        columns = worst[torn][soft], blocks.peak[law][soft], blocks.limit[law][soft]
+        stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]
+        edges[soft] = edge[torn][soft]
+        near[soft] = np.minimum(edges[soft], NARROW)
+    stiffness[gone], near[gone], edges[gone] = 0, np.inf, np.inf
+    blocks.stiffness[pull], blocks.near[bound], blocks.edge[bound] = stiffness, near, edges
+    blocks.slots[torn, PULL], blocks.slots[torn, BOUND] = pull, bound
+    block = np.searchsorted(blocks.start, torn, side="right") - 1
+    blocks.softened[:] = False
+    blocks.softened[block[soft.any(axis=1)]] = True
 
 
 def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.blocks import layout
 from pdsolve.operators.blocks.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
 from pdsolve.operators.blocks.layout import aligned
+from pdsolve.operators.blocks.vectors import BOUND
 from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 
@@ -27,10 +28,12 @@ class InBlocks:
         """`stiffest` (n,) as in `Operator`; `softens`: whether any bond does before it breaks."""
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffest, self._whole = stiffest, blocks.mask.copy()
+        none = np.zeros(0, dtype=np.int64)
+        self._looked_at, self._broken = self._whole, Broken(none, none, none)  # what is known to be broken
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
         kind = blocks.scratch.dtype
         self.tracks = Tracks(
-            u=aligned(np.zeros((3, 2, room + LANES * len(blocks.scratch)), dtype=kind)),
+            u=aligned(np.zeros((3, 2, room), dtype=kind)),
             v=aligned(np.zeros((2, room), dtype=kind)),
             a=aligned(np.zeros((2, room), dtype=kind)),
             dissipated=aligned(np.zeros(room)),
@@ -52,7 +55,7 @@ class InBlocks:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """As in `Operator`."""
         own = self.place(state)
-        before = self.tracks.u[0, :, : self.tracks.v.shape[1]] - self.tracks.v.dtype.type(dt) * self.tracks.v
+        before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
         sum_blocks(self.blocks, self.tracks, before, out, step)
         state.dissipated[:] = own.dissipated
 
@@ -72,44 +75,57 @@ class InBlocks:
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
         numbers = layout.there(self.blocks.mask)
-        xi, pull = layout.springs(self.blocks, self.tracks.worst, numbers)
+        xi, pull = layout.springs(self.blocks, numbers)
         return of_springs(*self._ends(numbers), xi, pull, state.value)
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """As in `Operator`."""
         last = len(self._stiffest) if last is None else last
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
-        source, target = self._ends(layout.there(self.blocks.mask[slots[0] : slots[1]], int(slots[0])))
+        mask = self._whole if start else self.blocks.mask
+        source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
         own = np.flatnonzero((source >= first) & (source < last))
         own = own[np.lexsort((target[own], source[own]))]
         return source[own], target[own]
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""
-        numbers = layout.there(self._whole & ~self.blocks.mask)
-        step = self.tracks.broken.ravel()[numbers]
-        new = step > after
-        return Broken(step[new].astype(np.int64), *self._ends(numbers[new]))
+        new = layout.there(self._looked_at & ~self.blocks.mask)
+        if len(new):
+            found = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
+            self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, found, strict=True)))
+            self._looked_at = self.blocks.mask.copy()
+        if after == 0:
+            return self._broken
+        later = self._broken.step > after
+        return Broken(*(column[later] for column in self._broken))
 
     def keep(self) -> Kept:
         """As in `Operator`."""
-        worst = self.tracks.worst.ravel()
+        worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
         softened = np.flatnonzero(worst)
+        slot, lane = np.divmod(softened, LANES)
         source, target = self._ends(softened)
-        return {"worst": worst[softened], "worst_source": source, "worst_target": target}
+        edge = self.blocks.edge[rows[slot], lane]
+        return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """As in `Operator`."""
-        steps, worst = self.tracks.broken.ravel(), self.tracks.worst.ravel()
+        steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
         steps[:] = worst[:] = 0
         steps[self._find(broken.source, broken.target)] = broken.step
-        worst[self._find(kept["worst_source"], kept["worst_target"])] = kept["worst"]
-        layout.revive(self.blocks, self.tracks.broken, self.tracks.worst, self._whole)
+        softened = self._find(kept["worst_source"], kept["worst_target"])
+        worst[softened], edge.ravel()[softened] = kept["worst"], kept["worst_edge"]
+        self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
+        layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
     def bytes(self) -> int:
-        """As in `Operator`; slots' own stiffnesses, which come as their bonds break, are left out."""
-        later = self.blocks.stiffness[-len(self.blocks.pull) :].nbytes
-        return sum(array.nbytes for array in (*self.blocks, *self.tracks)) - later
+        """As in `Operator`; rows of slots' own, which come as their bonds break, are left out."""
+        blocks = self.blocks
+        later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
+        return sum(array.nbytes for array in (*blocks, *self.tracks)) - later
 
     def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return layout.ends(self.blocks, numbers)

@@ -18,6 +18,7 @@ from pdsolve.measures import books
 from pdsolve.model import Model, ModelError
 from pdsolve.notes import breaks, restore
 from pdsolve.operators.blocks import layout
+from pdsolve.operators.blocks.distinct import Distinct
 from pdsolve.operators.blocks.kernel import Blocks
 from pdsolve.operators.blocks.operator import InBlocks
 from pdsolve.simulation import simulate
@@ -237,6 +238,14 @@ def test_nodes_without_a_lattice_are_listed() -> None:
         prepare(plate(scattered), Options(kernel="blocks"))
 
 
+def test_without_a_compiler_all_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
+    model = plate(square_grid(21, 12))
+    assert prepare(model, Options()).system.operator.name == "listed"
+    with pytest.raises(ModelError, match="code that is not compiled, expected others for blocks"):
+        prepare(model, Options(kernel="blocks"))
+
+
 def test_the_results_say_which_kernel() -> None:
     with simulate(torn(square_grid(9, 6), run=Run(time_step=1e-8, steps=1))) as results:
         assert results.meta()["kernel"] == results.summary()["kernel"] == "blocks"
@@ -260,7 +269,7 @@ def test_values_that_differ_by_round_off_stay_near_their_own() -> None:
     """A chain of small steps is no reason to become the next value, nor to drift further than the tolerance."""
     chain = 1 + 0.9e-11 * np.arange(40)
     values = np.random.default_rng(1).permutation(np.concatenate([chain, chain + 1, [3.0]]))
-    distinct = layout._Distinct(0.5e-11)  # 1.5e-11 of the largest
+    distinct = Distinct(0.5e-11)  # 1.5e-11 of the largest
     for part in np.split(values, 3):
         number = distinct.numbers(part)
         assert np.abs(distinct.values[number] - part).max() <= 1.5e-11

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -89,10 +90,11 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
 
 def seen(problem: Prepared, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
-    operator, watch = problem.system.operator, Watch(problem.system.model)
+    operator = problem.system.operator
+    watch = Watch(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
-            watch.look(problem.state.value, lambda row: operator.bonds(row, row + 1)[1], step)
+            watch.look(problem.state.value, operator.broken(), step)
     return lines
 
 

@@ -47,7 +47,10 @@ def stopped_at(path: Path, model: Model, stops: list[int], options: Options) -> 
     resume(path).close()
 
 
-@pytest.mark.parametrize("options", [Options(), Options("thesis"), Options(kernel="listed", precision="float32")])
+@pytest.mark.parametrize(
+    "options",
+    [Options(), Options("thesis"), Options(kernel="listed", precision="float32"), Options(precision="float32")],
+)
 def test_interrupted_anywhere(driven: Model, tmp_path: Path, options: Options) -> None:
     """Between two frames, between two entries of the ledger, at either, twice in a row."""
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"

@@ -111,6 +111,7 @@ def test_no_time_step_takes_the_bound(small_plate: Model, mode: str) -> None:
         (Options(mode="thessis"), "mode: found 'thessis', expected one of thesis, conservative"),
         (Options(precision="float16"), "precision: found 'float16', expected float64 or float32"),
         (Options(threads=0), "threads: found 0, expected 1 to"),
+        (Options(kernel="fast"), "kernel: found 'fast', expected blocks or listed"),
     ],
 )
 def test_options_that_are_none(small_plate: Model, options: Options, message: str) -> None:
@@ -153,6 +154,20 @@ def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     problem.march(41, 61)
     assert np.array_equal(problem.state.value, after[0])
     assert all(np.array_equal(*columns) for columns in zip(breaks(problem.system, 0), after[1], strict=True))
+
+
+def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path: Path) -> None:
+    """One that has other names for what it holds, as before there were states."""
+    path = tmp_path / "old.sqlite"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pdsolve.notes.checkpoint", lambda system, state: {"u": state.value, "v": state.rate})
+        simulate(small_plate, path, watch=lambda progress: progress.step >= 20).close()
+    before = path.read_bytes()
+    with pytest.raises(
+        ResultsError, match=r"old\.sqlite: found a checkpoint by pdsolve .*, expected this version's; solve"
+    ):
+        resume(path)
+    assert path.read_bytes() == before
 
 
 def test_probes_follow_the_node_nearest_to_them(small_plate: Model) -> None:

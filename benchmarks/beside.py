@@ -1,0 +1,241 @@
+"""This checkout and another one side by side: how much longer the other takes, each a ratio of one interleaved run.
+
+`python -m benchmarks.beside DIR` measures intact steps, whole runs, runs with twenty frames, first and later starts.
+DIR has the other checkout. Each has a process of its own, and they take turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+HERE = Path(__file__).resolve().parent.parent
+SAMPLE = 0.2  # s of one measurement of steps
+ROUNDS = 9
+FRAMES = 20
+
+
+class Job(NamedTuple):
+    """What both measure, as their processes are told."""
+
+    name: str
+    model: str  # a grid file
+    mode: str = "conservative"
+    precision: str = "float64"
+    threads: int = 1
+    kind: str = "steps"  # intact steps, a whole run, one written with frames, or its start
+
+
+# ---- in a process of its own, with a checkout of its own
+
+
+def serve(job: Job) -> None:
+    """Measure once for each line of stdin; write seconds a step."""
+    measured = {"steps": _steps, "whole": _whole, "frames": _frames}[job.kind](job)
+    for _ in sys.stdin:
+        print(measured(), flush=True)
+
+
+def _steps(job: Job) -> Callable[[], float]:
+    import numpy as np
+
+    problem = _prepared(job)
+    motion = getattr(problem, "motion", None)
+    u = problem.state.value if motion is None else motion.u
+    u[:] = 1e-9 * np.random.default_rng(0).standard_normal(u.shape)
+    at = 1
+
+    def take(steps: int) -> float:
+        nonlocal at
+        began = time.perf_counter()
+        problem.march(at, at + steps)
+        at += steps
+        return (time.perf_counter() - began) / steps
+
+    take(2)
+    steps = max(1, int(SAMPLE / take(3)))
+    return lambda: take(steps)
+
+
+def _whole(job: Job) -> Callable[[], float]:
+    def run() -> float:
+        problem, steps = _prepared(job), _model(job).settings.run.steps
+        began = time.perf_counter()
+        problem.march(1, steps + 1)
+        return (time.perf_counter() - began) / steps
+
+    run()
+    return run
+
+
+def _frames(job: Job) -> Callable[[], float]:
+    from pdsolve.simulation import simulate
+
+    def run() -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            model = _model(job)
+            with simulate(model, Path(folder) / "run.sqlite", _options(job)) as results:
+                return float(results.summary()["wall_time"]) / model.settings.run.steps
+
+    run()
+    return run
+
+
+def _prepared(job: Job) -> Any:
+    from pdsolve.simulation import prepare
+
+    return prepare(_model(job), _options(job))
+
+
+def _model(job: Job) -> Any:
+    from pdsolve.model import read_model
+
+    return read_model(Path(job.model))
+
+
+def _options(job: Job) -> Any:
+    from pdsolve.simulation import Options
+
+    return Options(job.mode, job.precision, job.threads, "blocks")
+
+
+# ---- in this process
+
+
+class Turns:
+    """The processes of this and of another checkout, which take turns with one job."""
+
+    def __init__(self, job: Job, other: Path) -> None:
+        self._processes = [
+            subprocess.Popen(
+                [sys.executable, "-P", __file__, "--serve", json.dumps(job)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / ".numba")},
+                cwd=folder,
+                text=True,
+            )
+            for folder in (other, HERE)
+        ]
+
+    def measure(self, rounds: int) -> tuple[float, float]:
+        """The least seconds a step of the other one and of this."""
+        best = [float("inf"), float("inf")]
+        for _ in range(rounds):
+            for number, process in enumerate(self._processes):
+                assert process.stdin is not None
+                assert process.stdout is not None
+                process.stdin.write("\n")
+                process.stdin.flush()
+                best[number] = min(best[number], float(process.stdout.readline()))
+        return best[0], best[1]
+
+    def close(self) -> None:
+        """End them."""
+        for process in self._processes:
+            process.communicate()
+
+
+def started(model: str, other: Path, rounds: int) -> Iterator[dict[str, Any]]:
+    """From shell to shell: a run that compiles, and the least of some that need not."""
+    with tempfile.TemporaryDirectory() as folder:
+
+        def seconds(checkout: Path) -> float:
+            environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": f"{folder}/{checkout.name}"}
+            command = [sys.executable, "-P", "-m", "pdsolve", model, "-o", f"{folder}/run.sqlite", "--force", "-q"]
+            began = time.perf_counter()
+            subprocess.run(command, env=environment, cwd=checkout, check=True)
+            return time.perf_counter() - began
+
+        cold = [seconds(checkout) for checkout in (other, HERE)]
+        yield row("the first run, which compiles", *cold, unit="s")
+        warm = [[seconds(checkout) for checkout in (other, HERE)] for _ in range(rounds)]
+        yield row("a later run, from shell to shell", *(min(column) for column in zip(*warm, strict=True)), unit="s")
+
+
+def row(name: str, other: float, here: float, unit: str = "s a step") -> dict[str, Any]:
+    """A line of the table."""
+    return {"what": name, "other": other, "here": here, "unit": unit, "ratio": other / here}
+
+
+def jobs(folder: Path) -> Iterator[Job]:
+    """All that is measured, their models written to `folder`."""
+    import msgspec
+
+    from benchmarks.claims import Case
+    from benchmarks.runs import built
+    from benchmarks.speed import GLASS, PLATES, square
+    from pdmesh.model.document import Horizon, Run, Settings
+    from pdsolve.model import Model
+
+    def written(model: Model, name: str) -> str:
+        path = folder / f"{name}.json"
+        path.write_text(model.to_json())
+        return str(path)
+
+    for name in ("4k", "64k"):
+        grid = square(*PLATES[name])
+        for m in (3.0, 4.0):
+            settings = Settings(material=GLASS, horizon=Horizon(m), run=Run(time_step=2e-8))
+            model = written(Model(grid, settings), f"{name}-{m:g}")
+            for precision in ("float64", "float32"):
+                yield Job(f"intact, {name}, m = {m:g}, {precision}", model, precision=precision)
+    for name, law in (("duran50", "brittle"), ("kalthoff_winkler", "bilinear")):
+        scene = built(Case(name, "", f"{name}.geo", ()), folder)
+        assert scene.settings.material is not None
+        material = msgspec.structs.replace(
+            scene.settings.material, law=law, **({"kr": 2.0} if law != "brittle" else {})
+        )
+        run = msgspec.structs.replace(scene.settings.run, every=max(1, scene.settings.run.steps // FRAMES))
+        settings = msgspec.structs.replace(scene.settings, material=material, run=run)
+        model = written(dataclasses.replace(scene, settings=settings), f"{name}-{law}")
+        yield Job(f"{name}, {law}, the march", model, kind="whole")
+        yield Job(f"{name}, {law}, with {FRAMES} frames", model, kind="frames")
+    run = Run(time_step=2e-8, steps=1000, every=50)
+    settings = Settings(material=GLASS, horizon=Horizon(3.0), run=run)
+    model = written(Model(square(*PLATES["64k"]), settings), "64k-frames")
+    yield Job("64k, 1000 steps, the march", model, kind="whole")
+    yield Job(f"64k, 1000 steps, with {FRAMES} frames", model, kind="frames")
+
+
+def compared(other: Path, rounds: int = ROUNDS) -> Iterator[dict[str, Any]]:
+    """A row for each job."""
+    with tempfile.TemporaryDirectory() as folder:
+        for job in jobs(Path(folder)):
+            turns = Turns(job, other.resolve())
+            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else 3))
+            turns.close()
+        yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
+
+
+def tell(found: dict[str, Any]) -> None:
+    """A row as a line."""
+    told = f"{found['ratio']:.2f} ({found['other']:.3g} and {found['here']:.3g} {found['unit']})"
+    print(f"{found['what']}: {told}", flush=True)
+
+
+def main() -> int:
+    """Measure, or serve who measures; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmarks.beside", description=__doc__)
+    parser.add_argument("other", type=Path, nargs="?", help="the other checkout")
+    parser.add_argument("--serve", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.serve:
+        serve(Job(*json.loads(args.serve)))
+        return 0
+    for found in compared(args.other):
+        tell(found)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

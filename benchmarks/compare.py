@@ -1,0 +1,207 @@
+"""Whether this checkout computes what another does, bit by bit: shipped scenes x laws x modes x kernels x precisions.
+
+`make compare AGAINST=DIR`, or `python -m benchmarks.compare DIR`; DIR is another checkout, such as `git worktree add`
+makes one. Both solve the same scenes side by side on this machine, each with its own packages; nothing is stored, as
+bits differ between processors. Scenes are coarsened and their materials weakened, so that much breaks in few steps.
+Returns 1 where anything differs, and says what and by how much.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).parent.parent
+COARSER = 2.0  # times the spacings of a scene
+WEAKER = 0.1  # of its fracture energy
+STEPS, EVERY, LEDGER = 400, 200, 50
+LAWS = ("as shipped", "bilinear")
+MODES, KERNELS, PRECISIONS = ("thesis", "conservative"), ("blocks", "listed"), ("float64", "float32")
+FORMER = {"u": "value", "v": "rate", "a": "second", "softened_worst": "worst"}  # names in checkpoints
+Found = dict[str, NDArray[Any]]
+
+
+class Way(NamedTuple):
+    """One way to solve a scene."""
+
+    law: str
+    mode: str
+    kernel: str
+    precision: str
+
+    def __str__(self) -> str:
+        return ", ".join(self)
+
+
+WAYS = tuple(itertools.starmap(Way, itertools.product(LAWS, MODES, KERNELS, PRECISIONS)))
+
+
+# In the process of each checkout
+
+
+def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str, Found]]:
+    """The grid of a scene, and what each way to solve it finds."""
+    from pdmesh.__main__ import main as pdmesh
+    from pdsolve.model import read_model
+    from pdsolve.simulation import Options, simulate
+
+    path = folder / f"{scene.stem}.json"
+    if pdmesh(["build", str(scene), "-o", str(path), "-q", "--trust", *overrides]):
+        raise SystemExit(f"{scene.name} could not be built")
+    yield "grid", {"bytes": np.frombuffer(path.read_bytes(), dtype=np.uint8)}
+    model = read_model(path)
+    listed = "listed" if find_spec("pdsolve.operators") else "textbook"  # what it was called before
+    for way in WAYS:
+        kernel = listed if way.kernel == "listed" else way.kernel
+        settings = weakened(model.settings, way.law)
+        with simulate(
+            dataclasses.replace(model, settings=settings), None, Options(way.mode, way.precision, 1, kernel)
+        ) as results:
+            yield str(way), everything(results)
+
+
+def weakened(settings: Any, law: str) -> Any:
+    """The settings of a model that breaks soon, its bonds of this law."""
+
+    def material(given: Any) -> Any:
+        other = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {}
+        return msgspec.structs.replace(given, G0=WEAKER * given.G0, **other)
+
+    regions = tuple(msgspec.structs.replace(region, material=material(region.material)) for region in settings.regions)
+    run = msgspec.structs.replace(
+        settings.run, steps=STEPS, every=EVERY, ledger=LEDGER, until=None, quiet=None, time_step=None
+    )
+    return msgspec.structs.replace(settings, material=material(settings.material), regions=regions, run=run)
+
+
+def everything(results: Any) -> Found:
+    """All that a run has computed."""
+    found: Found = {}
+    for step in results.frames()[0].tolist():
+        found |= {f"{name} at step {step}": results.field(name, step) for name in results.stored(step)}
+    found |= {f"broken bonds: {name}": column for name, column in results.breaks()._asdict().items()}
+    for name in ("history", "probes", "reactions"):
+        table = getattr(results, name)()
+        found |= {f"{name}: {column}": np.ascontiguousarray(table[column]) for column in table.dtype.names}
+    kept = {FORMER.get(name, name): values for name, values in results.checkpoint()[1].items()}
+    for name in ("value", "rate", "second", "dissipated", "work", "held_force"):
+        found[f"checkpoint: {name}"] = kept[name].ravel()
+    if len(kept.get("worst", ())):
+        found["checkpoint: worst"] = np.sort(kept["worst"])
+    return found
+
+
+def work(jobs: dict[str, list[str]], folder: Path, tree: Path) -> None:
+    """Solve all scenes, a file for each way, with the packages of this tree."""
+    import pdsolve
+
+    if not Path(str(pdsolve.__file__)).is_relative_to(tree):
+        raise SystemExit(f"{pdsolve.__file__}: found this package, expected that of {tree}")
+    warnings.simplefilter("ignore")
+    for scene, overrides in jobs.items():
+        for number, (name, found) in enumerate(solve(Path(scene), overrides, folder)):
+            part = folder / f"{Path(scene).stem}.{number}"
+            np.savez(part.with_suffix(".part.npz"), name=np.array(name), **found)
+            part.with_suffix(".part.npz").rename(f"{part}.npz")
+
+
+# In the process that compares
+
+
+def coarsened(scene: Path) -> list[str]:
+    """Words for `pdmesh build` that double a scene's spacings."""
+    told = subprocess.run(
+        [sys.executable, "-m", "pdmesh", "params", str(scene), "--json"], capture_output=True, text=True, check=True
+    )
+    found = json.loads(told.stdout)
+    spacings = {name: row["value"] for name, row in found.items() if name.lower().endswith("spacing")}
+    return [word for name, value in spacings.items() for word in ("--set", f"{name}={COARSER * value:g}")]
+
+
+def differing(one: Found, other: Found) -> list[str]:
+    """What differs, and by how much at most, as a share of the largest."""
+    told = [f"{name}: only in one" for name in sorted(one.keys() ^ other.keys())]
+    for name in one.keys() & other.keys():
+        a, b = one[name], other[name]
+        if (a.shape, a.dtype) != (b.shape, b.dtype):
+            told.append(f"{name}: {a.dtype}{a.shape} and {b.dtype}{b.shape}")
+        elif a.tobytes() != b.tobytes():
+            apart = ""
+            if np.issubdtype(a.dtype, np.number):
+                apart = f" by {np.abs(a - b.astype(a.dtype)).max() / max(float(np.abs(a).max()), 1e-300):.1e}"
+            told.append(f"{name}: differ{apart}")
+    return sorted(told)
+
+
+def compare(against: Path, scenes: list[Path], folder: Path) -> int:
+    """Print what each way of each scene has; returns how many differ."""
+    jobs = {str(scene): coarsened(scene) for scene in scenes}
+    running = []
+    for tree in (ROOT, against):
+        own = folder / ("this" if tree == ROOT else "other")
+        own.mkdir()
+        words = [sys.executable, "-P", __file__, "--work", json.dumps(jobs), str(own), str(tree)]
+        running.append((own, subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(tree)})))
+    different = 0
+    for scene in scenes:
+        for number in range(len(WAYS) + 1):
+            parts = [own / f"{scene.stem}.{number}.npz" for own, _ in running]
+            while not all(part.exists() for part in parts):
+                if any(process.poll() not in (None, 0) for _, process in running):
+                    for _, process in running:
+                        process.terminate()
+                    raise SystemExit(f"{scene.name} was not solved by both")
+                time.sleep(0.1)
+            one, other = (dict(np.load(part)) for part in parts)
+            name, broken = one.pop("name"), len(one.get("broken bonds: step", ()))
+            told = differing(one, {key: values for key, values in other.items() if key != "name"})
+            different += bool(told)
+            verdict = "DIFFERENT" if told else "the same"
+            print(f"{scene.stem}: {name}: {verdict}" + (f", {broken} bonds broken" if number else ""), flush=True)
+            for line in told:
+                print(f"    {line}")
+    for _, process in running:
+        process.wait()
+    return different
+
+
+def main() -> int:
+    """Compare; returns the exit code."""
+    if sys.argv[1:2] == ["--work"]:
+        work(json.loads(sys.argv[2]), Path(sys.argv[3]), Path(sys.argv[4]))
+        return 0
+    parser = argparse.ArgumentParser(prog="benchmarks.compare", description=__doc__)
+    parser.add_argument("against", type=Path, help="another checkout")
+    parser.add_argument("--scenes", default="", help="some of geometries, separated by commas (default: all)")
+    args = parser.parse_args()
+    against = args.against.resolve()
+    if not (against / "pdsolve" / "simulation.py").is_file():
+        parser.error(f"{args.against}: found no pdsolve in it, expected a checkout")
+    scenes = sorted(path for path in (ROOT / "geometries").iterdir() if path.suffix in (".geo", ".py"))
+    wanted = [scene for scene in scenes if not args.scenes or scene.stem in args.scenes.split(",")]
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        different = compare(against, wanted, Path(folder))
+    ways = len(wanted) * len(WAYS)
+    print(f"{ways} runs of {len(wanted)} scenes in {time.perf_counter() - began:.0f} s: {different} differ")
+    return int(different > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
