@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="say what a model holds")
     _add_drawing(info, "a file for what is said, as JSON (default: none)")
+    _add_mode(info)
     info.set_defaults(run=_info)
     preview = commands.add_parser("preview", help="draw the nodes, cracks and conditions")
     _add_drawing(preview, "the picture, in the format of its suffix (default: the model's name with .png)")
@@ -40,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="2%%",
         help="propose spacing, horizon, zones and step for displacements within this share, from measured scenes",
     )
+    _add_mode(plan)
     plan.set_defaults(run=_plan)
     params = commands.add_parser("params", help="list the parameters of a drawing: value, unit, meaning")
     _add_drawing(params, "a file for the list, as JSON (default: none)")
@@ -49,6 +51,12 @@ def parser() -> argparse.ArgumentParser:
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     schema.set_defaults(run=_schema)
     return program
+
+
+def _add_mode(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--mode", choices=("thesis", "conservative"), default="conservative", help="of the run (default: conservative)"
+    )
 
 
 def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
@@ -132,7 +140,7 @@ def _document(args: argparse.Namespace) -> Document:
 def _info(args: argparse.Namespace) -> int:
     from pdmesh.say.report import info, info_lines
 
-    result = info(_document(args), str(args.drawing))
+    result = info(_document(args), str(args.drawing), args.mode)
     return _say(result, info_lines(result), args)
 
 
@@ -155,13 +163,13 @@ def _plan(args: argparse.Namespace) -> int:
     reason = ""
     try:
         if args.within is None:
-            result = plan(scene)
+            result = plan(scene, args.mode)
             return _say(result, plan_lines(result), args)
         from pdmesh.say import promise
 
         found = promise.proposal(scene, args.within)
         reason = promise.because(found.within, found.feature, found.named)
-        result = {"proposal": promise.described(found), **plan(found.scene)}
+        result = {"proposal": promise.described(found), **plan(found.scene, args.mode)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None
     return _say(result, [*promise.lines(found), "", *plan_lines(result)], args)

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, document_of, grid_of
-from pdmesh.model.document import MOST, Document, GridError, Material, Run, Selection, Settings, encode, read_file
+from pdmesh.model.document import (
+    MOST,
+    GridError,
+    Material,
+    Run,
+    Selection,
+    Settings,
+    encode,
+    read_file,
+    settings_of,
+)
 from pdmesh.model.document import read_document as parse_document
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
@@ -111,7 +121,7 @@ class Model:
 def model_of(text: str, name: str) -> Model:
     """The model in the text of a document. Raises GridError or ModelError."""
     document = parse_document(text, name)
-    return Model(grid_of(document, name), _settings_of(document), name)
+    return Model(grid_of(document, name), settings_of(document), name)
 
 
 def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
@@ -121,7 +131,7 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     GridError or ModelError.
     """
     document = read_file(path)
-    layers = msgspec.to_builtins(_settings_of(document), builtin_types=())
+    layers = msgspec.to_builtins(settings_of(document), builtin_types=())
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
@@ -146,10 +156,6 @@ def _beyond(value: object, place: str) -> tuple[str, float] | None:
     elif isinstance(value, tuple):
         parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
     return next(filter(None, (_beyond(part, at) for at, part in parts)), None)
-
-
-def _settings_of(document: Document) -> Settings:
-    return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import json
 import sys
-import time as clock
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -25,7 +24,6 @@ from pdsolve.state import Broken, State
 from pdsolve.system import Options, System, prepare
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
-SAMPLE = 5  # steps timed for an estimate
 DEFAULT = Options()
 
 
@@ -36,18 +34,6 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
-
-
-class Plan(NamedTuple):
-    """What a run would take."""
-
-    nodes: int
-    bonds: int
-    steps: int
-    time_step: float  # s
-    stable_time_step: float  # s
-    memory: int  # bytes of the arrays that marching uses
-    wall_time: float  # s, by a few timed steps
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -125,20 +111,6 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
         restore(system, state, step, kept, results.breaks())
     notes = Notes(system, state, step, float(meta.get("wall_time", 0.0)))
     return _finish(system, state, partial(Writer.reopen, output), output, notes, watch)
-
-
-def plan(model: Model, options: Options = DEFAULT) -> Plan:
-    """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
-    system, state = prepare(model, options)
-    advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
-    system.stepper.march(state, 1, 2)
-    began = clock.perf_counter()
-    system.stepper.march(state, 2, 2 + SAMPLE)
-    per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, system.bonds
-    return Plan(
-        len(model.grid), bonds, steps, system.time_step, system.bound, system.operator.bytes(), per_step * steps
-    )
 
 
 def _finish(
@@ -266,12 +238,10 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
 __all__ = [
     "ModelError",
     "Options",
-    "Plan",
     "Progress",
     "ResultsError",
     "System",
     "UnstableError",
-    "plan",
     "prepare",
     "resume",
     "simulate",

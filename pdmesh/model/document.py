@@ -214,3 +214,8 @@ def schema() -> dict[str, Any]:
     """The JSON Schema of the file."""
     found: dict[str, Any] = msgspec.json.schema(Document)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | found
+
+
+def settings_of(document: Document) -> Settings:
+    """What a document says besides its nodes and shapes."""
+    return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})

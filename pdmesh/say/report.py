@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+import warnings
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pdmesh.grid.lattice import grid_of_nodes, place_nodes
+from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Document, Settings
+from pdmesh.model.document import Document, Settings, settings_of
 from pdmesh.model.visibility import plate_of
-from pdmesh.say.families import count, stable_step
+from pdmesh.say.families import count
 from pdmesh.scene.scene import Scene
 
-# What a run takes, measured on two cores: 1.2 to 2.7 ns a bond and step on the shipped scenes, breaking included; at
-# its peak, while bonds are made, 90 000 nodes and 2.1 to 2.5 million bonds 0.53 (thesis mode) to 0.66 GB
-SECONDS_PER_BOND_STEP = 1.8e-9
-BYTES_AT_LEAST, BYTES_PER_BOND = 190_000_000, 200
+if TYPE_CHECKING:
+    from pdsolve.estimate import Plan
+
+DEFAULT_MODE = "conservative"
 
 MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
 
-def info(document: Document, name: str) -> dict[str, Any]:
-    """What the model called `name` holds, for `pdmesh info`. Raises GridError."""
+def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What the model called `name` holds, and what its run in a mode takes, for `pdmesh info`. Raises GridError."""
     grid = grid_of(document, name)
     selection.check(document, grid, name)
     plate, at_hole = plate_of(grid, name), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
+    run = run_of(grid, settings_of(document), name, mode)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     result: dict[str, Any] = {
         "model": name,
@@ -38,14 +41,14 @@ def info(document: Document, name: str) -> dict[str, Any]:
         "nodes_by_spacing": nodes_by_spacing(grid),
         "border_nodes": int(grid.border.sum()),
         "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
-        "bonds": bonds,
+        "mode": mode,
+        **_run(bonds - cut, run),
         "bonds_cut_by_cracks": cut,
         "bounding_box": [*low.tolist(), *high.tolist()],
         "area_of_nodes": float(grid.areas.sum()) if grid.areas is not None else float((grid.delta**2).sum()),
         "area_of_shape": None if plate is None else float(plate.area),
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
-        "smallest_stable_step": smallest_step(document, grid),
         "time_step": document.run.time_step,
         "steps": document.run.steps,
         "area_rule": document.area_rule,
@@ -69,10 +72,13 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
         f"x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m; area {result['area_of_nodes']:.10g} m^2"
         + ("" if result["area_of_shape"] is None else f", of the shape {result['area_of_shape']:.10g} m^2"),
-        f"{result['bonds']} directed bonds at horizon ratio {result['horizon_ratio']:g},"
-        f" {result['bonds_cut_by_cracks']} of them cut by {result['crack_segments']} crack segments",
+        f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack segments",
         _step_line(result["smallest_stable_step"], result["time_step"], result["steps"]),
     ]
+    if result["memory_bytes"] is not None:
+        memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
+        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
     if result["material"]:
         lines.append("material: " + _words(result["material"]))
     lines += [f"material '{region['name']}': " + _words(region) for region in result["regions"]]
@@ -131,45 +137,66 @@ def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value not in (None, (), "")}
 
 
-def smallest_step(settings: Settings, grid: Grid) -> float | None:
-    """The surely stable time step (s) of the finest nodes and the fastest material; None without a material."""
-    materials = [material for material in (settings.material, *(r.material for r in settings.regions)) if material]
-    if not materials:
+def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
+    """What a run of that would take; None where the solver would not have it, such as without a material."""
+    from pdsolve.estimate import plan
+    from pdsolve.model import Model, ModelError
+    from pdsolve.system import Options
+
+    if settings.material is None:
         return None
-    return min(stable_step(material, settings.horizon.ratio, float(grid.delta.min())) for material in materials)
+    with warnings.catch_warnings(), suppress(ModelError):
+        warnings.simplefilter("ignore")  # the solver warns when it solves
+        return plan(Model(grid, settings, name), Options(mode))
+    return None
 
 
-def plan(scene: Scene) -> dict[str, Any]:
-    """What a scene will cost, and what it would with its finest spacing everywhere. Raises SceneError."""
-    own = _cost(scene)
-    flat = scene.one_scale()
-    one_scale = _cost(flat) if flat.shape.area / flat.finest**2 < MOST_COUNTED else _estimated_cost(flat, own)
-    return {"source": scene.source, "scene": own, "one_scale": one_scale}
-
-
-def _cost(scene: Scene) -> dict[str, Any]:
-    nodes = place_nodes(scene)
-    grid = grid_of_nodes(scene, nodes.position, nodes.delta, nodes.delta**2)
-    bonds, _ = count(grid, scene.horizon, sample=SAMPLE)
-    return {"nodes_by_spacing": nodes_by_spacing(grid)} | _price(scene, len(grid), bonds)
-
-
-def _estimated_cost(scene: Scene, own: dict[str, Any]) -> dict[str, Any]:
-    nodes = round(scene.shape.area / scene.finest**2)
-    bonds = round(own["bonds"] / own["nodes"] * nodes)
-    return {"nodes_by_spacing": {f"{scene.finest:g}": nodes}} | _price(scene, nodes, bonds)
-
-
-def _price(scene: Scene, nodes: int, bonds: int) -> dict[str, Any]:
-    materials = [material for material in (scene.material, *(r.region.material for r in scene.regions)) if material]
-    stable = min((stable_step(material, scene.horizon, scene.finest) for material in materials), default=None)
-    step = scene.run.time_step or stable
+def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
+    grid, settings, _ = build_grid(scene)
+    own, flat = run_of(grid, settings, scene.source, mode), scene.one_scale()
+    counted, _ = count(grid, scene.horizon, sample=SAMPLE)
+    ratio = 1.0 if own is None else own.bonds / counted
     return {
-        "nodes": nodes,
-        "bonds": bonds,
-        "smallest_stable_step": stable,
-        "time_step": step,
-        "steps": scene.run.steps,
-        "memory_bytes": BYTES_AT_LEAST + bonds * BYTES_PER_BOND,
-        "solve_seconds": bonds * scene.run.steps * SECONDS_PER_BOND_STEP,
+        "source": scene.source,
+        "mode": mode,
+        "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
+        "one_scale": _one_scale(flat, settings, mode, ratio, counted / len(grid), own),
+    }
+
+
+def _one_scale(
+    flat: Scene, settings: Settings, mode: str, ratio: float, each: float, own: Plan | None
+) -> dict[str, Any]:
+    """The same of the scene on one scale, estimated: pairs within a horizon, times the `ratio` of bonds to those on
+    several scales; where there are too many nodes, `each` has as many pairs as there."""
+    nodes = round(flat.shape.area / flat.finest**2)
+    spacing = f"{flat.finest:g}"
+    if nodes < MOST_COUNTED:
+        placed = place_nodes(flat)
+        grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
+        nodes, each = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
+    bonds = round(ratio * each * nodes)
+    if own is None:
+        return _cost({spacing: nodes}, nodes, bonds, None)
+    from pdsolve.estimate import priced
+    from pdsolve.system import Options
+
+    steps = own.time_step, own.stable_time_step
+    return _cost({spacing: nodes}, nodes, bonds, priced(settings.run, Options(mode), nodes, bonds, steps))
+
+
+def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:
+    return {"nodes_by_spacing": spacings, "nodes": nodes} | _run(counted, run)
+
+
+def _run(counted: int, run: Plan | None) -> dict[str, Any]:
+    """What a run takes; where nobody knows, bonds are those within a horizon."""
+    return {
+        "bonds": counted if run is None else run.bonds,
+        "smallest_stable_step": None if run is None else run.stable_time_step,
+        "time_step": None if run is None else run.time_step,
+        "steps": None if run is None else run.steps,
+        "memory_bytes": None if run is None else run.memory,
+        "solve_seconds": None if run is None else run.wall_time,
     }

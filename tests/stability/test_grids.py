@@ -17,8 +17,9 @@ from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.full_lattice import hu_beta, offsets
+from pdsolve.estimate import plan
 from pdsolve.model import ModelError
-from pdsolve.simulation import plan, simulate
+from pdsolve.simulation import simulate
 from pdsolve.system import Options, Prepared, prepare
 
 ONE = Options(threads=1)

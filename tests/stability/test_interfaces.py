@@ -23,8 +23,8 @@ from systems import at_step, bonds_of, broken
 from pdmesh.model.cloud import Grid
 from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Load, Material, Run
+from pdsolve.estimate import plan
 from pdsolve.measures import damage
-from pdsolve.simulation import plan
 from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

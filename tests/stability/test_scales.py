@@ -17,8 +17,8 @@ from systems import broken
 from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Run
+from pdsolve.estimate import plan
 from pdsolve.model import Model
-from pdsolve.simulation import plan
 from pdsolve.state import Broken
 from pdsolve.system import Options, prepare
 
