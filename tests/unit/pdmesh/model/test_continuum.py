@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import GLASS
 
-from pdmesh.model.continuum import critical_stretch, micromodulus
+from pdmesh.model.continuum import BONDS_NU, C11, C66, critical_stretch, micromodulus
 from pdmesh.model.document import Material
 
 CASES = [(plane, profile) for plane in ("stress", "strain") for profile in ("constant", "conical")]
@@ -52,6 +52,16 @@ def test_strain_energies_are_the_classical_ones(plane: str, profile: str, nu: fl
     stress = (E / (1 - nu**2), E / (2 * (1 + nu)))
     strain = (E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
     assert (c11, c66) == pytest.approx(stress if plane == "stress" else strain, rel=1e-12)  # measured 3e-16
+
+
+@pytest.mark.parametrize(("plane", "nu"), [("stress", 1 / 3), ("strain", 1 / 4)])
+def test_stiffnesses_are_those_of_the_poisson_ratio_of_bonds(plane: str, nu: float) -> None:
+    """Hooke's law; of bonds C12 is C66, which is so at this ratio alone."""
+    assert BONDS_NU[plane] == nu
+    c66 = 1 / (2 * (1 + nu))
+    c11 = 1 / (1 - nu**2) if plane == "stress" else (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    c12 = nu * c11 if plane == "stress" else nu / ((1 + nu) * (1 - 2 * nu))
+    assert (C11[plane], C66[plane], C66[plane]) == pytest.approx((c11, c66, c12), rel=1e-15)
 
 
 def test_a_bond_at_the_horizon_of_the_conical_profile_has_no_stiffness() -> None:
