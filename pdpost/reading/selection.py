@@ -12,12 +12,6 @@ from pdsolve.results import Nodes
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
-def rows_of(nodes: Nodes, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The rows (k,) of the nodes with these ids (k,), which must be there."""
-    order = np.argsort(nodes.ids)
-    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
-
-
 def in_box(nodes: Nodes, box: ArrayLike) -> NDArray[np.bool_]:
     """Which nodes (n,) are in a box x0, y0, x1, y1, m, or on its edge."""
     low, high = np.reshape(np.asarray(box, dtype=float), (2, 2))
