@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pdsolve.results.schema import Nodes
+from pdsolve.results.schema import Breaks, Nodes
 
 NEVER = np.iinfo(np.int64).max
 
@@ -53,6 +53,13 @@ class Lives:
         place[rows] = np.arange(len(rows))
         same = self.at(self.nodes.ids, step)
         return np.where(same < 0, -1, place[same])
+
+    def broke(self, breaks: Breaks, rows: NDArray[np.int64], ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the bonds (k,) of the nodes that are `rows` (k,) to those of `ids` (k,) broke in their lives."""
+        number = np.unique(np.concatenate([ids, breaks.neighbour]), return_inverse=True)[1]
+        own = np.concatenate([rows, self.at(breaks.node, breaks.step)])
+        bonds = own * (number.max(initial=0) + 1) + number
+        return np.isin(bonds[: len(ids)], bonds[len(ids) :])
 
     @cached_property
     def _sorted(self) -> _Sorted:

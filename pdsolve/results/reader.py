@@ -149,19 +149,28 @@ class Results:
             row += len(count)
         bonds, neighbour = np.concatenate(counts), np.concatenate(neighbours)
         if len(self.epochs()) > 1:
-            lives, epoch = self.lives(), self.epoch(step)
-            rows = lives.rows(epoch)
-            there = np.zeros(len(bonds), dtype=bool)
-            there[rows] = True
-            neighbour = lives.now(epoch)[neighbour[np.repeat(there, bonds)]]
-            bonds = bonds[rows]
-            if (neighbour < 0).any():
-                node = lives.nodes.ids[rows][np.repeat(np.arange(len(rows)), bonds)[neighbour.argmin()]]
-                raise ResultsError(
-                    f"{self.name}: found a bond of node {node} to one that is gone at step {epoch}, expected nodes"
-                    " whose bonds change to be born anew"
-                )
+            bonds, neighbour = self._bonded(self.epoch(step), bonds, neighbour)
         return Families(np.concatenate([[0], np.cumsum(bonds)]), neighbour)
+
+    def _bonded(
+        self, step: int, bonds: NDArray[np.int64], neighbour: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The same of the nodes at a step and their places there, from all rows; broken bonds to the dead left out."""
+        lives = self.lives()
+        rows, ids = lives.rows(step), lives.nodes.ids
+        there = np.zeros(len(bonds), dtype=bool)
+        there[rows] = True
+        own, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(there, bonds)]
+        place = lives.now(step)[neighbour]
+        gone = np.flatnonzero(place < 0)
+        whole = gone[~lives.broke(self.breaks(), own[gone], ids[neighbour[gone]])] if len(gone) else gone
+        if len(whole):
+            raise ResultsError(
+                f"{self.name}: found a bond of node {ids[own[whole[0]]]} to one that is gone at step {step}, expected"
+                " nodes whose bonds change to be born anew"
+            )
+        kept = place >= 0
+        return np.bincount(own[kept], minlength=len(bonds))[rows], place[kept]
 
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
