@@ -65,8 +65,9 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
 
 def cloud(system: System) -> dict[str, NDArray[Any]]:
     """What a checkpoint has besides where nodes change: who they are, and which of their bonds are broken."""
-    broken = system.operator.broken()._asdict()
-    return {"ids": system.model.grid.ids} | {f"broken_{name}": values for name, values in broken.items()}
+    broken = system.operator.broken()
+    order = np.lexsort((broken.target, broken.source, broken.step))
+    return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
 
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:

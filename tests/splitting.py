@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from plates import plate, square_grid
 
-from pdmesh.grid import Grid
+from pdmesh.grid import Grid, Load, Run
 from pdsolve.adapt import Change
+from pdsolve.model import Model
 from pdsolve.notes import restore
 from pdsolve.operators.operator import Kept
 from pdsolve.state import State
-from pdsolve.system import Prepared, System, system_of
+from pdsolve.system import Options, Prepared, System, prepare, system_of
 
 QUARTERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / 4  # of the spacing: where a node's parts are
+
+
+def torn_plate() -> Model:
+    """A cracked plate of 21 x 12 nodes torn apart in 60 steps, bonds breaking; its model names no node by its id."""
+    grid = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[0.0, 0.0, 8e-3, 0.0]]))
+    pull = 6e10
+    ends = (
+        Load(box=(0.0, 4.4e-3, 1.0, 1.0), body_force=(0.0, pull)),
+        Load(box=(0.0, -1.0, 1.0, -4.4e-3), body_force=(0.0, -pull)),
+    )
+    run = Run(time_step=50e-9, steps=60, every=10, ledger=5, probes=((8e-3, 0.5e-3), (1e-2, 5e-3)))
+    return plate(grid, conditions=ends, run=run)
 
 
 class Moving:
@@ -88,10 +103,12 @@ class Moving:
             np.add.at(whole, self.lattice(known), (area * values.T).T)
             np.add.at(weight, self.lattice(known), area)
             mean = (whole.T / weight).T
-            kept[name] = np.array([
-                values[place[node]] if node in place else mean[row]
-                for node, row in zip(ids.tolist(), self.lattice(ids).tolist(), strict=True)
-            ])
+            kept[name] = np.array(
+                [
+                    values[place[node]] if node in place else mean[row]
+                    for node, row in zip(ids.tolist(), self.lattice(ids).tolist(), strict=True)
+                ]
+            )
         old = system.operator.broken()
         since: dict[tuple[int, int], int] = {}
         ends = (self.lattice(known[side]).tolist() for side in (old.source, old.target))
@@ -99,9 +116,22 @@ class Moving:
             for pair in ((one, other), (other, one)):
                 since[pair] = min(when, since.get(pair, when))
         source, target = new.operator.bonds(start=True)
-        when = np.array([since.get(pair, 0) for pair in zip(*(self.lattice(ids[side]).tolist() for side in (source, target)), strict=True)])
+        pairs = zip(*(self.lattice(ids[side]).tolist() for side in (source, target)), strict=True)
+        when = np.array([since.get(pair, 0) for pair in pairs])
         gone = when > 0
         return kept | {"broken_step": when[gone], "broken_source": source[gone], "broken_target": target[gone]}
+
+
+def marched(model: Model, adapt: Moving, options: Options) -> Iterator[tuple[int, System, State]]:
+    """A run by hand: step, system and state after every step, before nodes change."""
+    system, state = prepare(model, options)
+    for step in range(1, model.settings.run.steps + 1):
+        yield step - 1, system, state
+        change = adapt.epoch(system, state, step - 1) if (step - 1) % adapt.every == 0 else None
+        if change is not None:
+            system, state, _ = change
+        system.stepper.march(state, step, step + 1)
+    yield step, system, state
 
 
 def _bonded(system: System) -> dict[int, tuple[int, frozenset[int]]]:
