@@ -143,6 +143,8 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
             system, state = adapt.back(system, kept)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
+            if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
+                raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         restore(system, state, step, kept, results.breaks())
         broken = int((results.breaks().step <= step).sum()) - len(system.operator.broken().step)

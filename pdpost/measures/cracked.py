@@ -45,22 +45,27 @@ def cracked_since(results: Results, threshold: float = CRACKED, step: int | None
     since = np.where(further <= 0, lives.birth, -1)
     broke = (further > 0) & (further <= count)
     since[broke] = breaks.step[order][(first + further - 1)[broke]]
-    for birth in results.epochs()[1:].tolist():
-        _inherit(lives, since, count > 0, birth)
+    ends, hurt = np.argsort(lives.death, kind="stable"), count > 0
+    for epoch in results.epochs()[1:].tolist():
+        born, died = (slice(*np.searchsorted(steps, [epoch, epoch + 1])) for steps in (lives.birth, lives.death[ends]))
+        _inherit(lives, np.arange(len(since))[born], ends[died], since, hurt)
     return since[results.rows(step)]
 
 
-def _inherit(lives: Lives, since: NDArray[np.int64], broken: NDArray[np.bool_], birth: int) -> None:
+def _inherit(
+    lives: Lives,
+    born: NDArray[np.int64],
+    died: NDArray[np.int64],
+    since: NDArray[np.int64],
+    broken: NDArray[np.bool_],
+) -> None:
     """Let nodes that are born cracked be so since those that die then and whose squares they overlap were.
 
     Where none of these was cracked and none had lost bonds on the way, a pre-crack cut them: that is since step 0.
-    `since` (r,) and `broken` (r,), whether bonds broke in the course of the run, of all nodes that ever were.
+    `since` (r,) and `broken` (r,), whether bonds broke in the course of the run, are of all nodes that ever were.
     """
-    born, died = np.flatnonzero(lives.birth == birth), np.flatnonzero(lives.death == birth)
-    if not len(born):
-        return
-    place, half = lives.nodes.position, lives.nodes.delta / 2
-    if len(died):
+    place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
+    if len(born) and len(died):
         reach = half[born] + half[died].max()
         near = cKDTree(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
         count = np.array([len(rows) for rows in near])
@@ -70,9 +75,9 @@ def _inherit(lives: Lives, since: NDArray[np.int64], broken: NDArray[np.bool_], 
         touch = apart < (half[one] + half[other]) * (1 - ROUND_OFF)
         one, other = one[touch], other[touch]
         broken[one[broken[other]]] = True
-        cracked = (since[other] >= 0) & (since[one] == birth)
+        cracked = (since[other] >= 0) & (since[one] == birth[one])
         np.minimum.at(since, one[cracked], since[other[cracked]])
-    since[born[(since[born] == birth) & ~broken[born]]] = 0
+    since[born[(since[born] == birth[born]) & ~broken[born]]] = 0
 
 
 def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -186,14 +186,18 @@ class Results:
         found = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
         if not found:
             self._expect_field(name, step)
-        rows = self.rows(step)
-        chunk, at = np.divmod(rows, CHUNK)
-        chunks = np.unique(chunk)
         values = np.frombuffer(b"".join(row[-1] for row in found), dtype="<f4")
+        count, there = self._tables.count("node"), [row[2] for row in found]
+        if count is not None and len(self.epochs()) == 1:
+            if there != list(range(-(-count // CHUNK))):
+                self._tables.damaged("field_chunk")
+            return values
+        chunk, at = np.divmod(self.rows(step), CHUNK)
+        chunks = np.unique(chunk)
         place = CHUNK * np.searchsorted(chunks, chunk) + at
-        if [row[2] for row in found] != chunks.tolist() or len(values) <= place.max(initial=-1):
+        if there != chunks.tolist() or len(values) <= place.max(initial=-1):
             self._tables.damaged("field_chunk")
-        return values if len(values) == len(rows) else values[place]
+        return values[place]
 
     def stored(self, step: int) -> list[str]:
         """The names of the fields that the frame at `step` holds, in the order of the view."""

@@ -38,11 +38,11 @@ def said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, 
     return found
 
 
-@pytest.mark.parametrize("name", ["damage", "energy", "displacement", "strain", "stress"])
+@pytest.mark.parametrize("name", ["damage", "energy", "displacement", "stress"])
 def test_fields_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     """The numbers of a frame are those of its nodes, deformed or not."""
     for frame, (step, nodes) in enumerate(counts(given).items()):
-        if frame in (0, 2, 4, 6):
+        if frame in (2, 6):
             command = [name, str(given), "--frame", str(frame), "--csv", f"{frame}.csv", "-o", f"{frame}.png"]
             found = said([*command, "--scale", str(frame)], capsys)
             assert (found["step"], found["nodes"]) == (step, nodes)
@@ -58,12 +58,12 @@ def test_fields_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str], n
 def test_nodes_and_bonds_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     broken = []
     for frame, nodes in enumerate(counts(given).values()):
-        if frame in (0, 2, 6):
+        if frame in (0, 6):
             found = said(["nodes", str(given), "--frame", str(frame), "-o", f"n{frame}.png"], capsys)
             assert sum(level["nodes"] for level in found["levels"]) == nodes
             found = said(["bonds", str(given), "--frame", str(frame), "-o", f"b{frame}.png"], capsys)
             broken.append(found["broken"])
-    assert broken[0] == 0 < broken[1] < broken[2]
+    assert broken[0] == 0 < broken[1]
 
 
 def test_films_and_pages(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
