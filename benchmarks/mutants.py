@@ -67,6 +67,30 @@ MUTANTS = (
         f"{UNIT}/test_interrupted_runs.py::test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped",
     ),
     Mutant(
+        "pdsolve/results/writer.py",
+        'later |= {"node": f"birth > {step}", ',
+        'later |= {"node": f"birth > {step + 1}", ',
+        "tests/formats/test_epochs.py::test_what_was_born_and_died_after_the_checkpoint_is_dropped",
+    ),
+    Mutant(
+        "pdsolve/results/lives.py",
+        "return np.flatnonzero((self.birth <= step) & (step < self.death))",
+        "return np.flatnonzero((self.birth <= step) & (step <= self.death))",
+        "tests/formats/test_epochs.py::test_each_frame_has_the_nodes_there_were",
+    ),
+    Mutant(
+        "pdsolve/results/schema.py",
+        "(d.step IS NULL OR d.step > f.step)",
+        "(d.step IS NULL OR d.step >= f.step - 3)",
+        "tests/formats/test_epochs.py::test_sql_sees_the_nodes_of_each_frame",
+    ),
+    Mutant(
+        "pdpost/measures/cracked.py",
+        "np.minimum.at(since, one[cracked], since[other[cracked]])",
+        "since[one[cracked]] = birth[one[cracked]]",
+        "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
+    ),
+    Mutant(
         "pdpost/measures/tips.py",
         "np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w)",
         "np.arctan2(came[1] * w[0] - came[0] * w[1], came @ w)",

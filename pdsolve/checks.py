@@ -246,6 +246,11 @@ class Watch:
             breaking[own] = stretch * model.grid.delta[own]
         self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
 
+    def moved_to(self, other: Watch) -> Watch:
+        """`other`, which says nothing again that this one has said."""
+        other._said, other._vague = self._said, self._vague
+        return other
+
     def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warns of bonds turned inside out, and of displacements too large for their digits.
 

@@ -63,7 +63,7 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             work=float(np.sum(area * state.work)),
             momentum_x=float(np.sum(rho * area * velocity[:, 0])),
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-            broken=len(broken.step),
+            broken=system.broken_before + len(broken.step),
         )
 
 

@@ -62,6 +62,7 @@ class System:
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
+    broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
     def threads(self) -> int:

@@ -97,3 +97,16 @@ def small_results(small_plate: Model, tmp_path: Path) -> Path:
     with Results.open(path) as results:
         assert results.breaks().step.size > 0
     return path
+
+
+@pytest.fixture(scope="session")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database of a cracked plate with a fine zone that moves, solved once a session."""
+    from splitting import Moving, torn_plate
+
+    from pdsolve.simulation import Options, simulate
+
+    path = tmp_path_factory.mktemp("moving") / "moving.sqlite"
+    model = torn_plate()
+    simulate(model, path, Options(threads=1), adapt=Moving(model.grid)).close()
+    return path

@@ -112,7 +112,7 @@ def _usual(results: Results) -> list[Place]:
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
     moved = np.hypot(*vector(results, "displacement", last_frame(results)).T)
-    return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
+    return [("--node", (float(results.nodes().ids[int(np.nanargmax(moved))]),))]
 
 
 def _curve(results: Results, place: Place, *what: str) -> History:
@@ -132,8 +132,11 @@ def _told(curve: History, unit: str) -> str:
 
     where = "" if curve.place is None else f" at ({curve.place[0]:g}, {curve.place[1]:g}) m"
     off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
-    low, high = float(np.min(curve.low)), float(np.max(curve.high))
-    values = f"{len(curve.time)} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    known = np.isfinite(curve.value)
+    if not known.any():
+        return f"{curve.label}{where}{off}, {curve.component}: at none of {len(curve.time)} times by {curve.source}"
+    low, high = float(np.min(curve.low[known])), float(np.max(curve.high[known]))
+    values = f"{known.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
     return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
 

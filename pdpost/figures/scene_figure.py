@@ -23,7 +23,7 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
 
     `model` is the grid file as JSON has it.
     """
-    nodes = results.nodes()
+    nodes = results.nodes(0)
     levels = np.unique(nodes.delta)
     greys = np.linspace(0.82, 0.94, len(levels)) if len(levels) > 1 else np.array([0.9])
     colours = np.repeat(greys[np.searchsorted(levels, nodes.delta)][:, None], 3, axis=1)

@@ -176,7 +176,7 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
     A straight line through the nodes of the crack at the tip, weighted by damage, as far as they are more than three
     spacings to one side of the line of the pre-crack. Sides without such a crack are left out.
     """
-    nodes, here = results.nodes(), grown(results, step, threshold)
+    nodes, here = results.nodes(step), grown(results, step, threshold)
     if not len(here.position):
         return []
     finest = float(nodes.delta.min())

@@ -77,7 +77,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
     What is fitted to the few bonds left there is the opening of a crack, not a strain.
     """
     if not FIELDS[name].fitted:
-        return np.zeros(len(results.nodes().ids), dtype=bool)
+        return np.zeros(len(results.rows(step)), dtype=bool)
     return damage_at(results, step) > CRACKED
 
 
@@ -106,7 +106,7 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
         x, y = vector(results, name, step).T
         return {"magnitude": np.hypot(x, y), "x": x, "y": y}
     strain = green(gradients(results, step))
-    modulus, plane = stiffness(results)
+    modulus, plane = stiffness(results, step)
     if name == "strain":
         return {**_principal(strain), "zz": thinning(strain, plane)}
     stress = hooke(strain, modulus, plane)

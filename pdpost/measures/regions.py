@@ -49,7 +49,7 @@ class _Root(NamedTuple):
 
 def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
     """The nodes cracked after `step`, but for those that were at the start, shared out to cracks."""
-    nodes, since = results.nodes(), cracked_since(results, threshold)
+    nodes, since = results.nodes(step), cracked_since(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
     links = _touching(position, delta)
