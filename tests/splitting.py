@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.grid import Grid, Load, Run
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Load, Run
 from pdsolve.adapt import Change
 from pdsolve.model import Model
 from pdsolve.notes import restore
