@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pdmesh.model.fields import CRACKED
 from pdsolve.results import Lives, Results
@@ -67,6 +66,8 @@ def _inherit(
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
     if len(born) and len(died):
         reach = half[born] + half[died].max()
+        from scipy.spatial import cKDTree  # here, as few results need it
+
         near = cKDTree(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
         count = np.array([len(rows) for rows in near])
         one = np.repeat(born, count)

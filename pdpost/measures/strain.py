@@ -14,7 +14,6 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Material, Region
@@ -146,6 +145,8 @@ def stiffness(results: Results, step: int) -> tuple[NDArray[np.float64], str]:
     for region in model.regions:
         modulus[selected(nodes, region.nodes, region.box)] = region.material.E
     if results.epoch(step):
+        from scipy.spatial import cKDTree  # here, as few results need it
+
         modulus = modulus[cKDTree(nodes.position).query(results.nodes(step).position)[1]]
     return modulus, model.material.plane
 
