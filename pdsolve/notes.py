@@ -41,8 +41,9 @@ def families(system: System, first: int, last: int) -> Families:
 def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64]) -> tuple[Nodes, Families]:
     """The nodes that are born, `which` (b,) of a cloud, with the bonds they have left; `rows` (n,) as in `Frame`."""
     runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
-    ends = [system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs]
-    source, target = (np.concatenate([np.zeros(0, dtype=np.int64), *column]) for column in zip(*ends, strict=True))
+    nothing = np.zeros(0, dtype=np.int64)
+    ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
+    source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
     count = np.bincount(source, minlength=len(system.family))[which]
     some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
     return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
@@ -92,6 +93,7 @@ class Past(NamedTuple):
     step: int
     wall: float  # s spent
     updates: int  # directed bonds times steps
+    latest: int  # step in which a bond broke last; 0: none has
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
     ever: int  # nodes that ever were
 
@@ -102,10 +104,11 @@ class Notes:
     def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
         """`past` is None for a run that begins; `changes`: whether nodes may be born and die."""
         self.system, self.state, self.new = system, state, past is None
-        past = past or Past(0, 0.0, 0, None, len(system.model.grid))
+        past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = past, clock.perf_counter()
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
+        self._latest = past.latest  # likewise
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
@@ -126,6 +129,11 @@ class Notes:
         """Directed bonds times steps until this one."""
         return self._updates + self.system.bonds * (step - self._since)
 
+    @property
+    def latest(self) -> int:
+        """The step in which a bond broke last, of those that were known when notes were taken; 0: none has."""
+        return int(self.now.broken.step.max(initial=self._latest))
+
     def follow(self, step: int, change: Change) -> None:
         """Go on with what the nodes became after `step`; note who was born and who died."""
         before, (system, self.state, origin) = self.system, change
@@ -135,6 +143,7 @@ class Notes:
         broken, there = before.operator.broken(), len(system.operator.broken().step)
         self._breaks.append(breaks(before, max(self.written, self._since), broken))
         self._updates, self._since = self.updates(step), step
+        self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
             initial_energy=before.initial_energy,

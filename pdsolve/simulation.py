@@ -22,7 +22,7 @@ from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.stability import UnstableError
-from pdsolve.state import Broken, State
+from pdsolve.state import State
 from pdsolve.system import Options, System, prepare
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -121,7 +121,10 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
                 f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
             )
-        past = Past(step, float(meta.get("wall_time", 0.0)), results.bond_updates(step), None, len(known.ids))
+        before = results.breaks().step
+        before = before[before <= step]
+        wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids))
         if (adapt is not None) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
@@ -133,7 +136,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         restore(system, state, step, kept, results.breaks())
-        broken = int((results.breaks().step <= step).sum()) - len(system.operator.broken().step)
+        broken = len(before) - len(system.operator.broken().step)
         system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
     notes = Notes(system, state, past, adapt is not None)
     return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
@@ -195,7 +198,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         interrupted = asked()
         if step in ends[2:]:
             notes.take(step)
-            done = _is_enough(system, notes.now.broken, step)
+            done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
@@ -211,14 +214,13 @@ def _next(step: int, interval: int) -> int:
     return (step // interval + 1) * interval
 
 
-def _is_enough(system: System, broken: Broken, step: int) -> bool:
-    """Whether the run has seen what its model waits for."""
+def _is_enough(system: System, latest: int, step: int) -> bool:
+    """Whether the run has seen what its model waits for; `latest` is the step in which a bond broke last."""
     run = system.model.settings.run
     if run.until == "split":
         return pieces(system) > 1
     if run.until == "quiet":
-        last = int(broken.step.max(initial=0))
-        return last > 0 and run.quiet is not None and (step - last) * system.time_step >= run.quiet
+        return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False
 
 

@@ -101,8 +101,8 @@ class Results:
         if not self._tables.epochs:
             return steps * int((self.nodes().family - self.nodes().cut).sum())
         first, _, bonds = np.array(self._tables.all("epoch"), dtype=np.int64).T
-        taken = np.diff(np.append(first.clip(min=1), steps + 1).clip(max=steps + 1))
-        return int(taken @ bonds)
+        long = np.diff(np.append(first.clip(min=1), steps + 1).clip(max=steps + 1))
+        return int(long @ bonds)
 
     def epoch(self, step: int | None = None) -> int:
         """The step from which on the nodes are those of `step`."""

@@ -134,8 +134,14 @@ def test_what_was_born_and_died_after_the_checkpoint_is_dropped(
     path, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
     monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
 
+    def is_written(step: int) -> bool:
+        with Results.open(path) as results:
+            return step in results.frames()[0]
+
     def kill(progress: Progress) -> bool:
         if progress.step == 47:
+            while not is_written(40):
+                time.sleep(0.01)
             for beside in ("", "-wal", "-shm"):
                 shutil.copy(f"{path}{beside}", f"{killed}{beside}")
         return False
