@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 LEAST = 1000  # rows: a smaller part is done before another thread has begun
-PATIENCE = 2000  # looks at whether others have come, before one sleeps
+PATIENCE = 100_000  # looks at whether others have come, some 0.1 ms, before one sleeps
 NAP = 20  # us
 
 
