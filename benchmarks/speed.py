@@ -259,6 +259,7 @@ def chart(rows: list[dict[str, Any]], least: dict[str, float], path: Path) -> No
         for (precision, ns), style in zip(least.items(), ("--", ":"), strict=True):
             axis.axhline(ns, color="k", linestyle=style, linewidth=1, label=f"bound of 1 thread, {precision}")
         axis.set(title=f"{law}, {mode}", xlabel="nodes")
+        axis.xaxis.set_minor_formatter("")
         axis.grid(alpha=0.3)
     axes[0, 0].set_ylabel("ns per directed bond and step")
     axes[0, -1].legend(fontsize="x-small", loc="center left", bbox_to_anchor=(1, 0.5))
