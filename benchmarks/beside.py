@@ -120,7 +120,7 @@ class Turns:
                 [sys.executable, "-P", __file__, "--serve", json.dumps(job)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env={**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / ".numba")},
+                env={**os.environ, "PYTHONPATH": str(folder)},
                 cwd=folder,
                 text=True,
             )
