@@ -22,23 +22,28 @@ class Tables:
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
         self.connection = connection
         self.name = name
+        self._look_at_version()
+
+    def _look_at_version(self) -> None:
         ((self.version,),) = self.rows("PRAGMA user_version")
         self.checked = self.version != WITHOUT_CHECKSUMS
         self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
 
     def expect_ours(self) -> None:
-        """Look whether this is a database of ours, with the tables that it was made with."""
-        ((found,),) = self.rows("PRAGMA application_id")
-        there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
-        if not there:
-            raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
-        if found != APPLICATION_ID:
-            raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-        if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, SCHEMA_VERSION):
-            raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
-        if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
-            self.damaged("schema")
-        self.compare("schema", self.rows(select_schema()))
+        """Look whether this is a database of ours, with the tables that it was made with; it may be made meanwhile."""
+        with self.snapshot():
+            ((found,),) = self.rows("PRAGMA application_id")
+            there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
+            self._look_at_version()
+            if not there:
+                raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
+            if found != APPLICATION_ID:
+                raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
+            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, SCHEMA_VERSION):
+                raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
+            if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
+                self.damaged("schema")
+            self.compare("schema", self.rows(select_schema()))
 
     def verify(self) -> None:
         """Read all there is, of the present schema, and look whether it is what was written."""
