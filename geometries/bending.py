@@ -5,7 +5,7 @@ nodes at mid-height of its ends, so that nothing is indented.
 Calibrated: the load, which bends a beam of glass by less than a thousandth of its height.
 """
 
-from pdmesh.scene import Material, Run, Scene, box
+from pdmesh import Material, Run, Scene, box
 
 length = 0.1  # m: between the supports
 height = 0.01  # m

@@ -6,7 +6,7 @@ Two scales: fine around the pins and along the way of the crack, which is betwee
 Calibrated: nothing. A plane body of bonds in plane strain has nu = 1/4, whatever the material's.
 """
 
-from pdmesh.scene import Circle, Material, Run, Scene, Static, box, ramp
+from pdmesh import Circle, Material, Run, Scene, Static, box, ramp
 
 spacing = 1e-3  # m: between the coarsest nodes
 fine = 5e-4  # m: between nodes along the way of the crack

@@ -5,7 +5,7 @@ the strip holds far ahead, E e^2 h / (2 (1 - nu^2)) per length, e its strain, h 
 Calibrated: the strain, which feeds the crack with twice the fracture energy.
 """
 
-from pdmesh.scene import Material, Run, Scene, box
+from pdmesh import Material, Run, Scene, box
 
 spacing = 5e-4  # m: between nodes
 horizon = 4.0  # horizon over spacing

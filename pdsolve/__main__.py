@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdsolve.simulation import Plan, Progress
+    from pdsolve.estimate import Plan
+    from pdsolve.simulation import Progress
 
 LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
@@ -93,7 +94,7 @@ def _solve(args: argparse.Namespace) -> int:
         _leave_out_blas()
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.results import ResultsWarning
-        from pdsolve.simulation import Options, plan, resume, simulate
+        from pdsolve.simulation import Options, resume, simulate
 
     with _Watch(args) as watch, warnings.catch_warnings():
         for kind in (ModelWarning, ResultsWarning):
@@ -120,6 +121,8 @@ def _solve(args: argparse.Namespace) -> int:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.dry_run:
+                from pdsolve.estimate import plan
+
                 return _show_plan(plan(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
             results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
@@ -157,7 +160,7 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
         steps = f"load steps of {found.time_step:.4g} s, times without cracks"
     lines = [
         f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} {steps}",
-        f"{found.memory / 1e6:.3g} MB while marching, about {found.wall_time:.3g} s",
+        f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
     commandline.report(found._asdict(), lines, args)
     return commandline.OK
@@ -233,7 +236,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.grid import GridError
+    from pdmesh.model.document import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
     from pdsolve.simulation import UnsettledError, UnstableError

@@ -7,7 +7,7 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from pdmesh.grid import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError
 

@@ -7,9 +7,11 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from pdsolve.model import ModelError
+from pdsolve.model import Model, ModelError
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.steppers.equilibrium import forces
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.system import Prepared, at_rest
+from pdsolve.system import Options, Prepared, at_rest
 
 
 def started(prepared: Prepared) -> Prepared:
@@ -23,20 +25,23 @@ def started(prepared: Prepared) -> Prepared:
     run = model.settings.run
     if run.start != "static":
         return prepared
+    rest = still(model, system.options, system.scheme)
+    stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
+    assert isinstance(stepper, LoadSteps)
+    stepper.bring(rest.state)
+    state.value[:] = rest.state.value
+    system.drive.held_force[:] = drive.held_force
+    left = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
+    state.second[:] = np.where(stepper.held, state.second, left)
+    strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
+    return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
+
+
+def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """The model as it is to be brought to rest. Raises ModelError."""
+    run = model.settings.run
     if run.solver == "static":
         raise ModelError(f"{model.name}: $.run.start: found static, expected none, as the solver is static")
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
     settings = msgspec.structs.replace(model.settings, run=rest)
-    still = at_rest(dataclasses.replace(model, settings=settings), system.options, system.scheme, breaks=False)
-    stepper = still.system.stepper
-    assert isinstance(stepper, LoadSteps)
-    stepper.bring(still.state)
-    held, drive = stepper.held, still.system.drive
-    state.value[:] = still.state.value
-    system.drive.held_force[:] = drive.held_force
-    out = np.zeros(still.state.value.shape)
-    still.system.operator.add(still.state, out, 0, 0.0)
-    rho = model.rho[:, None]
-    state.second[:] = np.where(held, state.second, (out + drive.force) / rho)
-    strain = float(np.sum(system.area * still.system.operator.energies(still.state)[0]))
-    return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
+    return at_rest(dataclasses.replace(model, settings=settings), options, scheme, breaks=False)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES
 
-from pdmesh.sources import build
+from pdmesh.drawing.sources import build
 from pdpost import crack
 from pdsolve.model import Model
 from pdsolve.results import Results

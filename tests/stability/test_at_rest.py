@@ -11,7 +11,7 @@ import numpy as np
 from failures import Said
 from plates import plate, square_grid
 
-from pdmesh.grid import Displacement, Load, Run, Static
+from pdmesh.model.document import Displacement, Load, Run, Static
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import Options, simulate

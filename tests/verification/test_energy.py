@@ -11,7 +11,7 @@ import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 from systems import at_step, broken, equilibrium
 
-from pdmesh.grid import (
+from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
     Displacement,

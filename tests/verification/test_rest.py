@@ -13,10 +13,10 @@ from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
 
-from pdmesh.grid import Displacement, Load, Run, Static
+from pdmesh.model.document import Displacement, Load, Run, Static
+from pdmesh.model.full_lattice import lattice_ratios
 from pdsolve.bonds import Filling, Part
 from pdsolve.conditions import put_loads
-from pdsolve.lattice import lattice_ratios
 from pdsolve.loading import in_load_steps
 from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES

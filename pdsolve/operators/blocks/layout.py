@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.laws.bilinear import intact_share
+from pdsolve.operators.blocks.distinct import Distinct
 from pdsolve.operators.blocks.kernel import END, LANES, LIMITS, Blocks
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.pull import NARROW
@@ -28,59 +29,6 @@ SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
 _intact_share = getattr(intact_share, "py_func", intact_share)  # for whole arrays
 LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
-
-
-class _Distinct:
-    """Different values, numbered as they turn up; one within a share of the largest of a value known is that value."""
-
-    def __init__(self, share: float) -> None:
-        self._share, self._tolerance = share, 0.0
-        self._order = np.zeros(0, dtype=np.int32)
-        self.values = np.zeros(0)
-
-    def numbers(self, values: NDArray[np.float64]) -> NDArray[np.int32]:
-        """The numbers of `values`, new ones added."""
-        if self._share > 0:
-            self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
-        number, known = self._look_up(values)
-        if not known.all():
-            self._add(np.sort(values[~known]))
-            number, known = self._look_up(values)
-            assert known.all()
-        return number
-
-    def loosen(self, share: float) -> None:
-        """From now on values within this share are one, if it is larger."""
-        self._share = max(self._share, share)
-
-    def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
-        with np.errstate(invalid="ignore"):  # infinite less infinite
-            return np.asarray((one == other) | (np.abs(one - other) <= self._tolerance))
-
-    def _look_up(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        if not len(self.values):
-            return np.zeros(len(values), dtype=np.int32), np.zeros(len(values), dtype=bool)
-        ordered = self.values[self._order]
-        above = np.searchsorted(ordered, values).clip(max=len(ordered) - 1)
-        below = np.maximum(above - 1, 0)
-        at = np.where(self._near(values, ordered[below]), below, above)
-        return self._order[at], self._near(values, ordered[at])
-
-    def _add(self, ordered: NDArray[np.float64]) -> None:
-        within = 0.99 * self._tolerance
-        with np.errstate(invalid="ignore"):  # infinite less infinite
-            first = np.flatnonzero(np.append(True, np.diff(ordered) > within))
-            last = np.append(first[1:], len(ordered)) - 1
-            new = [ordered[first]]
-            for chain in np.flatnonzero(ordered[last] - ordered[first] > within):
-                at, end = first[chain], last[chain] + 1
-                while True:  # each is as near to the first of its group as the tolerance, not to the next one only
-                    at += np.searchsorted(ordered[at:end], ordered[at] + within, side="right")
-                    if at == end:
-                        break
-                    new.append(ordered[at : at + 1])
-        self.values = np.concatenate([self.values, *new])
-        self._order = np.argsort(self.values).astype(np.int32)
 
 
 class _Rows(NamedTuple):
@@ -107,8 +55,8 @@ class _Tables:
     """What slots of all parts share."""
 
     def __init__(self) -> None:
-        self.components, self.pulls = _Distinct(SAME_PLACE), _Distinct(SAME_STIFFNESS)
-        self.peaks, self.limits, self.bounds = _Distinct(0.0), _Distinct(0.0), _Distinct(0.0)
+        self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
+        self.peaks, self.limits, self.bounds = Distinct(0.0), Distinct(0.0), Distinct(0.0)
         self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components
         self.keys = np.zeros(0, dtype=np.int64)  # components by number
 

@@ -12,11 +12,13 @@ import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 from systems import bonds_of, broken, kept, worst
 
-from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Acceleration, Displacement, Load, Run, Velocity
 from pdsolve.measures import books
 from pdsolve.model import Model, ModelError
 from pdsolve.notes import breaks, restore
 from pdsolve.operators.blocks import layout
+from pdsolve.operators.blocks.distinct import Distinct
 from pdsolve.operators.blocks.kernel import Blocks
 from pdsolve.operators.blocks.operator import InBlocks
 from pdsolve.simulation import simulate
@@ -267,7 +269,7 @@ def test_values_that_differ_by_round_off_stay_near_their_own() -> None:
     """A chain of small steps is no reason to become the next value, nor to drift further than the tolerance."""
     chain = 1 + 0.9e-11 * np.arange(40)
     values = np.random.default_rng(1).permutation(np.concatenate([chain, chain + 1, [3.0]]))
-    distinct = layout._Distinct(0.5e-11)  # 1.5e-11 of the largest
+    distinct = Distinct(0.5e-11)  # 1.5e-11 of the largest
     for part in np.split(values, 3):
         number = distinct.numbers(part)
         assert np.abs(distinct.values[number] - part).max() <= 1.5e-11

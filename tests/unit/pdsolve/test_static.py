@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from plates import GLASS, STEEL, plate, square_grid
 
-from pdmesh.grid import AnyCondition, Displacement, Load, Run, Static, Velocity
+from pdmesh.model.document import AnyCondition, Displacement, Load, Run, Static, Velocity
+from pdsolve.estimate import plan
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
-from pdsolve.simulation import Options, Progress, UnsettledError, plan, resume, simulate
+from pdsolve.simulation import Options, Progress, UnsettledError, resume, simulate
 
 OPEN = 1e-4  # m
 

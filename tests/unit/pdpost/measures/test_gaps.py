@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Displacement, Run, Static
+from pdmesh.model.document import Displacement, Run, Static
 from pdpost.__main__ import main
 from pdpost.measures.forces import reactions
 from pdpost.measures.gaps import against, gap
