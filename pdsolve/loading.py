@@ -7,7 +7,7 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError
 
@@ -57,7 +57,7 @@ def _refuse(model: Model, precision: str) -> None:
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
     for number, condition in enumerate(model.settings.conditions):
-        if isinstance(condition, Velocity | Acceleration | InitialVelocity):
+        if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb):
             kind = str(condition.__struct_config__.tag)
             raise ModelError(
                 f"{model.name}: $.conditions[{number}]: found {kind}, expected load or displacement, as the solver is"

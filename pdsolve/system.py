@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
-from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
+from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import in_load_steps
@@ -150,12 +150,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         work=np.zeros(nodes),
     )
     stepper: Stepper
-    state, damping = operator.place(state), model.settings.run.damping
-    if isinstance(operator, InBlocks) and not damping:
+    state, damped = operator.place(state), damping(model)
+    if isinstance(operator, InBlocks) and not damped.any():
         stepper = VerletBlocks(operator, driven, rho, step)
         driven = stepper.drive
     else:
-        stepper = Verlet(operator, driven, rho, step, damping)
+        stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     system = System(
         model,

@@ -32,6 +32,7 @@ FOLDERS = {
     f"Loads/{ANY}": LOAD + SHARED,
     f"Fixes/{ANY}": FIX + SHARED,
     f"Moves/{ANY}": MOVE + SHARED,
+    f"Absorbs/{ANY}": ("Width", "Box"),
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},

@@ -125,7 +125,11 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
     y: float = 0.0
 
 
-AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity
+class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
+    """A layer along an edge in which waves die out: the more, the farther a node is from those that are not in it."""
+
+
+AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
 
 
 class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

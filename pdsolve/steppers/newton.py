@@ -11,15 +11,17 @@ fit, equations are solved by conjugate gradients, or by BiCGStab where bonds are
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import bicgstab, cg, splu
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 
@@ -131,6 +133,8 @@ class Newton:
 
     def _take_tangent(self, state: State, free: NDArray[np.bool_]) -> None:
         """Make the equations those of this state."""
+        from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
+
         matrix = self._operator.tangent(state)
         if self._operator.symmetric:
             matrix = diags_array(np.repeat(self._area, free.shape[1])) @ matrix
@@ -143,6 +147,8 @@ class Newton:
         self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
 
     def _factors(self, inner: csr_array) -> Callable[[Array], Array]:
+        from scipy.sparse.linalg import splu
+
         symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         try:
             solve: Callable[[Array], Array] = splu(
@@ -156,6 +162,9 @@ class Newton:
         return solve
 
     def _gradients(self, inner: csr_array) -> Callable[[Array], Array]:
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import bicgstab, cg
+
         diagonal = inner.diagonal()
         light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
         method = cg if self._operator.symmetric else bicgstab

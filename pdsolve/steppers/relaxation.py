@@ -10,14 +10,18 @@ stiffest; the damping is twice the frequency of the mode that still moves, as Ra
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
 
@@ -35,6 +33,9 @@ def loose(
     `position` (n, 2) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, 2) components. A body of one
     node has no rotation to be held.
     """
+    from scipy.sparse import coo_array  # slow to import, and few runs ask
+    from scipy.sparse.csgraph import connected_components
+
     source, target = bonds
     nodes = len(position)
     graph = coo_array((np.ones(len(source), dtype=bool), (source, target)), (nodes, nodes))
