@@ -154,6 +154,7 @@ def test_every_name_is_asked_for(name: str) -> None:
         Group("fix:NAME", 1, curves=([[0, 0, 0], [0.02, 0, 0]],)),
         Group("move:NAME", 1, curves=([[0, 0, 0], [0, 0.01, 0]],)),
         Group("load:NAME", 1, curves=([[0.02, 0, 0], [0.02, 0.01, 0]],)),
+        Group("absorb:NAME", 1, curves=([[0, 0.01, 0], [0.02, 0.01, 0]],)),
         Group("material:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
         Group("zone:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
     ]
