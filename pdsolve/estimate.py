@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.document import Run
+from pdmesh.model.document import Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
@@ -30,6 +30,7 @@ LISTED = 130.0  # bytes for each bond of a law that is no pair's
 BOND = {"float64": 0.85e-9, "float32": 0.50e-9}
 LISTED_BOND = 12e-9
 SHARED = 0.8  # of more threads' work that another thread takes over
+DAMPED = 2.5  # times as long
 LEDGER, LEDGER_BOND = 1.0e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
 BEGIN, BEGIN_NODE = 0.03, 6e-6
@@ -60,10 +61,10 @@ class Plan(NamedTuple):
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take. Raises ModelError."""
-    scheme, run = scheme_of(model, options), model.settings.run
-    if run.start == "static":
+    scheme, settings = scheme_of(model, options), model.settings
+    if settings.run.start == "static":
         still(model, options, scheme)  # says what is wrong with it
-    if law_of(model) in PAIRS and run.solver != "static":
+    if law_of(model) in PAIRS and settings.run.solver != "static":
         survey = Survey(scheme.fill(model), scheme.symmetric)
         for _ in survey.parts():
             pass
@@ -71,14 +72,17 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system
-        count, bound, step, run = system.count, system.bound, system.time_step, system.model.settings.run
+        count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     paired = law_of(model) in PAIRS
-    return priced(run, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    return priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
 
 
-def priced(run: Run, options: Options, nodes: int, bonds: int, steps: tuple[float, float], paired: bool = True) -> Plan:
+def priced(
+    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], paired: bool = True
+) -> Plan:
     """The same, for so many nodes and bonds; `steps` are that of the run and the one that is surely stable, s."""
+    run = settings.run
     rest, load_step = resting(run, nodes, bonds)
     if run.solver == "static":
         return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
@@ -86,6 +90,8 @@ def priced(run: Run, options: Options, nodes: int, bonds: int, steps: tuple[floa
     memory = least + each * nodes + (0 if paired else LISTED * bonds)
     threads = options.threads or cores()
     update = (BOND[options.precision] if paired else LISTED_BOND) / (1 + SHARED * (threads - 1))
+    if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
+        update *= DAMPED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
     seconds = run.steps * bonds * update
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)

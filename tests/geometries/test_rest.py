@@ -93,7 +93,7 @@ def test_a_strip_lets_its_crack_go_at_a_steady_speed() -> None:
     with simulate(model("strip.py"), None, Options()) as results:
         found = crack(results)
         assert results.history()["kinetic"][0] == 0
-    assert found.start is not None
-    assert found.start.time < 2e-6  # at once; measured: 0.64 us
+    assert found.growth.start is not None
+    assert found.growth.start.time < 2e-6  # at once; measured: 0.58 us
     (branch,) = found.branches
-    assert branch.mean_speed == pytest.approx(1946, rel=0.1)  # 0.64 of the Rayleigh speed; at fed = 1.2, 0.27
+    assert branch.mean_speed == pytest.approx(1902, rel=0.1)  # 0.63 of the Rayleigh speed
