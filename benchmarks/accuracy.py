@@ -77,7 +77,24 @@ def main(arguments: list[str] | None = None) -> int:
             rows.append(row)
             told = ", ".join(f"{what} {value:.3g}" for what, value in row.errors.items())
             print(f"{row.problem}: {row.variant}: {row.updates:.3g} bond updates, {row.wall:.3g} s; {told}", flush=True)
-    machine = {
+    here = machine()
+    settings = [row for row in rows if row.variant not in OTHER_GRIDS]
+    result = {
+        "machine": here,
+        "rows": [row._asdict() for row in rows],
+        "front": fronts(rows),
+        "front on the two-scale grid": fronts(settings),
+    }
+    args.output.write_text(json.dumps(result, indent=1) + "\n")
+    chart(rows, here, args.output.with_suffix(".png"))
+    for problem, names in fronts(settings).items():
+        print(f"{problem}: on the front of the two-scale grid: {', '.join(names)}")
+    return 0
+
+
+def machine() -> dict[str, Any]:
+    """What this was measured on."""
+    return {
         "date": datetime.now(UTC).date().isoformat(),
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -87,18 +104,6 @@ def main(arguments: list[str] | None = None) -> int:
         "numpy": np.__version__,
         "pdsuite": VERSION,
     }
-    settings = [row for row in rows if row.variant not in OTHER_GRIDS]
-    result = {
-        "machine": machine,
-        "rows": [row._asdict() for row in rows],
-        "front": fronts(rows),
-        "front on the two-scale grid": fronts(settings),
-    }
-    args.output.write_text(json.dumps(result, indent=1) + "\n")
-    chart(rows, machine, args.output.with_suffix(".png"))
-    for problem, names in fronts(settings).items():
-        print(f"{problem}: on the front of the two-scale grid: {', '.join(names)}")
-    return 0
 
 
 def fronts(rows: list[Row]) -> dict[str, list[str]]:
