@@ -101,25 +101,16 @@ def _solve(args: argparse.Namespace) -> int:
             warnings.simplefilter("always", kind)
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
-            kept = (
-                "output",
-                "settings",
-                "mode",
-                "precision",
-                "assignments",
-                "every",
-                "fields",
-                "probe",
-                "until",
-                "static",
-            )
-            given = [name for name in kept if getattr(args, name)]
+            kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
+            given = [name for name in (*kept, "static", "float") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path, results = args.model, resume(args.model, args.threads, watch)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
+            if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
+                raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
             if args.dry_run:
                 from pdsolve.estimate import plan
 

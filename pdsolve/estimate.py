@@ -40,7 +40,9 @@ BEGIN, BEGIN_NODE = 0.03, 6e-6
 # relaxation, which takes so many times the root of nodes
 REST, REST_BOND, ENTRY, GRADIENT = 205e6, 300.0, 22.0, 700.0
 RELAXED_BOND = 150.0
-FILL, GROWTH = 20.4, 0.31  # entries of the factors for each bond of a thousand nodes, and how they grow with nodes
+# Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
+# wide; those of a square are more, those of a strip fewer
+FILL, GROWTH = 20.4, 0.31
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
 PRODUCTS, ROUNDS, REFERENCE = 4096, 200, 0.84e-6  # s of so many products where that was measured
