@@ -20,7 +20,8 @@ from pdsolve.threads import cores
 
 DEFAULT = Options()
 
-# Peak of the whole process, bytes: at least, half of it libraries' files, which some systems count more of; for each node
+# Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
+# each node
 MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 # Seconds: of a bond and step on one thread, breaking included; of an entry of the ledger and of a frame, each at least,
