@@ -22,8 +22,9 @@ from pdsolve.threads import cores
 
 DEFAULT = Options()
 
-# Peak of the whole process, bytes: at least, and for each node
-MEMORY = {"thesis": (205e6, 1230.0), "conservative": (188e6, 1190.0)}
+# Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
+# each node
+MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 # Seconds: of a bond and step on one thread, breaking included; of an entry of the ledger and of a frame, each at least,
 # and for each bond or node; of the beginning
@@ -38,7 +39,7 @@ BEGIN, BEGIN_NODE = 0.03, 6e-6
 # time has by then. Seconds of a load step in which nothing breaks: of a bond's part of the tangent, of an entry (and
 # its square over nodes) of the factors, of a bond and the root of nodes without; of a bond in an iteration of
 # relaxation, which takes so many times the root of nodes
-REST, REST_BOND, ENTRY, GRADIENT = 205e6, 300.0, 22.0, 700.0
+REST, REST_BOND, ENTRY, GRADIENT = 190e6, 150.0, 16.0, 700.0
 RELAXED_BOND = 150.0
 # Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
 # wide; those of a square are more, those of a strip fewer
