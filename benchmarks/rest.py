@@ -1,9 +1,9 @@
 """What rest costs: relaxation, Newton's method and slow loading in time, on a plate with a hole and a slow crack.
 
 `python -m benchmarks.rest` writes rest.json and rest.png. (a) A plate with a hole in tension, its displacements against
-those at rest to 1e-11; in time, the load grows over so many transits of a P wave and motion is as good as undamped, or
-damped at the slowest mode's rate. (b) The compact tension specimen up to its largest load and beyond, that load against
-Newton's in load steps half as long; in time, the pins move apart at so many m/s.
+those at rest to 1e-11, as results keep them, in single precision; in time, the load grows over so many transits of a P
+wave, and motion is free or damped at the slowest mode's rate. (b) The compact tension specimen up to its largest load and
+beyond, that load against Newton's in load steps half as long; in time, the pins move apart at so many m/s.
 """
 
 from __future__ import annotations
@@ -140,7 +140,6 @@ def compact() -> Iterator[Row]:
 
     with solved(pulled(None), static(load_steps=2 * LOAD_STEPS)) as results:
         exact = largest(results)
-        yield row_of("slow crack", f"newton in {2 * LOAD_STEPS}", results, 1e-4)
     for method, tolerance in (("newton", 1e-8), ("newton", 1e-5), ("relaxation", 1e-5)):
         with solved(pulled(None), static(method=method, tolerance=tolerance, load_steps=LOAD_STEPS)) as results:
             off = abs(largest(results) / exact - 1)

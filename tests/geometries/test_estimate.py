@@ -75,8 +75,8 @@ def test_the_memory_of_the_process_is_known(mode: str, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="measured on Linux")
 def test_the_memory_at_rest_is_known(tmp_path: Path) -> None:
-    """The factors of a plate twice as long as wide: measured 0.99 of what is said beyond a handful of nodes, and 0.82 for
-    four times as many nodes; the shipped beam, specimen and strip take 1.03, 1.09 and 0.88 of it all in all."""
+    """The factors of a plate twice as long as wide: measured 0.99 of what is said beyond a handful of nodes, and 0.82
+    for four times as many nodes; the shipped beam, specimen and strip take 1.03, 1.09 and 0.88 of it all in all."""
 
     def held(width: int) -> Scene:
         scene = plate(width, 0.5).fix("left").load("right", traction=(1e3, 0))
