@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parent.parent
 SAMPLE = 0.2  # s of one measurement of steps
-ROUNDS = 9
+ROUNDS, WHOLE = 9, 7
 FRAMES = 20
 STRIP = 2000  # nodes along a strip
 
@@ -216,7 +216,7 @@ def compared(other: Path, rounds: int = ROUNDS) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         for job in jobs(Path(folder)):
             turns = Turns(job, other.resolve())
-            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else 3))
+            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else WHOLE))
             turns.close()
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
 
