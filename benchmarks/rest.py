@@ -2,8 +2,8 @@
 
 `python -m benchmarks.rest` writes rest.json and rest.png. (a) A plate with a hole in tension, its displacements against
 those at rest to 1e-11, as results keep them, in single precision; in time, the load grows over so many transits of a P
-wave, and motion is free or damped at the slowest mode's rate. (b) The compact tension specimen up to its largest load and
-beyond, that load against Newton's in load steps half as long; in time, the pins move apart at so many m/s.
+wave, and motion is free or damped at the slowest mode's rate. (b) The compact tension specimen to beyond its largest
+load, that load against Newton's in load steps half as long; in time, the pins move apart at so many m/s.
 """
 
 from __future__ import annotations

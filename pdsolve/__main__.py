@@ -37,7 +37,9 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument(
         "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
     )
-    program.add_argument("--threads", type=int, metavar="N", help="threads to use (default: all)")
+    program.add_argument(
+        "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
+    )
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(

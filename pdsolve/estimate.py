@@ -17,8 +17,7 @@ from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
 from pdsolve.starts import still
 from pdsolve.steppers.newton import FACTORED
-from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of
-from pdsolve.threads import cores
+from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of, threads_of
 
 DEFAULT = Options()
 
@@ -26,19 +25,20 @@ DEFAULT = Options()
 # each node
 MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
-# Seconds: of a bond and step on one thread, breaking included; of an entry of the ledger and of a frame, each at least,
-# and for each bond or node; of the beginning
-BOND = {"float64": 0.85e-9, "float32": 0.50e-9}
+# Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
+# the ledger and of a frame, each at least, and for each bond or node; of the beginning
+BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
+NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
-SHARED = 0.8  # of more threads' work that another thread takes over
+SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
-LEDGER, LEDGER_BOND = 1.0e-3, 4e-9
+LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
-BEGIN, BEGIN_NODE = 0.03, 6e-6
-# At rest. Bytes: at least, of a bond, of an entry of the factors, of a bond where there are none; and what a run in
-# time has by then. Seconds of a load step in which nothing breaks: of a bond's part of the tangent, of an entry (and
-# its square over nodes) of the factors, of a bond and the root of nodes without; of a bond in an iteration of
-# relaxation, which takes so many times the root of nodes
+BEGIN, BEGIN_NODE = 0.06, 3e-6
+# At rest. Bytes: at least, of a bond, of an entry of the factors, of a bond where there are none, of one that relaxes.
+# Seconds of a load step in which nothing breaks: of a bond's part of the tangent, of an entry (and its square over
+# nodes) of the factors, of a bond and the root of nodes without; of a bond in an iteration of relaxation, which takes
+# so many times the root of nodes
 REST, REST_BOND, ENTRY, GRADIENT = 190e6, 150.0, 16.0, 700.0
 RELAXED_BOND = 150.0
 # Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
@@ -46,7 +46,7 @@ RELAXED_BOND = 150.0
 FILL, GROWTH = 20.4, 0.31
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
-PRODUCTS, ROUNDS, REFERENCE = 4096, 200, 0.84e-6  # s of so many products where that was measured
+PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
 class Plan(NamedTuple):
@@ -91,12 +91,12 @@ def priced(
         return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
     least, each = MEMORY[options.mode]
     memory = least + each * nodes + (0 if paired else LISTED * bonds)
-    threads = options.threads or cores()
-    update = (BOND[options.precision] if paired else LISTED_BOND) / (1 + SHARED * (threads - 1))
+    threads = threads_of(options, nodes, paired)
+    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if paired else bonds * LISTED_BOND
     if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
         update *= DAMPED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
-    seconds = run.steps * bonds * update
+    seconds = run.steps * update / (1 + SHARED * (threads - 1))
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
     if run.start == "static":
         memory, seconds = max(memory, rest), seconds + load_step

@@ -15,7 +15,7 @@ LOOK = 0.05  # s between two looks whether a run that waits for its writer is to
 TURN = 2e-4  # s after which the writer's Python gives way to the run's: Python's own 5 ms are as long as many steps
 
 
-AHEAD = 6  # frames that may wait while the file is begun, which takes as long as some of a short run
+AHEAD = 32e6  # bytes of fields that may wait while the file is begun, which takes as long as some of a short run
 
 
 class Behind:
@@ -32,12 +32,14 @@ class Behind:
         self._writer: Writer | None = None
         self._stopping = self._failed = False
         self._pending: list[Future[None]] = []
+        self._ahead = 0  # bytes given before the file was there
 
     def write(self, frame: Frame) -> None:
         """Write a frame as soon as the last one is written. Raises WriteError for that."""
         self.look()
-        if not self._new or len(self._pending) > AHEAD:
+        if not self._new or self._ahead > AHEAD:
             self._wait()
+        self._ahead += sum(values.nbytes for values in (frame.fields or {}).values())
         self._pending.append(self._pool.submit(self._write, frame))
 
     def look(self) -> None:

@@ -10,7 +10,8 @@ import pytest
 from pdsolve.results import Breaks, Frame, WriteError, Writer, behind
 from pdsolve.results.behind import AHEAD
 
-NOTHING = np.zeros(0, dtype=np.int64)
+NOTHING, PARTS = np.zeros(0, dtype=np.int64), 4
+PART = np.zeros(round(AHEAD / 4 / PARTS), dtype=np.float32)  # a fourth of what may wait
 
 
 class Slow(Writer):
@@ -34,7 +35,7 @@ class Slow(Writer):
 
 
 def frame(step: int) -> Frame:
-    return Frame(step, 0.0, {}, Breaks(NOTHING, NOTHING, NOTHING), [], [], None)
+    return Frame(step, 0.0, {"ux": PART}, Breaks(NOTHING, NOTHING, NOTHING), [], [], None)
 
 
 def test_a_run_goes_on_while_its_file_is_begun() -> None:
@@ -46,17 +47,17 @@ def test_a_run_goes_on_while_its_file_is_begun() -> None:
         return writer
 
     with behind(make, True) as there:
-        for step in range(AHEAD + 1):
+        for step in range(PARTS + 1):
             there.write(frame(step))
         assert not writer.steps
-        late = threading.Thread(target=there.write, args=(frame(AHEAD + 1),))
+        late = threading.Thread(target=there.write, args=(frame(PARTS + 1),))
         late.start()
         late.join(0.2)
         assert late.is_alive()
         may.set()
         late.join()
         assert there.done() is writer
-    assert writer.steps == list(range(AHEAD + 2))
+    assert writer.steps == list(range(PARTS + 2))
 
 
 @pytest.mark.parametrize("fails", [0, 2])
