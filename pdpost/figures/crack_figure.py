@@ -22,6 +22,7 @@ from pdpost.measures.cracked import damage_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
+from pdpost.reading.times import told
 from pdsolve.results import Results
 
 SHOWN = 6  # main branches with a curve of their own
@@ -39,7 +40,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     box = window or box_of([where])
     figure, plate, length, speed = _panels(box)
     on = _plate(plate, box, where, damage_at(results, found.step))
-    when = f"{found.step * found.time_step * 1e6:.4g} µs"
+    when = told(found.step * found.time_step, micro="µs")
     if not found.branches:
         length.remove()
         speed.remove()

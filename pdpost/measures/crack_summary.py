@@ -16,6 +16,7 @@ from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
 from pdpost.reading.frames import last_step
+from pdpost.reading.times import told
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
@@ -113,7 +114,7 @@ def sentences(found: Summary) -> list[str]:
     axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
     events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
     lines = [
-        f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
+        f"{name.replace('_', ' ')}: step {event.step}, {told(event.time)}"
         + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
@@ -123,7 +124,7 @@ def sentences(found: Summary) -> list[str]:
     if len(found.branches) > LISTED:
         lines.append(f"and {len(found.branches) - LISTED} shorter branches")
     for fork in found.forks[:LISTED]:
-        where = f"{_place(fork.place)}, {fork.time * 1e6:.4g} us"
+        where = f"{_place(fork.place)}, {told(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
     for way in found.directions:
         lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
@@ -135,7 +136,7 @@ def sentences(found: Summary) -> list[str]:
 
 def _way(branch: Branch, rayleigh: float) -> str:
     """From where to where and when a tip went, and how fast."""
-    ways = [f"{_place(branch.place[at])} at {branch.time[at] * 1e6:.4g} us" for at in (0, -1)]
+    ways = [f"{_place(branch.place[at])} at {told(branch.time[at])}" for at in (0, -1)]
     mean = _mean_speed(branch, rayleigh)
     if not branch.line.all():
         fast = ", wider than a crack: no speed"

@@ -9,6 +9,7 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load
+from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main
 from pdsolve.results import Results
 
@@ -63,3 +64,12 @@ def test_what_cannot_be_brought_to_rest(
     if code == 3:
         with Results.open(Path("rest.sqlite")) as results:
             assert (results.meta()["status"], results.frames()[0].tolist()) == ("unsettled", [0])
+
+
+@pytest.mark.parametrize("command", ["damage", "balance", "report"])
+def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["held.json", "--static", "-q", "--threads", "1"]) == 0
+    assert pdpost([command, "held.sqlite", "-o", f"{command}.{'html' if command == 'report' else 'svg'}"]) == 0
+    said = capsys.readouterr().out if command != "report" else Path("report.html").read_text()
+    assert "at 2 s" in said
+    assert "e+06" not in said
