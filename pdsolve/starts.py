@@ -43,5 +43,6 @@ def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
     if run.solver == "static":
         raise ModelError(f"{model.name}: $.run.start: found static, expected none, as the solver is static")
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
+    rest = msgspec.structs.replace(rest, time_step=None, steps=1)  # what acts at time 0, and no later
     settings = msgspec.structs.replace(model.settings, run=rest)
     return at_rest(dataclasses.replace(model, settings=settings), options, scheme, breaks=False)
