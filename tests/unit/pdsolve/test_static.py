@@ -284,6 +284,12 @@ def test_damping_brings_a_plate_to_the_same_rest() -> None:
     assert abs(missing[-1]) < 1e-3 * history["work"][-1]
 
 
+def test_a_run_in_single_precision_starts_at_rest_in_double() -> None:
+    with simulate(strip(start="static"), None, Options("conservative", "float32", 1)) as results:
+        assert abs(results.summary()["balance"]) < 1e-5  # measured: 5e-7
+        assert results.summary()["energy"]["kinetic"] < 1e-6 * results.summary()["energy"]["strain"]
+
+
 def test_loads_that_balance_at_the_start_may_be_others_later() -> None:
     less = ((0.0, 1.0), (1e-7, 1.0), (2e-7, 0.5))
     ends = (
