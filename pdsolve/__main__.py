@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 
 if TYPE_CHECKING:
+    from pdmesh.model.document import Run
     from pdsolve.estimate import Plan
     from pdsolve.simulation import Progress
 
@@ -107,18 +108,22 @@ def _solve(args: argparse.Namespace) -> int:
             given = [name for name in (*kept, "static", "float") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
-            path, results = args.model, resume(args.model, args.threads, watch)
+            path = args.model
+            with _says_how_to_go_on(path, args):
+                results = resume(path, args.threads, watch)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
+            _refuse_unheard(args, model.settings.run)
             if args.dry_run:
                 from pdsolve.estimate import plan
 
                 return _show_plan(plan(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
-            results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
+            with _says_how_to_go_on(path, args):
+                results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
         with results:
             meta, summary = results.meta(), results.summary()
     lines = _lines(path, summary)
@@ -126,6 +131,32 @@ def _solve(args: argparse.Namespace) -> int:
         lines.insert(0, f"interrupted; to go on: pdsolve --resume {path}")
     commandline.report({"output": str(path), "status": meta["status"], **summary}, lines, args)
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
+
+
+@contextmanager
+def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
+    """Says how to go on with a run that was stopped within a load step, which is lost."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if stop.args:
+            commandline.note(f"pdsolve: stopped {stop}, which is lost; to go on: pdsolve --resume {path}", args)
+        raise
+
+
+def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
+    """Raises UsageError for a setting given here that a run of this kind would not listen to."""
+    rest = run.solver == "static"
+    unheard: tuple[str, ...] = ("run.steps", "run.time_step", "run.every", "run.ledger")
+    expected = "run.static.load_steps, as the solver is static: a load step is a step and a frame"
+    if not rest:
+        unheard = ("run.static.load_steps",) if run.start == "static" else ("run.static",)
+        expected = "--static" if run.start == "static" else "--static, or run.start=static"
+    for name, _ in (*args.assignments, *_flags(args)):
+        if any(name == one or name.startswith(f"{one}.") for one in unheard):
+            raise commandline.UsageError(
+                f"{name}: found it given for a run {'at rest' if rest else 'in time'}, expected {expected}"
+            )
 
 
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:

@@ -41,11 +41,11 @@ class Ledger(NamedTuple):
     momentum_y: float
     broken: int  # directed bonds broken so far
 
-    def balance(self, initial: float) -> float:
-        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the larger of the
-        work done and the energy at the start; 0 where energy is conserved."""
+    def balance(self, initial: float, most: float = 0.0) -> float:
+        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the largest of the
+        work done, the most that ever was, and the energy at the start; 0 where energy is conserved."""
         missing = self.kinetic + self.strain + self.dissipated - self.work - initial
-        scale = max(abs(self.work), initial)
+        scale = max(abs(self.work), most, initial)
         return missing / scale if scale else 0.0
 
 

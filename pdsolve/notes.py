@@ -101,6 +101,7 @@ class Past(NamedTuple):
     latest: int  # step in which a bond broke last; 0: none has
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
     ever: int  # nodes that ever were
+    most: float = 0.0  # J/m, the largest work, given or taken
 
 
 class Notes:
@@ -114,6 +115,7 @@ class Notes:
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
         self._latest = past.latest  # likewise
+        self._most = past.most
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
@@ -173,6 +175,10 @@ class Notes:
         self._watch = watch if self._watch is None else self._watch.moved_to(watch)
         self._looked = True
 
+    def balance(self, found: Ledger) -> float:
+        """What is missing of a ledger over the most that was ever put in; see `Ledger.balance`."""
+        return found.balance(self.system.initial_energy, self._most)
+
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._looked:
@@ -181,7 +187,8 @@ class Notes:
         if step != self.last.step:
             self.now = ask(system, state)
             self.last = books(system, state, step, self.now)
-        check_physics(system, state, self.last)
+        check_physics(system, state, self.last, self._most)
+        self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value, self.now.broken, step)
         self._ledgers.append(self.last)

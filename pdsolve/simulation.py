@@ -128,7 +128,9 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         before = results.breaks().step
         before = before[before <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids))
+        done = results.history()
+        most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), most)
         if (adapt is not None) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
@@ -182,14 +184,12 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        books = notes.last
-        balance = books.balance(notes.system.initial_energy)
-        return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
+        return watch is not None and watch(Progress(step, run.steps, notes.last.broken, notes.balance(notes.last)))
 
     def going(now: Going) -> None:
         """Show how far a load step is; it is lost where the run is to stop meanwhile."""
-        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.last.balance(0.0), now)):
-            raise KeyboardInterrupt
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.balance(notes.last), now)):
+            raise KeyboardInterrupt("within a load step")
 
     if isinstance(notes.system.stepper, LoadSteps):
         notes.system.stepper.watch = going
@@ -216,8 +216,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     system = notes.system
     found = notes.last if notes.last.step == step else books(system, notes.state, step)
     writer.done().tell({"summary": json.dumps(_summary(notes, found, done))})
-    balance, spent = found.balance(system.initial_energy), found.dissipated
-    closing(system.model, balance, spent, system.scheme.symmetric)
+    closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
 
 
@@ -270,7 +269,7 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
-        "balance": books.balance(system.initial_energy),
+        "balance": notes.balance(books),
         "stopped": system.model.settings.run.until if stopped_early else None,
         **_rested(system.stepper),
     }
