@@ -7,11 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
-from whole import contents
+from whole import contents, newest
 
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
@@ -24,18 +23,6 @@ def taken(path: Path) -> None:
     """Take the lock and let it go."""
     with writing_to(path):
         pass
-
-
-def newest(path: Path, at_least: int) -> int:
-    """The newest frame of a file that is written to; a frame may still be on its way when the run goes on."""
-    for _ in range(500):
-        with Results.open(path) as results:
-            assert results.meta()["status"] == "running"
-            step = int(results.frames()[0].max())
-        if step >= at_least:
-            break
-        time.sleep(0.02)
-    return step
 
 
 def test_a_lock_goes_with_its_holder(tmp_path: Path) -> None:
@@ -126,6 +113,8 @@ def test_a_second_run_is_refused_and_the_first_goes_on(
             with pytest.raises(BusyError):
                 simulate(probed, path)
             seen.append(newest(path, at_least=(progress.step - 1) // 10 * 10))
+            with Results.open(path) as results:
+                assert results.meta()["status"] == "running"
             assert pdpost(["history", str(path), "--node", "7", "--json"]) == 0
             capsys.readouterr()
         return False
