@@ -52,6 +52,8 @@ class Ledger(NamedTuple):
 def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
     """The ledger after `step`, in double precision and in the nodes' order; `asked` of this state, if it was."""
     strain, softened, broken = asked or ask(system, state)
+    if system.hybrid is not None:
+        return Ledger(step, step * system.time_step, *system.hybrid.books(), broken=len(broken.step))
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(

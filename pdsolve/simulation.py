@@ -15,14 +15,15 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
+from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
-from pdsolve.stability import UnstableError
 from pdsolve.state import Broken, State
 from pdsolve.system import Options, System, prepare
+from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 SAMPLE = 5  # steps timed for an estimate
@@ -36,6 +37,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
+    fine: Told | None = None  # of a fine zone that moves
 
 
 class Plan(NamedTuple):
@@ -186,7 +188,8 @@ def _march(system: System, state: State, writer: Behind, notes: Notes, watch: Wa
         """Whether the watcher wants the run to stop."""
         books = notes.last
         balance = books.balance(system.initial_energy)
-        return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
+        fine = system.hybrid.told() if system.hybrid else None
+        return watch is not None and watch(Progress(step, run.steps, books.broken, balance, fine))
 
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
@@ -260,6 +263,7 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(system.initial_energy),
         "stopped": system.model.settings.run.until if stopped_early else None,
+        **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid else {}),
     }
 
 

@@ -11,6 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptive.fields import show
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.march import begin, march
+from pdsolve.adaptive.system import areas_of, counts, hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -62,6 +66,7 @@ class System:
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
+    hybrid: Hybrid | None = None  # the operator, where it keeps books of its own
 
     @property
     def threads(self) -> int:
@@ -91,14 +96,52 @@ def prepare(model: Model, options: Options) -> Prepared:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    if options.kernel not in (None, "blocks", "listed"):
+    if options.kernel not in (None, "blocks", "listed", "hybrid"):
         raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
+    if model.settings.run.adapt == "hybrid":
+        return _hybrid(model, options)
     settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
     return system_of(model, options, scheme)
+
+
+def _hybrid(model: Model, options: Options) -> Prepared:
+    """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
+    settle(march, begin, show)
+    scheme = SCHEMES[options.mode]
+    refuse(model, scheme.partial_cells)
+    run = model.settings.run
+    hybrid, state, step, bound = hybrid_of(model, options.mode, options.precision, run.time_step)
+    _warn_of_step(model, step, bound)
+    family, count = counts(hybrid)
+    system = System(
+        model=model,
+        options=options._replace(threads=1),
+        scheme=scheme,
+        operator=hybrid,
+        stepper=hybrid,
+        drive=hybrid.drive,
+        area=areas_of(hybrid.plate),
+        family=family,
+        count=count,
+        time_step=step,
+        bound=bound,
+        initial_energy=hybrid.books()[0],
+        hybrid=hybrid,
+    )
+    return Prepared(system, state)
+
+
+def _warn_of_step(model: Model, step: float, bound: float) -> None:
+    if step > bound:
+        warnings.warn(
+            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            ModelWarning,
+            stacklevel=3,
+        )
 
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -112,12 +155,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         if not np.isfinite(bound):
             raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
         step = bound
-    if step > bound:
-        warnings.warn(
-            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
-            ModelWarning,
-            stacklevel=2,
-        )
+    _warn_of_step(model, step, bound)
     driven = drive(model, filling.area, scheme.exact_load, kind)
     velocity, nodes = initial_velocity(model), len(model.grid)
     state = State(

@@ -1,0 +1,258 @@
+"""Forces on all nodes that move: those of loads, of clipped bonds, of fine rows and of coarse rows.
+
+Rows are kicked and drifted on at once, as the displacements of two steps are kept in turn. Forces on border nodes go to
+the coarse nodes they move with, before these are moved.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptive.arrays import (
+    BORDERS,
+    BREAKS,
+    CLIPPED,
+    COARSE_ROWS,
+    DISSIPATED,
+    LARGEST,
+    LOADS,
+    PIECES,
+    ROWS,
+    WORK,
+)
+from pdsolve.adaptive.clip import own_entry
+from pdsolve.adaptive.energy import place_of, strain_e
+from pdsolve.adaptive.rows import sum_green, sum_green_own, sum_own, sum_own_wide, sum_whole, sum_whole_wide
+from pdsolve.conditions import factor_at
+from pdsolve.operators.blocks.kernel import INNER, across
+from pdsolve.operators.blocks.lanes import ROW
+from pdsolve.operators.blocks.vectors import kick_and_drift
+
+
+@njit(forceinline=True, **INNER)
+def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
+    """Add the forces of clipped bonds; returns the largest e."""
+    pieces, largest = zone.pieces, 0.0
+    end, value = pieces.end, pieces.value
+    for n in range(zone.number[PIECES]):
+        eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0)
+        eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1)
+        x, y = value[n, 2], value[n, 3]
+        e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+        largest = max(largest, e)
+        pull = value[n, 5] * e / 2
+        px, py = pull * (x + eta_x), pull * (y + eta_y)
+        for which, sign in ((0, 1.0), (1, -1.0)):
+            a, b, w = end[n, 2 * which], end[n, 2 * which + 1], value[n, which]
+            if b < 0:
+                f[0, a] += sign * px
+                f[1, a] += sign * py
+            else:
+                fc[0, a] += (1 - w) * sign * px
+                fc[1, a] += (1 - w) * sign * py
+                fc[0, b] += w * sign * px
+                fc[1, b] += w * sign * py
+    return largest
+
+
+@njit(**INNER)
+def _sum_far(ground, fine, u, row, lane0, count, s):  # type: ignore[no-untyped-def]
+    """Forces on lanes one by one, whatever the stretch."""
+    entry = fine.entry[row]
+    for lane in range(lane0, lane0 + count):
+        p, fx, fy = row * ROW + lane, 0.0, 0.0
+        for k in range(len(ground.ways)):
+            pull = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if pull == 0:
+                continue
+            j = p + ground.ways[k]
+            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            e = strain_e(ground.table, k, eta_x, eta_y)
+            pull *= e / (1 + e + np.sqrt(1 + e))
+            fx += pull * (ground.table[k, 0] + eta_x)
+            fy += pull * (ground.table[k, 1] + eta_y)
+        s[lane - lane0], s[ROW + lane - lane0] = fx, fy
+
+
+@njit(**INNER)
+def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped-def]
+    """Take out the bonds of some lanes that are over their limit, and book what they spent; returns whether any was."""
+    fine, half, some = zone.fine, len(ground.ways) // 2, False
+    for lane in range(lane0, lane0 + count):
+        p = row * ROW + lane
+        for k in range(2 * half):
+            entry, j = fine.entry[row], p + ground.ways[k]
+            stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if stiffness == 0 or ground.lasting[p] or ground.lasting[j]:
+                continue
+            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            e = strain_e(ground.table, k, eta_x, eta_y)
+            if e <= ground.e_limit:
+                continue
+            some = True
+            if entry < 0:
+                entry = own_entry(zone, row)
+                fine.entry[row] = entry
+            fine.own[entry, k, lane] = 0.0
+            if k < half:
+                zone.bits[p] &= ~(np.uint64(1) << np.uint64(k))
+            eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
+            eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
+            before = strain_e(ground.table, k, eta_x, eta_y)
+            spent = e / (np.sqrt(1 + e) + 1) * (before / (np.sqrt(1 + before) + 1))
+            zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
+            n = zone.number[BREAKS]
+            zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
+            zone.number[BREAKS] += 1
+    return some
+
+
+@njit(forceinline=True, **INNER)
+def _sum_row(ground, zone, u, row, lane, step, s):  # type: ignore[no-untyped-def]
+    """Forces on some lanes of a fine row, from `lane` on."""
+    fine, p, slots, entry = zone.fine, row * ROW + lane, len(ground.ways), zone.fine.entry[row]
+    table, ways, own, limit = ground.table, ground.ways, fine.own, ground.e_limit
+    at, found = entry * slots * ROW + lane, 1
+    if fine.wide[row] == 0:
+        if entry >= 0:
+            found = sum_own(u, table, ways, own, slots, at, p, limit, s)
+        else:
+            found = sum_whole(u, table, ways, own, slots, at, p, limit, s)
+    if found & 1:
+        fine.wide[row] = 1
+        if entry >= 0:
+            found = sum_own_wide(u, table, ways, own, slots, at, p, limit, s)
+        else:
+            found = sum_whole_wide(u, table, ways, own, slots, at, p, limit, s)
+    if found > 0:
+        if found & 2:
+            _break(ground, zone, u, row, lane, across(s), step)
+        entry = fine.entry[row]
+        at = entry * slots * ROW + lane
+        found = 1
+        if entry >= 0:
+            found = sum_own_wide(u, table, ways, own, slots, at, p, limit, s)
+        if found & 1:
+            _sum_far(ground, fine, u, row, lane, across(s), s)
+
+
+@njit(**INNER)
+def _add_touched(f, p, count, s):  # type: ignore[no-untyped-def]
+    """Put all forces together, in s and in f."""
+    for k in range(count):
+        s[k] += f[0, p + k]
+        s[ROW + k] += f[1, p + k]
+        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
+
+
+@njit(**INNER)
+def _keep(f, p, count, s):  # type: ignore[no-untyped-def]
+    for k in range(count):
+        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
+
+
+@njit(**INNER)
+def _sweep_fine(ground, zone, now, dt, step, ends, s):  # type: ignore[no-untyped-def]
+    """Forces on all fine rows; kick and drift unless a sequence `ends`, then they are kept."""
+    fine, wide = zone.fine, across(s)
+    u, after = fine.u[now], fine.u[1 - now]
+    for n in range(zone.number[ROWS]):
+        row = fine.rows[n]
+        for lane in range(0, ROW, wide):
+            p = row * ROW + lane
+            _sum_row(ground, zone, u, row, lane, step, s)
+            if fine.touched[row]:
+                _add_touched(fine.f, p, wide, s)
+            elif ends:
+                _keep(fine.f, p, wide, s)
+            if not ends:
+                kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
+
+
+@njit(**INNER)
+def _sweep_coarse(ground, zone, now, dt, ends, s):  # type: ignore[no-untyped-def]
+    """The same for coarse rows; notes those with a hot bond."""
+    coarse, wide = zone.coarse, across(s)
+    u, after = coarse.u[now], coarse.u[1 - now]
+    table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.e_hot
+    for n in range(zone.number[COARSE_ROWS]):
+        row, hot = coarse.rows[n], 0
+        entry = coarse.entry[row]
+        for lane in range(0, ROW, wide):
+            q = row * ROW + lane
+            if entry >= 0:
+                hot |= sum_green_own(u, table, ways, own, 8, entry * 8 * ROW + lane, q, limit, s)
+            else:
+                hot |= sum_green(u, table, ways, own, 8, 0, q, limit, s)
+            if coarse.touched[row]:
+                _add_touched(coarse.f, q, wide, s)
+            elif ends:
+                _keep(coarse.f, q, wide, s)
+            if not ends:
+                kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
+        coarse.wide[row] = hot > 0
+
+
+@njit(**INNER)
+def _clear(nodes, count):  # type: ignore[no-untyped-def]
+    """No forces on touched rows."""
+    for n in range(count):
+        row = nodes.rows[n]
+        if nodes.touched[row]:
+            for p in range(row * ROW, row * ROW + ROW):
+                nodes.f[0, p] = nodes.f[1, p] = 0.0
+
+
+@njit(**INNER)
+def _pass_on(zone):  # type: ignore[no-untyped-def]
+    """Give forces on border nodes to the coarse ones they move with."""
+    f, fc, border = zone.fine.f, zone.coarse.f, zone.border
+    for n in range(zone.number[BORDERS]):
+        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        for axis in range(2):
+            fc[axis, a] += (1 - w) * f[axis, p]
+            fc[axis, b] += w * f[axis, p]
+
+
+@njit(**INNER)
+def follow(zone, now):  # type: ignore[no-untyped-def]
+    """Put border nodes where the coarse ones are."""
+    u, uc, border = zone.fine.u[now], zone.coarse.u[now], zone.border
+    for n in range(zone.number[BORDERS]):
+        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        for axis in range(2):
+            u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b]
+
+
+@njit(**INNER)
+def _load(zone, profiles, time, dt):  # type: ignore[no-untyped-def]
+    """Add the loads of `time`, and the work of loads since the last step: by the mean of both times."""
+    loads = zone.loads
+    for n in range(zone.number[LOADS]):
+        e, on = loads.which[n], loads.on[n]
+        axis, value = loads.axis[e], loads.part[n] * loads.value[e]
+        after = value * factor_at(profiles, loads.profile[e], time)
+        before = value * factor_at(profiles, loads.profile[e], time - dt)
+        if on >= 0:
+            zone.fine.f[axis, on] += after
+            zone.total[WORK] += (before + after) / 2 * dt * zone.fine.v[axis, on]
+        else:
+            zone.coarse.f[axis, -1 - on] += after
+            zone.total[WORK] += (before + after) / 2 * dt * zone.coarse.v[axis, -1 - on]
+
+
+@njit(**INNER)
+def forces(ground, zone, profiles, now, step, ends):  # type: ignore[no-untyped-def]
+    """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`."""
+    fine, coarse, dt = zone.fine, zone.coarse, ground.dt
+    _clear(fine, zone.number[ROWS])
+    _clear(coarse, zone.number[COARSE_ROWS])
+    _load(zone, profiles, step * dt, dt if step > 0 else 0.0)
+    follow(zone, now)
+    largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
+    zone.total[CLIPPED] = largest
+    zone.total[LARGEST] = max(zone.total[LARGEST], largest)
+    _sweep_fine(ground, zone, now, dt, step, ends, zone.s)
+    _pass_on(zone)
+    _sweep_coarse(ground, zone, now, dt, ends, zone.s)

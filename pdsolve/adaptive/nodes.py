@@ -1,0 +1,165 @@
+"""Which nodes are free, on the border or idle, what mass they have, and with what motion new ones begin."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pdsolve.adaptive.lattice import (
+    BORDER,
+    COARSE,
+    FINE,
+    FREE,
+    IDLE,
+    cell_place,
+    coarse_column,
+    coarse_place,
+    coarse_row,
+    fine_column,
+    fine_place,
+    fine_row,
+)
+from pdsolve.adaptive.precracks import seen
+from pdsolve.operators.blocks.kernel import INNER
+from pdsolve.operators.blocks.lanes import ROW
+
+
+@njit(**INNER)
+def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
+    """How many quarters around a fine node are in cells of a kind."""
+    found = 0
+    for sy in (-1, 0):
+        for sx in (-1, 0):
+            found += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == wanted
+    return found
+
+
+@njit(**INNER)
+def kind_of(at, cells, ix, iy):  # type: ignore[no-untyped-def]
+    """Of a fine node."""
+    if touches(at, cells, ix, iy, FINE) == 0:
+        return IDLE
+    return BORDER if touches(at, cells, ix, iy, COARSE) > 0 else FREE
+
+
+@njit(**INNER)
+def set_fine(ground, zone, p):  # type: ignore[no-untyped-def]
+    """Kind and mass of a fine node."""
+    at, fine = ground.at, zone.fine
+    ix, iy = fine_column(at, p), fine_row(at, p)
+    fine.kind[p] = kind_of(at, zone.cells, ix, iy)
+    fine.mass[p] = ground.cell_mass / 4 * touches(at, zone.cells, ix, iy, FINE)
+    fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
+
+
+@njit(**INNER)
+def end_on(ground, x, y, direction, w):  # type: ignore[no-untyped-def]
+    """Coarse nodes that a place on an edge moves with, and share of the second: that of its own side of a pre-crack."""
+    q = coarse_place(ground.at, x, y)
+    if w == 0:
+        return q, q, 0.0
+    other = q + (1 if direction == 0 else ground.at.coarse_stride)
+    cut = ground.edge_cut[direction, q]
+    if cut > 0:
+        return (q, q, 0.0) if w < cut else (other, other, 0.0)
+    return q, other, w
+
+
+@njit(**INNER)
+def border_end(ground, p):  # type: ignore[no-untyped-def]
+    """The same for a fine node on a line between cells."""
+    ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
+    odd_x, odd_y = ix % 2, iy % 2
+    return end_on(ground, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+
+
+@njit(**INNER)
+def set_coarse(ground, zone, q):  # type: ignore[no-untyped-def]
+    """Kind, mass and springs of a coarse node; its row's stiffnesses are written, be they needed or not."""
+    at, coarse = ground.at, zone.coarse
+    x, y = coarse_column(at, q), coarse_row(at, q)
+    mass, entry, lane = 0.0, q // ROW, q % ROW
+    for sy in (-1, 0):
+        for sx in (-1, 0):
+            mass += ground.cell_mass * (zone.cells[cell_place(at, x + sx, y + sy)] == COARSE)
+    coarse.kind[q] = FREE if mass > 0 else IDLE
+    for k in range(8):
+        coarse.own[entry, k, lane] = ground.coarse_table[k, 5] * part_of(ground, zone.cells, q, x, y, k)
+    if mass > 0:
+        for dy in (-1, 0, 1):
+            for dx in (-1, 0, 1):
+                ix, iy = 2 * x + dx, 2 * y + dy
+                if 0 <= ix <= at.nx and 0 <= iy <= at.ny:
+                    mass += _passed_on(ground, zone, fine_place(at, ix, iy), q)
+    coarse.mass[q] = mass
+    coarse.light[q] = 1 / mass if mass > 0 else 0.0
+
+
+@njit(**INNER)
+def _passed_on(ground, zone, p, q):  # type: ignore[no-untyped-def]
+    """Mass of a fine node that moves with coarse node q."""
+    if zone.fine.kind[p] != BORDER:
+        return 0.0
+    a, b, w = border_end(ground, p)
+    return zone.fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
+
+
+@njit(**INNER)
+def part_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+    """How much of coarse spring k a node has: half for each coarse cell along an edge; none where a pre-crack cuts."""
+    at = ground.at
+    dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
+    one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
+    if (ground.coarse_bits[one] >> which) & 1:
+        return 0.0
+    if dx != 0 and dy != 0:
+        return 1.0 if cells[cell_place(at, x + min(dx, 0), y + min(dy, 0))] == COARSE else 0.0
+    if dy == 0:
+        x0 = x + min(dx, 0)
+        return 0.5 * ((cells[cell_place(at, x0, y)] == COARSE) + (cells[cell_place(at, x0, y - 1)] == COARSE))
+    y0 = y + min(dy, 0)
+    return 0.5 * ((cells[cell_place(at, x, y0)] == COARSE) + (cells[cell_place(at, x - 1, y0)] == COARSE))
+
+
+@njit(**INNER)
+def set_coarse_row(zone, row, standard):  # type: ignore[no-untyped-def]
+    """Whether a row of coarse nodes has all springs as in the table."""
+    coarse, whole = zone.coarse, True
+    for k in range(8):
+        for lane in range(ROW):
+            whole &= coarse.own[row, k, lane] == standard[k, 5]
+    coarse.entry[row] = -1 if whole else row
+
+
+@njit(**INNER)
+def interpolate(ground, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """Values (2, q) of coarse nodes at a fine place of cell x, y, as its side of pre-cracks has them, into out (2,)."""
+    at = ground.at
+    wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
+    cut = ground.cut_cells[cell_place(at, x, y)]
+    out[0] = out[1] = 0.0
+    for dy in range(2):
+        for dx in range(2):
+            w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
+            if w == 0 or (cut and not seen(ground.cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy))):
+                continue
+            q = coarse_place(at, x + dx, y + dy)
+            total += w
+            out[0] += w * values[0, q]
+            out[1] += w * values[1, q]
+    if total > 0:
+        out[0] /= total
+        out[1] /= total
+    elif cut:  # it sees none of them
+        q = coarse_place(at, x + (wx > 0.5), y + (wy > 0.5))
+        out[0], out[1] = values[0, q], values[1, q]
+
+
+@njit(**INNER)
+def coarse_cell_at(at, cells, ix, iy):  # type: ignore[no-untyped-def]
+    """The corner of a coarse cell that a fine node is in or at; (-1, -1) without one."""
+    for sy in (0, -1):
+        for sx in (0, -1):
+            x, y = (ix + sx) >> 1, (iy + sy) >> 1
+            if cells[cell_place(at, x, y)] == COARSE:
+                return x, y
+    return -1, -1

@@ -1,0 +1,114 @@
+"""A model, prepared to be marched with a fine zone that moves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptive.arrays import TIPS, Entries, Ground, Zone, ground_of, zone_of
+from pdsolve.adaptive.family import fine_springs
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import AROUND, COARSE, FINE
+from pdsolve.adaptive.plate import Plate, plate_of
+from pdsolve.adaptive.precracks import begin_bits, begin_coarse, begin_lack, lengthened, stiffest
+from pdsolve.conditions import Drive, drive, initial_velocity, unbreakable
+from pdsolve.model import Model
+from pdsolve.state import State
+
+ROOM = 64  # rows of fine nodes beyond those of the start, at least
+
+
+def hybrid_of(model: Model, mode: str, precision: str, step: float | None) -> tuple[Hybrid, State, float, float]:
+    """The run, its state, its step and the surely stable one, s. Raises ModelError for what cannot be solved so."""
+    plate = plate_of(model, mode, precision)
+    material = model.settings.material
+    assert material is not None
+    springs = fine_springs(material, model.settings.horizon.ratio, plate.h)
+    ground = ground_of(plate.at, springs, plate.h, material.rho, 0.0)._replace(cracks=lengthened(plate.cracks))
+    bits = np.zeros(plate.at.places, dtype=np.uint64)
+    begin_bits(ground, bits)
+    begin_coarse(ground)
+    begin_lack(ground, bits)
+    ground.lasting[plate.place] = unbreakable(model)
+    most = stiffest(ground, bits)
+    bound = float(np.sqrt(2 * material.rho * plate.h**2 / most))
+    ground = ground._replace(dt=step or bound)
+    area = areas_of(plate)
+    driven = drive(model, area, True, np.float64)
+    zone = _zone(plate, ground)._replace(bits=bits, loads=_loads(plate, driven, area), holds=_holds(plate, driven))
+    stiffness = np.full(len(model.grid), most / plate.h**2)
+    hybrid, nodes = Hybrid(plate, ground, zone, driven, stiffness), len(model.grid)
+    hybrid.start(initial_velocity(model))
+    state = State(np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros(nodes), np.zeros(nodes))
+    hybrid.energies(state)
+    return hybrid, state, ground.dt, bound
+
+
+def areas_of(plate: Plate) -> NDArray[np.float64]:
+    """Areas (n,) of the fine lattice's nodes, m^2: halves on edges."""
+    row, column = np.divmod(plate.place, plate.at.stride)
+    ends = [np.isin(index - index.min(), (0, np.ptp(index))) for index in (row, column)]
+    return np.asarray(plate.h**2 * np.where(ends[0], 0.5, 1.0) * np.where(ends[1], 0.5, 1.0))
+
+
+def counts(hybrid: Hybrid) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Bonds (n,) of each node of the fine lattice, those that pre-cracks cut included; and without them."""
+    plate, ground = hybrid.plate, hybrid.ground
+    row, column = np.divmod(plate.place, plate.at.stride)
+    row, column, half = row - row.min(), column - column.min(), len(ground.dx) // 2
+    family, count = (np.zeros(len(row), dtype=np.int64) for _ in range(2))
+    for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True)):
+        family += (row + dy >= 0) & (row + dy <= plate.at.ny) & (column + dx >= 0) & (column + dx <= plate.at.nx)
+        owner = plate.place if k < half else plate.place + ground.ways[k]
+        count += (hybrid.zone.bits[owner] >> np.uint64(k % half)) & np.uint64(1) != 0
+    return family, count
+
+
+def tips_of(plate: Plate) -> NDArray[np.float64]:
+    """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
+    ends = plate.cracks.reshape(-1, 2)
+    inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)
+    alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
+    return ends[inner & alone]
+
+
+def _zone(plate: Plate, ground: Ground) -> Zone:
+    """Fine around the tips of pre-cracks, with room for more."""
+    at = plate.at
+    cells = np.arange(at.cells)
+    x, y = cells % at.cell_stride - AROUND, cells // at.cell_stride - AROUND
+    near = np.zeros(at.cells, dtype=bool)
+    for tip_x, tip_y in tips_of(plate):
+        away = np.maximum(np.abs(np.array([tip_x - 2 * x - 1, tip_y - 2 * y - 1])) - 1, 0)
+        near |= np.hypot(*away) < TIPS
+    zone = zone_of(at, len(ground.ways), ROOM + 6 * int(near.sum()))
+    zone.cells[near & (zone.cells == COARSE)] = FINE
+    return zone
+
+
+def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
+    loads = driven.loads
+    some = np.flatnonzero(loads.value)
+    node, value, room = loads.node[some], loads.value[some], 4 * len(some)
+    on, which = np.zeros((2, room), dtype=np.int64)
+    nothing = np.zeros(0)
+    return Entries(
+        node=plate.place[node],
+        axis=loads.axis[some],
+        value=value * area[node],
+        profile=loads.profile[some],
+        kind=loads.kind[some],
+        on=on,
+        which=which,
+        part=np.zeros(room),
+        speed=nothing,
+        last=nothing,
+        force=nothing,
+    )
+
+
+def _holds(plate: Plate, driven: Drive) -> Entries:
+    node, axis, value, profile, kind = driven.holds
+    on, which = np.zeros((2, len(node)), dtype=np.int64)
+    speed, last, force = np.zeros((3, len(node)))
+    return Entries(plate.place[node], axis, value, profile, kind, on, which, np.zeros(0), speed, last, force)
