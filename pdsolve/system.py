@@ -11,9 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptive.energy import books
 from pdsolve.adaptive.fields import show
 from pdsolve.adaptive.hybrid import Hybrid
-from pdsolve.adaptive.march import begin, march
+from pdsolve.adaptive.march import march
 from pdsolve.adaptive.system import areas_of, counts, hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
@@ -110,7 +111,7 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 def _hybrid(model: Model, options: Options) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
-    settle(march, begin, show)
+    settle(march, books, show)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
     run = model.settings.run

@@ -17,6 +17,8 @@ AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
 KAPPA = 0.7  # of the critical stretch: likewise within `AHEAD` of a coarse bond that is stretched more
 
+PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
+VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
 ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, FINE_CELLS, REGRIDS, KNOWN, ENTRIES, HOT = range(12)
 # of `Zone.total`
@@ -88,17 +90,11 @@ class Border(NamedTuple):
 class Entries(NamedTuple):
     """Loads, or held components: those of all fine nodes, and those of nodes that move."""
 
-    node: NDArray[np.int64]  # (e,) fine places
-    axis: NDArray[np.int64]
-    value: NDArray[np.float64]  # (e,) N/m, m or m/s at factor 1
-    profile: NDArray[np.int64]
-    kind: NDArray[np.int64]
-    on: NDArray[np.int64]  # fine place, or -1 - coarse place
-    which: NDArray[np.int64]  # entry
-    part: NDArray[np.float64]  # of the entry's value that this node has
-    speed: NDArray[np.float64]  # (e,) of holds: mean velocity since the last step, m/s
-    last: NDArray[np.float64]  # (e,) velocity at the last step
-    force: NDArray[np.float64]  # (e,) on the component, one step ago, N/m
+    what: NDArray[np.int64]  # (e, 4) fine place, axis, profile, kind
+    value: NDArray[np.float64]  # (e, 4) N/m, m or m/s at factor 1; of holds: mean velocity since the last step,
+    # velocity at the last step, m/s, and force on the component then, N/m
+    on: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
+    part: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
 class Breaks(NamedTuple):
@@ -206,9 +202,7 @@ def _coarse_cells(at: Lattice) -> NDArray[np.uint8]:
 def zone_of(at: Lattice, springs: int, rows: int) -> Zone:
     """A plate all coarse, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
-    none = np.zeros(0, dtype=np.int64)
-    zero = np.zeros(0)
-    nothing = Entries(none, none, zero, none, none, none, none, zero, zero, zero, zero)
+    nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> Pieces:
         return Pieces(np.zeros(piece, np.int64), np.zeros((piece, 4), np.int64), np.zeros((piece, 8)))

@@ -51,14 +51,14 @@ def surrounded(ground, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     """The stiffnesses of the marked nodes of a row; and whether all of the row are those of the table."""
-    fine, some = zone.fine, is_active(zone, row)
+    fine, some = zone.fine, is_active(zone.fine.kind, row)
     if not some:
         return
-    entry = own_entry(zone, row)
+    entry = own_entry(fine.entry, zone.number, row)
     own, same = fine.own[entry], True
     for lane in range(ROW):
         if zone.mark[row * ROW + lane]:
-            _set_lane(ground, zone, row * ROW + lane, own, lane)
+            _set_lane(ground, zone.cells, zone.bits, fine.kind, row * ROW + lane, own, lane)
     for k in range(len(ground.dx)):
         for lane in range(ROW):
             same &= own[k, lane] == ground.table[k, 5]
@@ -66,60 +66,60 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def is_active(zone, row):  # type: ignore[no-untyped-def]
+def is_active(kind, row):  # type: ignore[no-untyped-def]
     """Whether a row has a node that is not idle."""
     some = False
     for p in range(row * ROW, row * ROW + ROW):
-        some |= zone.fine.kind[p] != IDLE
+        some |= kind[p] != IDLE
     return some
 
 
 @njit(**INNER)
-def _set_lane(ground, zone, p, own, lane):  # type: ignore[no-untyped-def]
-    at, cells, half = ground.at, zone.cells, len(ground.dx) // 2
+def _set_lane(ground, cells, bits, kind, p, own, lane):  # type: ignore[no-untyped-def]
+    at, half = ground.at, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
-    active = zone.fine.kind[p] != IDLE
-    deep = zone.fine.kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
+    active = kind[p] != IDLE
+    deep = kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
     for k in range(2 * half):
         own[k, lane] = 0.0
-        if active and inside(at, ix + ground.dx[k], iy + ground.dy[k]) and has_bond(zone.bits, ground.ways, half, p, k):
+        if active and inside(at, ix + ground.dx[k], iy + ground.dy[k]) and has_bond(bits, ground.ways, half, p, k):
             part = 1.0 if deep else whole_part(ground, cells, ix, iy, k)
             own[k, lane] = stiffness(ground, p, ix, iy, k) * part
 
 
 @njit(**INNER)
-def own_entry(zone, row):  # type: ignore[no-untyped-def]
+def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
     """Where a row's own stiffnesses are; a row that never had any gets a place for them."""
-    entry = zone.fine.entry[row]
+    entry = entries[row]
     if entry >= 0:
         return entry
     if entry < -1:
         return -2 - entry
-    zone.number[ENTRIES] += 1
-    return zone.number[ENTRIES] - 1
+    number[ENTRIES] += 1
+    return number[ENTRIES] - 1
 
 
 @njit(**INNER)
-def add_pieces(ground, zone, p, pieces, count):  # type: ignore[no-untyped-def]
+def add_pieces(ground, cells, bits, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns how many there are then."""
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
-    if surrounded(ground, zone.cells, ix, iy, FINE):
+    if surrounded(ground, cells, ix, iy, FINE):
         return count
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
     for k in range(half):
-        if not inside(at, ix + ground.dx[k], iy + ground.dy[k]) or not has_bond(zone.bits, ground.ways, half, p, k):
+        if not inside(at, ix + ground.dx[k], iy + ground.dy[k]) or not has_bond(bits, ground.ways, half, p, k):
             continue
         first = cut.first[place, k]
         part = 0.5 if first[1] != first[2] else 1.0
         for side in range(2):
             n, last = first[side], first[side + 1]
             while n < last:
-                if zone.cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] != FINE:
+                if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] != FINE:
                     n += 1
                     continue
                 begin = n
-                while n < last and zone.cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] == FINE:
+                while n < last and cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] == FINE:
                     n += 1
                 if begin == first[side] and n == last:
                     continue
@@ -146,7 +146,12 @@ def _set_end(ground, p, k, n, which, pieces, count):  # type: ignore[no-untyped-
         pieces.value[count, which] = 0.0
         return
     a, b, w = end_on(
-        ground, (ix >> 1) + cut.ends[n, which, 0], (iy >> 1) + cut.ends[n, which, 1], direction, cut.w[n, which]
+        at,
+        ground.edge_cut,
+        (ix >> 1) + cut.ends[n, which, 0],
+        (iy >> 1) + cut.ends[n, which, 1],
+        direction,
+        cut.w[n, which],
     )
     end[2 * which], end[2 * which + 1] = a, b
     pieces.value[count, which] = w
@@ -157,7 +162,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces that these fine nodes, in order, own; the order of all stays that of their owners."""
     old, new, count, kept, made = zone.pieces, zone.spare, zone.number[PIECES], 0, 0
     for p in dirty:
-        made = add_pieces(ground, zone, p, new, made)
+        made = add_pieces(ground, zone.cells, zone.bits, p, new, made)
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:

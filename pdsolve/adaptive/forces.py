@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptive.arrays import (
+    AXIS,
     BORDERS,
     BREAKS,
     CLIPPED,
@@ -18,7 +19,9 @@ from pdsolve.adaptive.arrays import (
     LARGEST,
     LOADS,
     PIECES,
+    PROFILE,
     ROWS,
+    VALUE,
     WORK,
 )
 from pdsolve.adaptive.clip import own_entry
@@ -92,7 +95,7 @@ def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped
                 continue
             some = True
             if entry < 0:
-                entry = own_entry(zone, row)
+                entry = own_entry(fine.entry, zone.number, row)
                 fine.entry[row] = entry
             fine.own[entry, k, lane] = 0.0
             if k < half:
@@ -171,12 +174,12 @@ def _sweep_fine(ground, zone, now, dt, step, ends, s):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _sweep_coarse(ground, zone, now, dt, ends, s):  # type: ignore[no-untyped-def]
+def _sweep_coarse(ground, coarse, count, now, dt, ends, s):  # type: ignore[no-untyped-def]
     """The same for coarse rows; notes those with a hot bond."""
-    coarse, wide = zone.coarse, across(s)
+    wide = across(s)
     u, after = coarse.u[now], coarse.u[1 - now]
     table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.e_hot
-    for n in range(zone.number[COARSE_ROWS]):
+    for n in range(count):
         row, hot = coarse.rows[n], 0
         entry = coarse.entry[row]
         for lane in range(0, ROW, wide):
@@ -205,10 +208,9 @@ def _clear(nodes, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _pass_on(zone):  # type: ignore[no-untyped-def]
+def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
     """Give forces on border nodes to the coarse ones they move with."""
-    f, fc, border = zone.fine.f, zone.coarse.f, zone.border
-    for n in range(zone.number[BORDERS]):
+    for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
             fc[axis, a] += (1 - w) * f[axis, p]
@@ -216,30 +218,28 @@ def _pass_on(zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def follow(zone, now):  # type: ignore[no-untyped-def]
+def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
     """Put border nodes where the coarse ones are."""
-    u, uc, border = zone.fine.u[now], zone.coarse.u[now], zone.border
-    for n in range(zone.number[BORDERS]):
+    for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
             u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b]
 
 
 @njit(**INNER)
-def _load(zone, profiles, time, dt):  # type: ignore[no-untyped-def]
+def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignore[no-untyped-def]
     """Add the loads of `time`, and the work of loads since the last step: by the mean of both times."""
-    loads = zone.loads
-    for n in range(zone.number[LOADS]):
-        e, on = loads.which[n], loads.on[n]
-        axis, value = loads.axis[e], loads.part[n] * loads.value[e]
-        after = value * factor_at(profiles, loads.profile[e], time)
-        before = value * factor_at(profiles, loads.profile[e], time - dt)
+    for n in range(count):
+        on, e = loads.on[n, 0], loads.on[n, 1]
+        axis, profile, value = loads.what[e, AXIS], loads.what[e, PROFILE], loads.part[n] * loads.value[e, VALUE]
+        after = value * factor_at(profiles, profile, time)
+        before = value * factor_at(profiles, profile, time - dt)
         if on >= 0:
-            zone.fine.f[axis, on] += after
-            zone.total[WORK] += (before + after) / 2 * dt * zone.fine.v[axis, on]
+            fine.f[axis, on] += after
+            total[WORK] += (before + after) / 2 * dt * fine.v[axis, on]
         else:
-            zone.coarse.f[axis, -1 - on] += after
-            zone.total[WORK] += (before + after) / 2 * dt * zone.coarse.v[axis, -1 - on]
+            coarse.f[axis, -1 - on] += after
+            total[WORK] += (before + after) / 2 * dt * coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
@@ -248,11 +248,11 @@ def forces(ground, zone, profiles, now, step, ends):  # type: ignore[no-untyped-
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
     _clear(fine, zone.number[ROWS])
     _clear(coarse, zone.number[COARSE_ROWS])
-    _load(zone, profiles, step * dt, dt if step > 0 else 0.0)
-    follow(zone, now)
+    _load(zone.number[LOADS], zone.loads, fine, coarse, zone.total, profiles, step * dt, dt if step > 0 else 0.0)
+    follow(fine.u[now], coarse.u[now], zone.border, zone.number[BORDERS])
     largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
     zone.total[CLIPPED] = largest
     zone.total[LARGEST] = max(zone.total[LARGEST], largest)
     _sweep_fine(ground, zone, now, dt, step, ends, zone.s)
-    _pass_on(zone)
-    _sweep_coarse(ground, zone, now, dt, ends, zone.s)
+    _pass_on(fine.f, coarse.f, zone.border, zone.number[BORDERS])
+    _sweep_coarse(ground, coarse, zone.number[COARSE_ROWS], now, dt, ends, zone.s)

@@ -12,7 +12,7 @@ from pdsolve.adaptive.arrays import BREAKS, DISSIPATED, LARGEST, REFINEMENT, WOR
 from pdsolve.adaptive.energy import books
 from pdsolve.adaptive.fields import show
 from pdsolve.adaptive.lattice import FINE, VOID
-from pdsolve.adaptive.march import CLIP, DONE, begin, march
+from pdsolve.adaptive.march import CLIP, DONE, march
 from pdsolve.adaptive.plate import Plate
 from pdsolve.conditions import Drive
 from pdsolve.operators.blocks.lanes import ROW
@@ -60,12 +60,12 @@ class Hybrid:
         zone.fine.v[:, place[free]] = velocity[free].T
         coincident, coarse = self._coincident()
         zone.coarse.v[:, coarse] = velocity[coincident].T * (zone.coarse.kind[coarse] == 1)
-        march(self.ground, zone, self.drive.profiles, self._now, 1, 1, False)
+        march(self.ground, zone, self.drive.profiles, self._now, 1, 1, False, 0)
 
     def _number(self, cells: NDArray[np.int64]) -> None:
         zone = self.zone
         zone.new[: len(cells)] = cells
-        begin(self.ground, zone, len(cells), self._now)
+        march(self.ground, zone, self.drive.profiles, self._now, 1, 0, False, len(cells))
 
     def _coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows of fine nodes that coarse ones lie on, and the places of those."""
@@ -81,7 +81,9 @@ class Hybrid:
             return
         drifted = False
         while True:
-            how, first, self._now = march(self.ground, self.zone, self.drive.profiles, self._now, first, last, drifted)
+            how, first, self._now = march(
+                self.ground, self.zone, self.drive.profiles, self._now, first, last, drifted, 0
+            )
             if how == DONE:
                 return
             if how == CLIP:
@@ -119,14 +121,14 @@ class Hybrid:
         held = np.zeros(len(self.plate.place))
         show(self.ground, self.zone, self._now, self.plate.place, self._scratch, *state[:3], held)
         holds, drive = self.zone.holds, self.drive
-        active = holds.which[: self.zone.number[arrays.HOLDS]]
+        active = holds.on[: self.zone.number[arrays.HOLDS], 1]
         drive.held_force[:] = 0
-        drive.held_force[active] = holds.force[active] / self._hold_area[active]
+        drive.held_force[active] = holds.value[active, arrays.FORCE] / self._hold_area[active]
         return held, np.zeros_like(held)
 
     @property
     def _hold_area(self) -> NDArray[np.float64]:
-        at, place = self.plate.at, self.zone.holds.node
+        at, place = self.plate.at, self.zone.holds.what[:, arrays.PLACE]
         row, column = np.divmod(place, at.stride)
         share = np.where(np.isin(column - 16, (0, at.nx)), 0.5, 1.0) * np.where(np.isin(row - 8, (0, at.ny)), 0.5, 1.0)
         return np.asarray(share * self.plate.h**2)
@@ -173,8 +175,7 @@ class Hybrid:
         for name, nodes in (("fine", zone.fine), ("coarse", zone.coarse)):
             kept |= {f"{name}_u": nodes.u[self._now].copy(), f"{name}_v": nodes.v.copy(), f"{name}_f": nodes.f.copy()}
             kept |= {f"{name}_wide": nodes.wide.copy()}
-        for name in ("speed", "last", "force"):
-            kept[f"hold_{name}"] = getattr(zone.holds, name).copy()
+        kept["holds"] = zone.holds.value.copy()
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
 
     def back(self, kept: Kept, broken: Broken) -> None:
@@ -199,8 +200,7 @@ class Hybrid:
         for name, nodes in (("fine", fresh.fine), ("coarse", fresh.coarse)):
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f), ("wide", nodes.wide)):
                 values[:] = kept[f"{name}_{field}"].reshape(values.shape)
-        for name in ("speed", "last", "force"):
-            getattr(fresh.holds, name)[:] = kept[f"hold_{name}"]
+        fresh.holds.value[:] = kept["holds"].reshape(fresh.holds.value.shape)
         fresh.total[:] = kept["total"]
         fresh.number[[BREAKS, arrays.KNOWN, arrays.REGRIDS]] = kept["number"][[BREAKS, arrays.KNOWN, arrays.REGRIDS]]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptive.arrays import AHEAD, BREAKS, CLIPPED, COARSE_ROWS, ENTRIES, EVERY, KNOWN, ROWS
+from pdsolve.adaptive.arrays import AHEAD, BORDERS, BREAKS, CLIPPED, COARSE_ROWS, ENTRIES, EVERY, HOLDS, KNOWN, ROWS
 from pdsolve.adaptive.energy import strain_e
 from pdsolve.adaptive.forces import follow, forces
 from pdsolve.adaptive.lattice import COARSE, IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
@@ -77,45 +77,67 @@ def _regrid(ground, zone, now):  # type: ignore[no-untyped-def]
             zone.cells[zone.new[n]] = COARSE
         return False
     if count > 0:
-        follow(zone, now)
+        follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.number[BORDERS])
         refine(ground, zone, count, now)
     zone.number[KNOWN] = zone.number[BREAKS]
     return True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def march(ground, zone, profiles, now, first, last, drifted):  # type: ignore[no-untyped-def]
+def march(ground, zone, profiles, now, first, last, drifted, cells):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; returns how it ended, in which step, and which displacements are now.
 
     At the end velocities are those of displacements, and all forces are kept. `drifted` goes on where a march ended
-    for want of room. With last = first the forces at the start are computed.
+    for want of room. With last = first the forces at the start are computed, with last < first all is numbered, and
+    the first `cells` of `zone.new` become fine.
     """
+    if last < first:
+        begin_coarse_nodes(ground, zone)
+        refine(ground, zone, cells, now)
+        zone.total[:] = 0.0
+        return DONE, first, now
     if last == first:
         forces(ground, zone, profiles, now, 0, True)
-        begin_holds(zone)
+        begin_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
         return DONE, first, now
     if not drifted:
         drift(ground, zone, now, True)
-        hold(ground, zone, profiles, now, first - 1, False, True)
+        hold(
+            zone.fine,
+            zone.coarse,
+            zone.holds,
+            zone.number[HOLDS],
+            zone.total,
+            ground.dt,
+            profiles,
+            now,
+            first - 1,
+            False,
+            True,
+        )
         now = 1 - now
     for step in range(first, last):
         if step % EVERY == 0 and not _regrid(ground, zone, now):
             return ROOM, step, now
         ends = step == last - 1
         forces(ground, zone, profiles, now, step, ends)
-        hold(ground, zone, profiles, now, step, ends, False)
+        hold(
+            zone.fine,
+            zone.coarse,
+            zone.holds,
+            zone.number[HOLDS],
+            zone.total,
+            ground.dt,
+            profiles,
+            now,
+            step,
+            ends,
+            False,
+        )
         if zone.total[CLIPPED] > ground.e_limit:
             return CLIP, step, now
         if not ends:
             now = 1 - now
     drift(ground, zone, now, False)
-    end_holds(zone)
+    end_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
     return DONE, last - 1, now
-
-
-@njit(cache=True, error_model="numpy")
-def begin(ground, zone, count, now):  # type: ignore[no-untyped-def]
-    """Make the first cells of `zone.new` fine, without booking it."""
-    begin_coarse_nodes(ground, zone)
-    refine(ground, zone, count, now)
-    zone.total[:] = 0.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptive.arrays import COARSE_ROWS, HOLDS, ROWS, WORK
+from pdsolve.adaptive.arrays import AXIS, COARSE_ROWS, FORCE, KIND, LAST, PROFILE, ROWS, SPEED, VALUE, WORK
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
@@ -35,44 +35,57 @@ def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def begin_holds(zone):  # type: ignore[no-untyped-def]
+def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Note forces and velocities of what is held."""
-    for n in range(zone.number[HOLDS]):
-        e, on = zone.holds.which[n], zone.holds.on[n]
-        nodes, p = (zone.fine, on) if on >= 0 else (zone.coarse, -1 - on)
-        zone.holds.force[e], zone.holds.last[e] = nodes.f[zone.holds.axis[e], p], nodes.v[zone.holds.axis[e], p]
+    for n in range(count):
+        on, e = holds.on[n, 0], holds.on[n, 1]
+        axis = holds.what[e, AXIS]
+        if on >= 0:
+            holds.value[e, FORCE], holds.value[e, LAST] = fine.f[axis, on], fine.v[axis, on]
+        else:
+            holds.value[e, FORCE], holds.value[e, LAST] = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
-def end_holds(zone):  # type: ignore[no-untyped-def]
+def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give what is held the velocities it has."""
-    for n in range(zone.number[HOLDS]):
-        e, on = zone.holds.which[n], zone.holds.on[n]
-        nodes, p = (zone.fine, on) if on >= 0 else (zone.coarse, -1 - on)
-        nodes.v[zone.holds.axis[e], p] = zone.holds.last[e]
+    for n in range(count):
+        on, e = holds.on[n, 0], holds.on[n, 1]
+        if on >= 0:
+            fine.v[holds.what[e, AXIS], on] = holds.value[e, LAST]
+        else:
+            coarse.v[holds.what[e, AXIS], -1 - on] = holds.value[e, LAST]
 
 
 @njit(**INNER)
-def hold(ground, zone, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+def hold(fine, coarse, holds, count, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
     """Book what it took to hold until `step`, unless a sequence `starts`, and hold on from there, unless it `ends`."""
-    holds, dt, time = zone.holds, ground.dt, step * ground.dt
-    for n in range(zone.number[HOLDS]):
-        e, on = holds.which[n], holds.on[n]
-        nodes, p = (zone.fine, on) if on >= 0 else (zone.coarse, -1 - on)
-        axis = holds.axis[e]
-        kind, value, profile = holds.kind[e], holds.value[e], holds.profile[e]
-        u, after, v = nodes.u[now], nodes.u[1 - now], nodes.v
-        mean, force = holds.speed[e], nodes.f[axis, p]
-        now_speed = value * factor_at(profiles, profile, time) if kind == VELOCITY else mean
-        if not starts:
-            zone.total[WORK] -= (holds.force[e] + force) / 2 * dt * mean
-            zone.total[WORK] += nodes.mass[p] / 2 * (now_speed**2 - holds.last[e] ** 2)
-            holds.force[e], holds.last[e] = force, now_speed
-        if ends:
-            v[axis, p] = now_speed
-            continue
+    for n in range(count):
+        on = holds.on[n, 0]
+        if on >= 0:
+            _hold(fine.u, fine.v, fine.f, fine.mass, on, holds, n, total, dt, profiles, now, step, ends, starts)
+        else:
+            p = -1 - on
+            _hold(coarse.u, coarse.v, coarse.f, coarse.mass, p, holds, n, total, dt, profiles, now, step, ends, starts)
+
+
+@njit(**INNER)
+def _hold(u, v, f, mass, p, holds, n, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+    """The same for one component."""
+    e, time = holds.on[n, 1], step * dt
+    axis, profile, kind = holds.what[e, AXIS], holds.what[e, PROFILE], holds.what[e, KIND]
+    value, mean, speed = holds.value[e, VALUE], holds.value[e, SPEED], holds.value[e, SPEED]
+    if kind == VELOCITY:
+        speed = value * factor_at(profiles, profile, time)
+    if not starts:
+        total[WORK] -= (holds.value[e, FORCE] + f[axis, p]) / 2 * dt * mean
+        total[WORK] += mass[p] / 2 * (speed**2 - holds.value[e, LAST] ** 2)
+        holds.value[e, FORCE], holds.value[e, LAST] = f[axis, p], speed
+    if ends:
+        return
+    if kind == DISPLACEMENT:
+        speed = (value * factor_at(profiles, profile, time + dt) - u[now, axis, p]) / dt
+    else:
         speed = value * factor_at(profiles, profile, time + dt / 2)
-        if kind == DISPLACEMENT:
-            speed = (value * factor_at(profiles, profile, time + dt) - u[axis, p]) / dt
-        v[axis, p] = holds.speed[e] = speed
-        after[axis, p] = u[axis, p] + dt * speed
+    v[axis, p] = holds.value[e, SPEED] = speed
+    u[1 - now, axis, p] = u[now, axis, p] + dt * speed

@@ -42,65 +42,64 @@ def kind_of(at, cells, ix, iy):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def set_fine(ground, zone, p):  # type: ignore[no-untyped-def]
+def set_fine(at, cell_mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Kind and mass of a fine node."""
-    at, fine = ground.at, zone.fine
     ix, iy = fine_column(at, p), fine_row(at, p)
-    fine.kind[p] = kind_of(at, zone.cells, ix, iy)
-    fine.mass[p] = ground.cell_mass / 4 * touches(at, zone.cells, ix, iy, FINE)
+    fine.kind[p] = kind_of(at, cells, ix, iy)
+    fine.mass[p] = cell_mass / 4 * touches(at, cells, ix, iy, FINE)
     fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
 @njit(**INNER)
-def end_on(ground, x, y, direction, w):  # type: ignore[no-untyped-def]
+def end_on(at, edge_cut, x, y, direction, w):  # type: ignore[no-untyped-def]
     """Coarse nodes that a place on an edge moves with, and share of the second: that of its own side of a pre-crack."""
-    q = coarse_place(ground.at, x, y)
+    q = coarse_place(at, x, y)
     if w == 0:
         return q, q, 0.0
-    other = q + (1 if direction == 0 else ground.at.coarse_stride)
-    cut = ground.edge_cut[direction, q]
+    other = q + (1 if direction == 0 else at.coarse_stride)
+    cut = edge_cut[direction, q]
     if cut > 0:
         return (q, q, 0.0) if w < cut else (other, other, 0.0)
     return q, other, w
 
 
 @njit(**INNER)
-def border_end(ground, p):  # type: ignore[no-untyped-def]
+def border_end(at, edge_cut, p):  # type: ignore[no-untyped-def]
     """The same for a fine node on a line between cells."""
-    ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
+    ix, iy = fine_column(at, p), fine_row(at, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return end_on(ground, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return end_on(at, edge_cut, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
-def set_coarse(ground, zone, q):  # type: ignore[no-untyped-def]
+def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node; its row's stiffnesses are written, be they needed or not."""
-    at, coarse = ground.at, zone.coarse
+    at = ground.at
     x, y = coarse_column(at, q), coarse_row(at, q)
     mass, entry, lane = 0.0, q // ROW, q % ROW
     for sy in (-1, 0):
         for sx in (-1, 0):
-            mass += ground.cell_mass * (zone.cells[cell_place(at, x + sx, y + sy)] == COARSE)
+            mass += ground.cell_mass * (cells[cell_place(at, x + sx, y + sy)] == COARSE)
     coarse.kind[q] = FREE if mass > 0 else IDLE
     for k in range(8):
-        coarse.own[entry, k, lane] = ground.coarse_table[k, 5] * part_of(ground, zone.cells, q, x, y, k)
+        coarse.own[entry, k, lane] = ground.coarse_table[k, 5] * part_of(ground, cells, q, x, y, k)
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
                 if 0 <= ix <= at.nx and 0 <= iy <= at.ny:
-                    mass += _passed_on(ground, zone, fine_place(at, ix, iy), q)
+                    mass += _passed_on(at, ground.edge_cut, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
     coarse.light[q] = 1 / mass if mass > 0 else 0.0
 
 
 @njit(**INNER)
-def _passed_on(ground, zone, p, q):  # type: ignore[no-untyped-def]
+def _passed_on(at, edge_cut, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass of a fine node that moves with coarse node q."""
-    if zone.fine.kind[p] != BORDER:
+    if fine.kind[p] != BORDER:
         return 0.0
-    a, b, w = border_end(ground, p)
-    return zone.fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
+    a, b, w = border_end(at, edge_cut, p)
+    return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
 @njit(**INNER)
@@ -121,9 +120,9 @@ def part_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def set_coarse_row(zone, row, standard):  # type: ignore[no-untyped-def]
+def set_coarse_row(coarse, row, standard):  # type: ignore[no-untyped-def]
     """Whether a row of coarse nodes has all springs as in the table."""
-    coarse, whole = zone.coarse, True
+    whole = True
     for k in range(8):
         for lane in range(ROW):
             whole &= coarse.own[row, k, lane] == standard[k, 5]
@@ -131,16 +130,15 @@ def set_coarse_row(zone, row, standard):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def interpolate(ground, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def interpolate(at, cut_cells, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Values (2, q) of coarse nodes at a fine place of cell x, y, as its side of pre-cracks has them, into out (2,)."""
-    at = ground.at
     wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
-    cut = ground.cut_cells[cell_place(at, x, y)]
+    cut = cut_cells[cell_place(at, x, y)]
     out[0] = out[1] = 0.0
     for dy in range(2):
         for dx in range(2):
             w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
-            if w == 0 or (cut and not seen(ground.cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy))):
+            if w == 0 or (cut and not seen(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy))):
                 continue
             q = coarse_place(at, x + dx, y + dy)
             total += w

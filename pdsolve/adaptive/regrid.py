@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptive.arrays import BORDERS, COARSE_ROWS, FINE_CELLS, HOLDS, LOADS, PIECES, REFINEMENT, REGRIDS, ROWS
+from pdsolve.adaptive.arrays import (
+    BORDERS,
+    COARSE_ROWS,
+    FINE_CELLS,
+    HOLDS,
+    LOADS,
+    PIECES,
+    PLACE,
+    REFINEMENT,
+    REGRIDS,
+    ROWS,
+)
 from pdsolve.adaptive.clip import put_pieces, set_row
 from pdsolve.adaptive.energy import copy_border_node, energy_of
 from pdsolve.adaptive.lattice import (
@@ -33,9 +44,9 @@ def begin_coarse_nodes(ground, zone):  # type: ignore[no-untyped-def]
     at = ground.at
     for y in range(at.ny // 2 + 1):
         for x in range(at.nx // 2 + 1):
-            set_coarse(ground, zone, coarse_place(at, x, y))
+            set_coarse(ground, zone.cells, zone.fine, zone.coarse, coarse_place(at, x, y))
         for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
-            set_coarse_row(zone, row, ground.coarse_table)
+            set_coarse_row(zone.coarse, row, ground.coarse_table)
 
 
 @njit(**INNER)
@@ -60,36 +71,35 @@ def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped
 
 
 @njit(**INNER)
-def _mark_around(ground, zone, c, mark, count):  # type: ignore[no-untyped-def]
+def _mark_around(at, reach, marks, dirty, c, mark, count):  # type: ignore[no-untyped-def]
     """Mark the fine nodes within reach of a cell; or list those that are marked, and unmark them."""
-    at, reach = ground.at, ground.reach
     x, y = c % at.cell_stride - AROUND, c // at.cell_stride - AROUND
     for iy in range(max(0, 2 * y - reach), min(at.ny, 2 * y + 2 + reach) + 1):
         for ix in range(max(0, 2 * x - reach), min(at.nx, 2 * x + 2 + reach) + 1):
             p = fine_place(at, ix, iy)
-            if not mark and zone.mark[p]:
-                zone.dirty[count] = p
+            if not mark and marks[p]:
+                dirty[count] = p
                 count += 1
-            zone.mark[p] = mark
+            marks[p] = mark
     return count
 
 
 @njit(**SORTING)
-def _find_dirty(ground, zone, new):  # type: ignore[no-untyped-def]
+def _find_dirty(at, reach, marks, dirty, dirty_coarse, new):  # type: ignore[no-untyped-def]
     """List what the new cells concern, in order: fine nodes within reach, coarse nodes at corners; returns how many."""
-    at, count, coarse = ground.at, 0, 0
+    count, coarse = 0, 0
     for c in new:
-        _mark_around(ground, zone, c, True, 0)
+        _mark_around(at, reach, marks, dirty, c, True, 0)
     for c in new:
-        count = _mark_around(ground, zone, c, False, count)
+        count = _mark_around(at, reach, marks, dirty, c, False, count)
         corner = coarse_place(at, c % at.cell_stride - AROUND, c // at.cell_stride - AROUND)
-        if coarse > len(zone.dirty_coarse) - 4:
-            coarse = _unique(zone.dirty_coarse, coarse)
+        if coarse > len(dirty_coarse) - 4:
+            coarse = _unique(dirty_coarse, coarse)
         for q in (corner, corner + 1, corner + at.coarse_stride, corner + at.coarse_stride + 1):
-            zone.dirty_coarse[coarse] = q
+            dirty_coarse[coarse] = q
             coarse += 1
-    zone.dirty[:count].sort()
-    return count, _unique(zone.dirty_coarse, coarse)
+    dirty[:count].sort()
+    return count, _unique(dirty_coarse, coarse)
 
 
 @njit(**SORTING)
@@ -111,7 +121,7 @@ def refine(ground, zone, count, now):  # type: ignore[no-untyped-def]
     New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
     """
     new = zone.new[:count]
-    fines, coarses = _find_dirty(ground, zone, new)
+    fines, coarses = _find_dirty(ground.at, ground.reach, zone.mark, zone.dirty, zone.dirty_coarse, new)
     dirty, dirty_coarse = zone.dirty[:fines], zone.dirty_coarse[:coarses]
     for p in dirty:
         zone.mark[p] = True
@@ -136,14 +146,14 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
     """Kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
-        set_fine(ground, zone, p)
+        set_fine(ground.at, ground.cell_mass, zone.cells, fine, p)
         if fine.kind[p] == BORDER:
-            copy_border_node(ground, fine.u[now], coarse.u[now], p)
+            copy_border_node(ground.at, ground.edge_cut, fine.u[now], coarse.u[now], p)
             fine.v[0, p] = fine.v[1, p] = 0.0
     for q in dirty_coarse:
-        set_coarse(ground, zone, q)
+        set_coarse(ground, zone.cells, fine, coarse, q)
     for q in dirty_coarse:
-        set_coarse_row(zone, q // ROW, ground.coarse_table)
+        set_coarse_row(coarse, q // ROW, ground.coarse_table)
     for p in dirty:
         if p // ROW != last:
             last = p // ROW
@@ -161,9 +171,9 @@ def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
         x, y = coarse_cell_at(at, zone.cells, ix, iy)
         if x < 0:
             continue
-        interpolate(ground, coarse.u[now], ix, iy, x, y, two)
+        interpolate(ground.at, ground.cut_cells, ground.cracks, coarse.u[now], ix, iy, x, y, two)
         fine.u[now, 0, p], fine.u[now, 1, p] = two[0], two[1]
-        interpolate(ground, coarse.v, ix, iy, x, y, two)
+        interpolate(ground.at, ground.cut_cells, ground.cracks, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new:
         zone.cells[c] = FINE
@@ -181,7 +191,7 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
         for p in range(row * ROW, row * ROW + ROW):
             if fine.kind[p] != BORDER:
                 continue
-            a, b, w = border_end(ground, p)
+            a, b, w = border_end(ground.at, ground.edge_cut, p)
             zone.border.node[borders], zone.border.w[borders] = p, w
             zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
             fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
@@ -190,9 +200,9 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _list_coarse(ground, zone):  # type: ignore[no-untyped-def]
-    """List rows with coarse nodes."""
-    at, coarse, rows = ground.at, zone.coarse, 0
+def _list_coarse(at, coarse):  # type: ignore[no-untyped-def]
+    """List rows with coarse nodes; returns how many."""
+    rows = 0
     for y in range(at.ny // 2 + 1):
         for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
             some = False
@@ -201,7 +211,7 @@ def _list_coarse(ground, zone):  # type: ignore[no-untyped-def]
             if some:
                 coarse.rows[rows] = row
                 rows += 1
-    zone.number[COARSE_ROWS] = rows
+    return rows
 
 
 @njit(**INNER)
@@ -211,7 +221,7 @@ def number(ground, zone):  # type: ignore[no-untyped-def]
     fine.touched[:] = False
     coarse.touched[:] = False
     _list_fine(ground, zone)
-    _list_coarse(ground, zone)
+    zone.number[COARSE_ROWS] = _list_coarse(ground.at, coarse)
     for n in range(zone.number[PIECES]):
         for which in range(2):
             a, b = zone.pieces.end[n, 2 * which], zone.pieces.end[n, 2 * which + 1]
@@ -219,56 +229,49 @@ def number(ground, zone):  # type: ignore[no-untyped-def]
                 fine.touched[a // ROW] = True
             else:
                 coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
-    _place_loads(ground, zone)
-    _place_holds(ground, zone)
+    zone.number[LOADS] = _place_loads(ground.at, zone.cells, fine, coarse, zone.loads)
+    zone.number[HOLDS] = _place_holds(ground.at, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
-def _place_loads(ground, zone):  # type: ignore[no-untyped-def]
+def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
     """Hand loads to the nodes that move: those of idle and border nodes to the coarse nodes they lie between."""
-    at, loads, count = ground.at, zone.loads, 0
-    for n in range(len(loads.node)):
-        p = loads.node[n]
-        if zone.fine.kind[p] == FREE:
-            count = _load(zone, loads, count, p, n, 1.0)
+    count = 0
+    for n in range(len(loads.what)):
+        p = loads.what[n, PLACE]
+        if fine.kind[p] == FREE:
+            loads.on[count, 0], loads.on[count, 1], loads.part[count] = p, n, 1.0
+            fine.touched[p // ROW] = True
+            count += 1
             continue
         ix, iy = fine_column(at, p), fine_row(at, p)
-        x, y = coarse_cell_at(at, zone.cells, ix, iy)
+        x, y = coarse_cell_at(at, cells, ix, iy)
         for dy in range(2):
             for dx in range(2):
                 wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
                 w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
                 if w > 0:
-                    count = _load(zone, loads, count, -1 - coarse_place(at, x + dx, y + dy), n, w)
-    zone.number[LOADS] = count
+                    q = coarse_place(at, x + dx, y + dy)
+                    loads.on[count, 0], loads.on[count, 1], loads.part[count] = -1 - q, n, w
+                    coarse.touched[q // ROW] = True
+                    count += 1
+    return count
 
 
 @njit(**INNER)
-def _load(zone, loads, count, on, n, part):  # type: ignore[no-untyped-def]
-    loads.on[count], loads.which[count], loads.part[count] = on, n, part
-    if on >= 0:
-        zone.fine.touched[on // ROW] = True
-    else:
-        zone.coarse.touched[(-1 - on) // ROW] = True
-    return count + 1
-
-
-@njit(**INNER)
-def _place_holds(ground, zone):  # type: ignore[no-untyped-def]
+def _place_holds(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
     """Hold the nodes that move of those that are held."""
-    at, holds, count = ground.at, zone.holds, 0
-    for n in range(len(holds.node)):
-        p = holds.node[n]
+    count = 0
+    for n in range(len(holds.what)):
+        p = holds.what[n, PLACE]
         ix, iy = fine_column(at, p), fine_row(at, p)
-        if zone.fine.kind[p] == FREE:
-            holds.on[count] = p
-            zone.fine.touched[p // ROW] = True
-        elif ix % 2 == 0 and iy % 2 == 0 and zone.coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
+        if fine.kind[p] == FREE:
+            holds.on[count, 0], holds.on[count, 1] = p, n
+            fine.touched[p // ROW] = True
+            count += 1
+        elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
             q = coarse_place(at, ix // 2, iy // 2)
-            holds.on[count] = -1 - q
-            zone.coarse.touched[q // ROW] = True
-        else:
-            continue
-        holds.which[count] = n
-        count += 1
-    zone.number[HOLDS] = count
+            holds.on[count, 0], holds.on[count, 1] = -1 - q, n
+            coarse.touched[q // ROW] = True
+            count += 1
+    return count

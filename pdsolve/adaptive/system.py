@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptive.arrays import TIPS, Entries, Ground, Zone, ground_of, zone_of
+from pdsolve import conditions
+from pdsolve.adaptive.arrays import TIPS, VALUE, Entries, Ground, Zone, ground_of, zone_of
 from pdsolve.adaptive.family import fine_springs
 from pdsolve.adaptive.hybrid import Hybrid
 from pdsolve.adaptive.lattice import AROUND, COARSE, FINE
@@ -35,7 +36,9 @@ def hybrid_of(model: Model, mode: str, precision: str, step: float | None) -> tu
     ground = ground._replace(dt=step or bound)
     area = areas_of(plate)
     driven = drive(model, area, True, np.float64)
-    zone = _zone(plate, ground)._replace(bits=bits, loads=_loads(plate, driven, area), holds=_holds(plate, driven))
+    zone = _zone(plate, ground)._replace(
+        bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
+    )
     stiffness = np.full(len(model.grid), most / plate.h**2)
     hybrid, nodes = Hybrid(plate, ground, zone, driven, stiffness), len(model.grid)
     hybrid.start(initial_velocity(model))
@@ -87,28 +90,15 @@ def _zone(plate: Plate, ground: Ground) -> Zone:
 
 
 def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
-    loads = driven.loads
-    some = np.flatnonzero(loads.value)
-    node, value, room = loads.node[some], loads.value[some], 4 * len(some)
-    on, which = np.zeros((2, room), dtype=np.int64)
-    nothing = np.zeros(0)
-    return Entries(
-        node=plate.place[node],
-        axis=loads.axis[some],
-        value=value * area[node],
-        profile=loads.profile[some],
-        kind=loads.kind[some],
-        on=on,
-        which=which,
-        part=np.zeros(room),
-        speed=nothing,
-        last=nothing,
-        force=nothing,
-    )
+    found = _entries(plate, driven.loads, 4)
+    found.value[:, VALUE] *= area[driven.loads.node]
+    some = found.value[:, VALUE] != 0
+    return found._replace(what=found.what[some], value=found.value[some])
 
 
-def _holds(plate: Plate, driven: Drive) -> Entries:
-    node, axis, value, profile, kind = driven.holds
-    on, which = np.zeros((2, len(node)), dtype=np.int64)
-    speed, last, force = np.zeros((3, len(node)))
-    return Entries(plate.place[node], axis, value, profile, kind, on, which, np.zeros(0), speed, last, force)
+def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
+    """Entries, with room for `most` nodes that each acts on."""
+    what = np.column_stack([plate.place[driven.node], driven.axis, driven.profile, driven.kind])
+    value = np.zeros((len(what), 4))
+    value[:, VALUE] = driven.value
+    return Entries(what, value, np.zeros((most * len(what), 2), dtype=np.int64), np.zeros(most * len(what)))
