@@ -76,7 +76,7 @@ class Pieces(NamedTuple):
 
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k
+    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
 
 
 class Border(NamedTuple):

@@ -100,7 +100,7 @@ def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def add_pieces(ground, cells, bits, p, pieces, count):  # type: ignore[no-untyped-def]
+def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns how many there are then."""
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
@@ -125,18 +125,19 @@ def add_pieces(ground, cells, bits, p, pieces, count):  # type: ignore[no-untype
                     continue
                 t0, t1 = cut.t[begin, 0], cut.t[n - 1, 1]
                 pieces.owner[count] = p
-                _set_end(ground, p, k, begin, 0, pieces, count)
-                _set_end(ground, p, k, n - 1, 1, pieces, count)
+                _set_end(ground, kind, p, k, begin, 0, pieces, count)
+                _set_end(ground, kind, p, k, n - 1, 1, pieces, count)
                 value, length = pieces.value[count], t1 - t0
                 value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
                 value[4] = ground.table[k, 4] / length**2
                 value[5] = part * ground.table[k, 5] / length
+                value[6] = 0.0 if ground.lasting[p] or ground.lasting[p + ground.ways[k]] else 1.0
                 count += 1
     return count
 
 
 @njit(**INNER)
-def _set_end(ground, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
+def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
     """Where a piece begins or ends: a fine node, or a place between two coarse ones."""
     at, cut = ground.at, ground.cut
     ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[n, which, 2]
@@ -148,6 +149,7 @@ def _set_end(ground, p, k, n, which, pieces, count):  # type: ignore[no-untyped-
     a, b, w = end_on(
         at,
         ground.edge_cut,
+        kind,
         (ix >> 1) + cut.ends[n, which, 0],
         (iy >> 1) + cut.ends[n, which, 1],
         direction,
@@ -162,7 +164,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces that these fine nodes, in order, own; the order of all stays that of their owners."""
     old, new, count, kept, made = zone.pieces, zone.spare, zone.number[PIECES], 0, 0
     for p in dirty:
-        made = add_pieces(ground, zone.cells, zone.bits, p, new, made)
+        made = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, made)
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:
@@ -187,5 +189,5 @@ def _move(source, n, target, m):  # type: ignore[no-untyped-def]
     target.owner[m] = source.owner[n]
     for c in range(4):
         target.end[m, c] = source.end[n, c]
-    for c in range(6):
+    for c in range(7):
         target.value[m, c] = source.value[n, c]

@@ -77,9 +77,9 @@ def kinetic(nodes, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def copy_border_node(at, edge_cut, fine, coarse, p):  # type: ignore[no-untyped-def]
+def copy_border_node(at, edge_cut, kind, fine, coarse, p):  # type: ignore[no-untyped-def]
     """Put a node on the border where its coarse nodes have it; (2, .) displacements or velocities."""
-    a, b, w = border_end(at, edge_cut, p)
+    a, b, w = border_end(at, edge_cut, kind, p)
     for axis in range(2):
         fine[axis, p] = (1 - w) * coarse[axis, a] + w * coarse[axis, b]
 

@@ -35,7 +35,7 @@ def show(ground, zone, now, place, scratch, value, rate, second, held):  # type:
             held[n] = fine_held(ground, fine, fine.u[now], p) / (share(ground.at, ix, iy) * ground.h**2)
         else:
             x, y = coarse_cell_at(ground.at, zone.cells, ix, iy)
-            interpolate(ground.at, ground.cut_cells, ground.cracks, scratch, ix, iy, x, y, zone.s)
+            interpolate(ground, coarse.kind, scratch, ix, iy, x, y, zone.s)
             held[n] = zone.s[0]
 
 
@@ -67,5 +67,5 @@ def _take(ground, zone, fine, coarse, p, out, two):  # type: ignore[no-untyped-d
         out[0], out[1] = fine[0, p], fine[1, p]
         return
     x, y = coarse_cell_at(ground.at, zone.cells, ix, iy)
-    interpolate(ground.at, ground.cut_cells, ground.cracks, coarse, ix, iy, x, y, two)
+    interpolate(ground, zone.coarse.kind, coarse, ix, iy, x, y, two)
     out[0], out[1] = two[0], two[1]

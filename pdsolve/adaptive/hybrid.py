@@ -50,17 +50,20 @@ class Hybrid:
         self._row = np.full(plate.at.places, -1, dtype=np.int64)
         self._row[plate.place] = np.arange(len(plate.place))
         self._scratch = np.zeros((2, plate.at.coarse_places))
-        self._first = np.flatnonzero(zone.cells == FINE)
 
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Number the zone, give all nodes their velocities (n, 2), m/s, and compute the forces."""
-        self._number(self._first)
+        self._number(np.flatnonzero(self.zone.cells == FINE))
         zone, place = self.zone, self.plate.place
         free = zone.fine.kind[place] == 1
         zone.fine.v[:, place[free]] = velocity[free].T
         coincident, coarse = self._coincident()
         zone.coarse.v[:, coarse] = velocity[coincident].T * (zone.coarse.kind[coarse] == 1)
-        march(self.ground, zone, self.drive.profiles, self._now, 1, 1, False, 0)
+        self.renew()
+
+    def renew(self) -> None:
+        """Compute the forces at the start anew."""
+        march(self.ground, self.zone, self.drive.profiles, self._now, 1, 1, False, 0)
 
     def _number(self, cells: NDArray[np.int64]) -> None:
         zone = self.zone

@@ -51,24 +51,32 @@ def set_fine(at, cell_mass, cells, fine, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def end_on(at, edge_cut, x, y, direction, w):  # type: ignore[no-untyped-def]
-    """Coarse nodes that a place on an edge moves with, and share of the second: that of its own side of a pre-crack."""
+def end_on(at, edge_cut, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
+    """Coarse nodes that a place on an edge moves with, and share of the second.
+
+    Where a pre-crack cuts the edge it moves with the nodes of its own side: in line with the two next to it, so that
+    a face that turns is not stretched, or with the next one where there are no two. `kind` is that of coarse nodes.
+    """
     q = coarse_place(at, x, y)
     if w == 0:
         return q, q, 0.0
-    other = q + (1 if direction == 0 else at.coarse_stride)
-    cut = edge_cut[direction, q]
-    if cut > 0:
-        return (q, q, 0.0) if w < cut else (other, other, 0.0)
-    return q, other, w
+    step = 1 if direction == 0 else at.coarse_stride
+    other, cut = q + step, edge_cut[direction, q]
+    if cut == 0:
+        return q, other, w
+    if w < cut:
+        inner = q - step
+        return (q, inner, -w) if kind[inner] == FREE and edge_cut[direction, inner] == 0 else (q, q, 0.0)
+    inner = other + step
+    return (other, inner, w - 1) if kind[inner] == FREE and edge_cut[direction, other] == 0 else (other, other, 0.0)
 
 
 @njit(**INNER)
-def border_end(at, edge_cut, p):  # type: ignore[no-untyped-def]
+def border_end(at, edge_cut, kind, p):  # type: ignore[no-untyped-def]
     """The same for a fine node on a line between cells."""
     ix, iy = fine_column(at, p), fine_row(at, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return end_on(at, edge_cut, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return end_on(at, edge_cut, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
@@ -88,17 +96,18 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
                 if 0 <= ix <= at.nx and 0 <= iy <= at.ny:
-                    mass += _passed_on(at, ground.edge_cut, fine, fine_place(at, ix, iy), q)
+                    mass += _passed_on(at, ground.edge_cut, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
     coarse.light[q] = 1 / mass if mass > 0 else 0.0
 
 
 @njit(**INNER)
-def _passed_on(at, edge_cut, fine, p, q):  # type: ignore[no-untyped-def]
+def _passed_on(at, edge_cut, kind, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass of a fine node that moves with coarse node q."""
     if fine.kind[p] != BORDER:
         return 0.0
-    a, b, w = border_end(at, edge_cut, p)
+    a, b, w = border_end(at, edge_cut, kind, p)
+    w = max(w, 0.0)  # mass goes to the next one
     return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
@@ -130,15 +139,48 @@ def set_coarse_row(coarse, row, standard):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def interpolate(at, cut_cells, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """Values (2, q) of coarse nodes at a fine place of cell x, y, as its side of pre-cracks has them, into out (2,)."""
+def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """Values (2, q) of coarse nodes, of a `kind` each, at a fine place of cell x, y, into out (2,).
+
+    In a cell that a pre-crack crosses: from a cell beside it, on the place's own side, on in line; or else the mean of
+    the corners the place sees.
+    """
+    at = ground.at
+    if not ground.cut_cells[cell_place(at, x, y)]:
+        _bilinear(at, values, ix, iy, x, y, out)
+        return
+    for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+        if ground.cut_cells[cell_place(at, x + dx, y + dy)]:
+            continue
+        q = coarse_place(at, x + dx, y + dy)
+        active = kind[q] == FREE and kind[q + 1] == FREE
+        active = active and kind[q + at.coarse_stride] == FREE and kind[q + at.coarse_stride + 1] == FREE
+        if active and seen(ground.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
+            _bilinear(at, values, ix, iy, x + dx, y + dy, out)
+            return
+    _one_sided(at, ground.cracks, values, ix, iy, x, y, out)
+
+
+@njit(**INNER)
+def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """By the corners of a cell, inside of it and beyond."""
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(at, x, y), at.coarse_stride
+    for axis in range(2):
+        low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
+        q2 = q + stride
+        high = values[axis, q2] if wx == 0 else (1 - wx) * values[axis, q2] + wx * values[axis, q2 + 1]
+        out[axis] = low if wy == 0 else (1 - wy) * low + wy * high
+
+
+@njit(**INNER)
+def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """By the corners that the place sees; by the next one if it sees none."""
     wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
-    cut = cut_cells[cell_place(at, x, y)]
     out[0] = out[1] = 0.0
     for dy in range(2):
         for dx in range(2):
             w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
-            if w == 0 or (cut and not seen(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy))):
+            if w == 0 or not seen(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
                 continue
             q = coarse_place(at, x + dx, y + dy)
             total += w
@@ -147,9 +189,9 @@ def interpolate(at, cut_cells, cracks, values, ix, iy, x, y, out):  # type: igno
     if total > 0:
         out[0] /= total
         out[1] /= total
-    elif cut:  # it sees none of them
-        q = coarse_place(at, x + (wx > 0.5), y + (wy > 0.5))
-        out[0], out[1] = values[0, q], values[1, q]
+        return
+    q = coarse_place(at, x + (wx > 0.5), y + (wy > 0.5))
+    out[0], out[1] = values[0, q], values[1, q]
 
 
 @njit(**INNER)

@@ -122,7 +122,7 @@ def begin_lack(ground, bits):  # type: ignore[no-untyped-def]
     at, reach = ground.at, ground.reach
     for iy in range(at.ny + 1):
         for ix in range(at.nx + 1):
-            if reach <= ix <= at.nx - reach and reach <= iy <= at.ny - reach:
+            if reach < ix < at.nx - reach and reach < iy < at.ny - reach:
                 continue
             _lack_of(ground, bits, ix, iy)
     for j in range(len(ground.cracks)):

@@ -121,7 +121,7 @@ def refine(ground, zone, count, now):  # type: ignore[no-untyped-def]
     New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
     """
     new = zone.new[:count]
-    fines, coarses = _find_dirty(ground.at, ground.reach, zone.mark, zone.dirty, zone.dirty_coarse, new)
+    fines, coarses = _find_dirty(ground.at, ground.reach + 2, zone.mark, zone.dirty, zone.dirty_coarse, new)
     dirty, dirty_coarse = zone.dirty[:fines], zone.dirty_coarse[:coarses]
     for p in dirty:
         zone.mark[p] = True
@@ -147,11 +147,12 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
         set_fine(ground.at, ground.cell_mass, zone.cells, fine, p)
-        if fine.kind[p] == BORDER:
-            copy_border_node(ground.at, ground.edge_cut, fine.u[now], coarse.u[now], p)
-            fine.v[0, p] = fine.v[1, p] = 0.0
     for q in dirty_coarse:
         set_coarse(ground, zone.cells, fine, coarse, q)
+    for p in dirty:
+        if fine.kind[p] == BORDER:
+            copy_border_node(ground.at, ground.edge_cut, coarse.kind, fine.u[now], coarse.u[now], p)
+            fine.v[0, p] = fine.v[1, p] = 0.0
     for q in dirty_coarse:
         set_coarse_row(coarse, q // ROW, ground.coarse_table)
     for p in dirty:
@@ -171,9 +172,9 @@ def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
         x, y = coarse_cell_at(at, zone.cells, ix, iy)
         if x < 0:
             continue
-        interpolate(ground.at, ground.cut_cells, ground.cracks, coarse.u[now], ix, iy, x, y, two)
+        interpolate(ground, coarse.kind, coarse.u[now], ix, iy, x, y, two)
         fine.u[now, 0, p], fine.u[now, 1, p] = two[0], two[1]
-        interpolate(ground.at, ground.cut_cells, ground.cracks, coarse.v, ix, iy, x, y, two)
+        interpolate(ground, coarse.kind, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new:
         zone.cells[c] = FINE
@@ -191,7 +192,7 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
         for p in range(row * ROW, row * ROW + ROW):
             if fine.kind[p] != BORDER:
                 continue
-            a, b, w = border_end(ground.at, ground.edge_cut, p)
+            a, b, w = border_end(ground.at, ground.edge_cut, coarse.kind, p)
             zone.border.node[borders], zone.border.w[borders] = p, w
             zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
             fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True

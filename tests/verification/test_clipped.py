@@ -40,11 +40,24 @@ def test_a_linear_field_is_at_rest(m: int, micromodulus: str, plane: str) -> Non
     inside = ((position > H) & (position < H * np.array([71, 67]))).all(axis=1)
     stress = plate.ground.c11 * np.abs(gradient).max()
     assert plate.pieces > 500
-    print(np.abs(found[0] - found[1])[inside].max() / 2 /( stress * H), [np.abs(force.sum(axis=0)).max()/np.abs(force).sum() for force in found])
-    assert np.abs(found[0] - found[1])[inside].max() / 2 < 1e-12 * stress * H  # measured 5e-14 at most
+    assert np.abs(found[0] - found[1])[inside].max() / 2 < 1e-12 * stress * H  # measured 3e-14 at most
     assert np.abs(forces[~inside]).max() > 0.1 * stress * H  # the edges, which no load holds
     for force in found:
         assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # measured 6e-16 at most
+
+
+CRACKS = [[(0.0, 33.5, 36.2, 33.5)], [(3.3, 60.2, 36.2, 33.5)], [(30.5, 70.0, 33.5, 30.0)]]
+
+
+@pytest.mark.parametrize("cracks", CRACKS)
+def test_a_face_that_turns_is_not_stretched(cracks: list[tuple[float, float, float, float]]) -> None:
+    """A small rotation of a plate with a pre-crack that leads out of the fine zone makes no force, on edges neither."""
+    plate = zoned(72, 68, irregular, UNBREAKABLE, cracks=cracks)
+    turn, found = 1e-7 * np.array([[0.0, -1.0], [1.0, 0.0]]), []
+    for sign in (1.0, -1.0):
+        plate.put(linear(turn, sign))
+        found.append(plate.forces()[0])
+    assert np.abs(found[0] - found[1]).max() / 2 < 1e-12 * plate.ground.c11 * 1e-7 * H  # 0.1 by the next node alone
 
 
 def test_mass_is_that_of_the_plate() -> None:
@@ -70,11 +83,14 @@ def test_noise_vibrates_on_for_long(cracked: bool) -> None:
     for first in range(1, 4001, 100):
         plate.march(first, first + 100)
         found.append(plate.conserved() / start - 1)
-    print(np.abs(found).max())
-    assert np.abs(found).max() < 1e-4  # measured 2e-5
+    assert np.abs(found).max() < 1e-4  # measured 3e-8
 
 
-WIDTHS = [(4, 0.051), (8, 0.021), (16, 0.005)]  # h; sent back, published for m = 4 by an independent code
+WIDTHS = [
+    (4, 0.051),
+    (8, 0.021),
+    (16, 0.005),
+]  # h; published for m = 4 by an independent code | found 0.0519, 0.0213, 0.0051
 
 
 @pytest.mark.slow
@@ -92,7 +108,6 @@ def test_a_pulse_that_leaves_the_fine_zone(width: int, published: float) -> None
     sent = largest(plate, H * middle, rows)
     plate.march(1, round(2 * start * H / speed / plate.ground.dt) + 1)
     back = largest(plate, H * (middle - 1.5 * 8), rows)
-    print(width, back/sent)
     assert back / sent == pytest.approx(published, rel=0.2)
 
 

@@ -1,0 +1,102 @@
+"""What a run with a fine zone that moves refuses, and what it says of itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from plates import GLASS, plate, square_grid
+
+from pdmesh.grid import Acceleration, Grid, Region, Run, document_of, write_file
+from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
+from pdsolve.adaptive.plate import plate_of
+from pdsolve.model import Model, ModelError
+
+HYBRID = Run(adapt="hybrid", steps=20)
+
+
+def cracked(**changes: Any) -> Grid:
+    """A plate of 40 by 24 spacings with an edge crack."""
+    return dataclasses.replace(square_grid(41, 25), cracks=1e-3 * np.array([[0, 11.5, 12.5, 11.5]]), **changes)
+
+
+def holed() -> Grid:
+    """The same with a node missing."""
+    grid = square_grid(41, 25)
+    columns = {name: np.delete(getattr(grid, name), 500, axis=0) for name in ("ids", "position", "delta", "border")}
+    return dataclasses.replace(grid, **columns, hole_id=np.delete(grid.hole_id, 500))
+
+
+REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=GLASS)
+PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
+RING = 1e-3 * np.array([(-0.5, 0), (40, 0), (40, 24), (-0.5, 24)])
+TRIANGLE = 1e-3 * np.array([(0, 0), (40, 0), (40, 24), (3, 5), (0, 24)])
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (plate(cracked(), 4, material=msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)), "law: found bilinear"),
+        (plate(cracked(), 4, regions=(REGION,)), "regions: found 1, expected 0"),
+        (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\]: found an acceleration"),
+        (plate(cracked(), 8), "ratio: found 8, expected at most 6"),
+        (plate(cracked(), 4, area_rule="square"), "area_rule: found square"),
+        (plate(square_grid(40, 25), 4), "nodes: found 39 by 24 spacings, expected even numbers"),
+        (plate(holed(), 4), "nodes that are no full rectangle"),
+        (plate(cracked(outline=(RING,)), 4), "off the plate's edge"),
+        (plate(cracked(outline=(TRIANGLE,)), 4), "outline: found corners inside its box"),
+        (plate(dataclasses.replace(cracked(), cracks=1e-3 * np.array([[0.0, 3, 9, 3]])), 4), "found a node on it"),
+        (plate(dataclasses.replace(cracked(), delta=np.linspace(1e-3, 2e-3, 1025)), 4), "found several spacings"),
+    ],
+)
+def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
+    """In one sentence that names the place."""
+    with pytest.raises(ModelError, match=words) as error:
+        plate_of(model, "conservative", "float64")
+    assert str(error.value).endswith("as run.adapt is hybrid")
+
+
+@pytest.mark.parametrize(("mode", "precision"), [("thesis", "float64"), ("conservative", "float32")])
+def test_other_modes_are_refused(mode: str, precision: str) -> None:
+    """And other precisions."""
+    with pytest.raises(ModelError, match=f"found {mode if mode == 'thesis' else precision}"):
+        plate_of(plate(cracked(), 4), mode, precision)
+
+
+def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
+    """C11 and C66 of a cell's springs, at m = 3 and 4, are those of a fine family; stretches of a bond fill it."""
+    for m in (3.0, 4.0):
+        fine = fine_springs(GLASS, m, 1e-3)
+        coarse = coarse_springs(fine, 1e-3)
+        for power in ((4, 0), (2, 2)):
+            sums = []
+            for springs, area in ((fine, 1e-6), (coarse, 4e-6)):
+                x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+                length = np.hypot(x, y)
+                n = (x / length) ** power[0] * (y / length) ** power[1]
+                sums.append((stiffness * length**2 * n).sum() / 2 / area)
+            assert sums[0] == pytest.approx(sums[1], rel=1e-13)
+        cut = stretches(fine)
+        first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
+        for one, other in zip(first, last, strict=True):
+            assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_the_command_says_how_much_is_fine(tmp_path: Path) -> None:
+    """A run by `--adapt hybrid`, its summary and what it prints; a model it cannot solve leaves one line."""
+    model, path = plate(cracked(), 4, run=msgspec.structs.replace(HYBRID, adapt="none")), tmp_path / "plate.json"
+    write_file(document_of(model.grid, model.settings), path)
+    command = [sys.executable, "-m", "pdsolve", str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout)["hybrid"]
+    assert 0.1 < told["fine_share"] < 0.9
+    done = subprocess.run([*command, "--force", "--mode", "thesis"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "pdsolve: mode: found thesis, expected conservative, as run.adapt is hybrid\n"

@@ -1,0 +1,148 @@
+"""Runs whose fine zone moves, beside the same plates solved on the fine lattice everywhere."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from plates import plate, square_grid
+
+from pdmesh.grid import Displacement, Grid, Load, Material, Run, Velocity
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import COARSE, FINE
+from pdsolve.measures import books
+from pdsolve.model import Model
+from pdsolve.results import Results
+from pdsolve.simulation import resume, simulate
+from pdsolve.system import Options, Prepared, prepare
+
+STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")
+
+
+def rectangle(columns: int, rows: int, delta: float, cracks: Any = ()) -> Grid:
+    """Nodes on the edges of a plate of so many spacings, half and quarter cells there."""
+    share_x, share_y = np.ones(columns + 1), np.ones(rows + 1)
+    share_x[[0, -1]] = share_y[[0, -1]] = 0.5
+    corners = delta * np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)], dtype=float)
+    return dataclasses.replace(
+        square_grid(columns + 1, rows + 1, delta),
+        areas=delta**2 * np.outer(share_y, share_x).ravel(),
+        outline=(corners,),
+        cracks=delta * np.array(cracks, dtype=float).reshape(-1, 4),
+    )
+
+
+def struck(adapt: str, steps: int = 170, every: int = 34) -> Model:
+    """Kalthoff and Winkler's plate of steel, 2 mm between nodes."""
+    grid = rectangle(50, 100, 2e-3, [(0, 37.5, 25, 37.5), (0, 62.5, 25, 62.5)])
+    impact = Velocity(box=(-1.0, 75e-3, 1e-4, 125e-3), x=16.5)
+    return plate(grid, 4, material=STEEL, conditions=(impact,), run=Run(steps=steps, every=every, adapt=adapt))
+
+
+def pulled(adapt: str) -> Model:
+    """A cracked plate of glass, 0.5 mm between nodes, pulled by its edges and held at one corner's row."""
+    grid = rectangle(80, 48, 5e-4, [(0, 23.5, 40.5, 23.5)])
+    loads = [
+        Load(box=(-1.0, y - 1.2e-3, 1.0, y + 1.2e-3), traction=(0.0, s), rows=3) for y, s in ((0.024, 1.0), (0.0, -1.0))
+    ]
+    loads = [msgspec.structs.replace(load, traction=(0.0, 14e6 * load.traction[1]), length=0.04) for load in loads]
+    held = Displacement(box=(0.04 - 1e-5, -1.0, 1.0, 1.0), x=0.0)
+    return plate(grid, 4, conditions=(*loads, held), run=Run(steps=260, every=65, adapt=adapt))
+
+
+def hybrid(problem: Prepared) -> Hybrid:
+    """The operator of a hybrid run."""
+    found = problem.system.operator
+    assert isinstance(found, Hybrid)
+    return found
+
+
+def test_fine_everywhere_it_is_the_uniform_plate() -> None:
+    """With all cells fine: the accelerations of the uniform run, corrected surfaces and faces included."""
+    one, other = prepare(struck("hybrid"), Options()), prepare(struck("none"), Options(threads=1))
+    run = hybrid(one)
+    run.zone.cells[run.zone.cells == COARSE] = FINE
+    run.start(np.zeros((len(one.system.model.grid), 2)))
+    rough = 1e-6 * np.random.default_rng(3).standard_normal((len(one.system.model.grid), 2))
+    run.zone.fine.u[0][:, run.plate.place] = rough.T
+    run.renew()
+    other.state.value[:] = rough
+    out = np.zeros_like(rough)
+    other.system.operator.add(other.state, out, 1, 0.0)
+    held, _ = run.energies(one.state)
+    assert one.system.bound == pytest.approx(other.system.bound, rel=1e-9)
+    assert one.state.value == pytest.approx(rough, rel=1e-15)
+    limit = 1e-11 * np.abs(out).max()  # measured 7e-13
+    assert np.abs(one.state.second * STEEL.rho - out).max() < limit
+    assert held == pytest.approx(other.system.operator.energies(other.state)[0], rel=1e-9)
+    assert one.system.family.tolist() == other.system.family.tolist()
+    assert one.system.count.tolist() == other.system.count.tolist()
+
+
+def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
+    """Its first bond within a step, energies within a few per cent, both halves alike; no bond heals."""
+    found, first = {}, {}
+    for adapt in ("none", "hybrid"):
+        problem = prepare(struck(adapt), Options(threads=1))
+        seen = None
+        for step in range(1, 171, 10):
+            problem.march(step, step + 10)
+            if adapt == "hybrid":
+                bits = hybrid(problem).zone.bits.copy()
+                assert seen is None or not (bits & ~seen).any()
+                seen = bits
+        system = problem.system
+        problem.system.operator.energies(problem.state)
+        found[adapt], broken = books(system, problem.state, 170), system.operator.broken()
+        first[adapt] = int(broken.step.min())
+        rows = np.sort(broken.source // 51)
+        assert np.abs(rows + rows[::-1] - 100).max() == 0
+    told = hybrid(problem).told()
+    assert abs(first["hybrid"] - first["none"]) <= 1  # 42, 43
+    assert found["hybrid"].work == pytest.approx(found["none"].work, rel=0.04)
+    assert found["hybrid"].dissipated == pytest.approx(found["none"].dissipated, rel=0.1)
+    assert abs(found["hybrid"].balance(system.initial_energy)) < 0.01
+    assert 0 < told.clipped_stretch < 1
+    assert told.fine_share < 0.8
+    assert abs(told.refinement) < 0.005 * found["hybrid"].work
+
+
+def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
+    """Loads on strips and a held edge, handed to fine and coarse nodes alike."""
+    found = {}
+    for adapt in ("none", "hybrid"):
+        problem = prepare(pulled(adapt), Options(threads=1))
+        problem.march(1, 101)
+        early = books(problem.system, problem.state, 100)
+        problem.march(101, 261)
+        late = books(problem.system, problem.state, 260)
+        found[adapt] = early, late, int(problem.system.operator.broken().step.min())
+    for one, other in zip(found["hybrid"][:2], found["none"][:2], strict=True):
+        assert one.work == pytest.approx(other.work, rel=0.02)
+    assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067
+    assert found["hybrid"][2] == found["none"][2]
+    assert hybrid(problem).told().clipped_stretch < 0.7  # 0.58; 1.01 if faces were to follow the next coarse node alone
+
+
+def test_a_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    """Stopped once it has begun to crack, and resumed: the same tables as without a stop."""
+    paths = [tmp_path / "whole.sqlite", tmp_path / "parts.sqlite"]
+    calls = []
+
+    def stop(progress: Any) -> bool:
+        calls.append(progress)
+        return progress.step >= 100
+
+    simulate(struck("hybrid"), paths[0], Options()).close()
+    simulate(struck("hybrid"), paths[1], Options(), stop).close()
+    assert calls[-1].fine.fine_share > 0
+    with resume(paths[1]) as parts, Results.open(paths[0]) as whole:
+        assert parts.summary()["steps"] == 170
+        assert parts.summary()["broken_bonds"] == whole.summary()["broken_bonds"] > 0
+        for name in ("ux", "vy", "energy", "damage"):
+            assert np.array_equal(parts.field(name, 170), whole.field(name, 170))
+        assert parts.summary()["energy"] == whole.summary()["energy"]
