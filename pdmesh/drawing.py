@@ -10,7 +10,8 @@
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane
     -                                         Refine/crack, notch or hole/Distance, Spacing
-    -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
+    -                                         Horizon ratio, Area rule, Units; Run/Time step, Duration, Frame every,
+                                              Adapt
 
 Lengths - coordinates, Spacing, Distance, Displacement, Box - are in the unit that Units names (m), all else in SI
 units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in

@@ -35,7 +35,7 @@ FOLDERS = {
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    "Run": ("Time step", "Duration", "Frame every"),
+    "Run": ("Time step", "Duration", "Frame every", "Adapt"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -228,16 +228,19 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
 def run(parameters: Parameters) -> Run:
     """How long to solve, from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
-    every = parameters.whole("Run/Frame every", 50)
+    adapt = parameters.text("Run/Adapt", "none", ("none", "hybrid"))
+    often: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
+    if adapt != "none":
+        often["adapt"] = adapt
     if step is None and duration is None:
-        return _converted({"every": every}, Run, "Run")
+        return _converted(often, Run, "Run")
     if step is None or duration is None or not step > 0 or not duration >= 0:
         raise SceneError(
             f"{PREFIX}Run: found Time step {step} s and Duration {duration} s, expected both, positive, or none"
         )
     if duration / step > 1e9:
         raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
-    return _converted({"time_step": step, "steps": round(duration / step), "every": every}, Run, "Run")
+    return _converted({"time_step": step, "steps": round(duration / step), **often}, Run, "Run")
 
 
 def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:

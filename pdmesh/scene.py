@@ -239,6 +239,10 @@ class Scene:
             return surface(where, self.finest, place)
         return polyline(where, place)
 
+    def adapt(self, how: Literal["none", "hybrid"] = "hybrid") -> Scene:
+        """To be solved with peridynamics where bonds may break and a compact lattice elsewhere, or everywhere alike."""
+        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
+
     def side(self, name: str, place: str = "side") -> Curve:
         """The part of the plate's outline on its left, right, bottom or top. Raises SceneError."""
         if name not in SIDES:

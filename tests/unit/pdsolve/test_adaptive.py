@@ -15,6 +15,9 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh.grid import Acceleration, Grid, Region, Run, document_of, write_file
+from pdmesh.parameters import Parameters, run
+from pdmesh.scene import Scene, SceneError, box
+from pdmesh.units import UNITS
 from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
 from pdsolve.adaptive.plate import plate_of
 from pdsolve.model import Model, ModelError
@@ -87,6 +90,18 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
         first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_scenes_and_drawings_may_ask_for_it() -> None:
+    """In Python, and by a parameter of a drawing, which a file keeps; by default none."""
+    scene = Scene(box(0, 0, 0.04, 0.024), 1e-3, GLASS)
+    assert scene.run.adapt == "none"
+    assert scene.adapt().run.adapt == "hybrid"
+    assert scene.adapt().adapt("none").run.adapt == "none"
+    for word in ("none", "hybrid"):
+        assert run(Parameters({"Peridynamics/Run/Adapt": word}, UNITS["m"])).adapt == word
+    with pytest.raises(SceneError, match="found 'static', expected one of none, hybrid"):
+        run(Parameters({"Peridynamics/Run/Adapt": "static"}, UNITS["m"]))
 
 
 def test_the_command_says_how_much_is_fine(tmp_path: Path) -> None:
