@@ -63,7 +63,7 @@ $(VENV)/%.done: $(VENV)/install.done
 # Gmsh's wheel needs some libraries of the system: install them where that is possible, name them where not.
 gmsh-libraries: $(VENV)/install.done
 	@$(BIN)/python -c "import gmsh" 2>/dev/null || { \
-		line="apt-get install -y --no-install-recommends $$($(BIN)/python -c 'from pdmesh.sandbox.child import SYSTEM_LIBRARIES; print(SYSTEM_LIBRARIES)')"; \
+		line="apt-get install -y --no-install-recommends $$($(BIN)/python -c 'from pdmesh.drawing.sandbox.child import SYSTEM_LIBRARIES; print(SYSTEM_LIBRARIES)')"; \
 		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 			echo "Gmsh needs libraries of the system: $$line"; \
 			apt-get update -qq && $$line; \

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from benchmarks.claims import Case
 from benchmarks.runs import built
 from benchmarks.variants import BASE, OTHER_GRIDS, VARIANTS, Variant
-from pdmesh import VERSION
-from pdmesh.grid import Grid, Material, Run, Settings
-from pdmesh.lattice import build_grid
-from pdmesh.scene import Circle, Scene, box
+from pdmesh import VERSION, Circle, Scene, box
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Material, Run, Settings
 from pdpost.figures.tradeoff_figure import draw
 from pdpost.measures import tradeoff
 from pdsolve.model import Model

@@ -19,8 +19,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.lattice import build_grid
-from pdmesh.script import read_script
+from pdmesh.drawing.script import read_script
+from pdmesh.grid.lattice import build_grid
 from pdsolve.measures import books, damage
 from pdsolve.model import Model
 from pdsolve.system import Options, prepare

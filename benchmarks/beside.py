@@ -120,7 +120,7 @@ class Turns:
                 [sys.executable, "-P", __file__, "--serve", json.dumps(job)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env={**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / ".numba")},
+                env={**os.environ, "PYTHONPATH": str(folder)},
                 cwd=folder,
                 text=True,
             )
@@ -174,7 +174,7 @@ def jobs(folder: Path) -> Iterator[Job]:
     from benchmarks.claims import Case
     from benchmarks.runs import built
     from benchmarks.speed import GLASS, PLATES, square
-    from pdmesh.grid import Horizon, Run, Settings
+    from pdmesh.model.document import Horizon, Run, Settings
     from pdsolve.model import Model
 
     def written(model: Model, name: str) -> str:

@@ -19,9 +19,10 @@ SIZES = (13_000, 100_000, 1_000_000)
 
 def measure(nodes: int) -> None:
     """Build and write the plate; print nodes, seconds to build and to write, and the largest memory, MB."""
-    from pdmesh.grid import document_of, write_file
-    from pdmesh.lattice import build_grid
-    from pdmesh.scene import Circle, Material, Scene, box
+    from pdmesh import Circle, Material, Scene, box
+    from pdmesh.grid.lattice import build_grid
+    from pdmesh.model.cloud import document_of
+    from pdmesh.model.document import write_file
 
     spacing = (0.0914 / nodes) ** 0.5  # so that the plate less its hole holds about that many
     start = time.perf_counter()

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Growth, directions, growth
 from pdsolve.results import Results
 

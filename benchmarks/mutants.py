@@ -50,8 +50,8 @@ MUTANTS = (
     ),
     Mutant(  # resumed
         "pdsolve/operators/blocks/layout.py",
-        "blocks.softened[block[slot_soft]] = True",
-        "blocks.softened[block[slot_soft]] = False",
+        "stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]",
+        "stiffness[soft] = stiffness[soft]",
         f"{UNIT}/test_blocks.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
     ),
     Mutant(  # let go
@@ -67,16 +67,40 @@ MUTANTS = (
         f"{UNIT}/test_interrupted_runs.py::test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped",
     ),
     Mutant(
-        "pdpost/tips.py",
-        "np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w)",
-        "np.arctan2(came[1] * w[0] - came[0] * w[1], came @ w)",
-        "tests/unit/pdpost/test_tips.py::test_arms_to_the_left_are_positive",
+        "pdsolve/results/writer.py",
+        'later |= {"node": f"birth > {step}", ',
+        'later |= {"node": f"birth > {step + 1}", ',
+        "tests/formats/test_epochs.py::test_what_was_born_and_died_after_the_checkpoint_is_dropped",
     ),
     Mutant(
-        "pdpost/tradeoff.py",
+        "pdsolve/results/lives.py",
+        "return np.flatnonzero((self.birth <= step) & (step < self.death))",
+        "return np.flatnonzero((self.birth <= step) & (step <= self.death))",
+        "tests/formats/test_epochs.py::test_each_frame_has_the_nodes_there_were",
+    ),
+    Mutant(
+        "pdsolve/results/schema.py",
+        "(d.step IS NULL OR d.step > f.step)",
+        "(d.step IS NULL OR d.step >= f.step - 3)",
+        "tests/formats/test_epochs.py::test_sql_sees_the_nodes_of_each_frame",
+    ),
+    Mutant(
+        "pdpost/measures/cracked.py",
+        "np.minimum.at(since, one[cracked], since[other[cracked]])",
+        "since[one[cracked]] = birth[one[cracked]]",
+        "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
+    ),
+    Mutant(
+        "pdpost/measures/tips.py",
+        "np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w)",
+        "np.arctan2(came[1] * w[0] - came[0] * w[1], came @ w)",
+        "tests/unit/pdpost/measures/test_tips.py::test_arms_to_the_left_are_positive",
+    ),
+    Mutant(
+        "pdpost/measures/tradeoff.py",
         "return float(np.sqrt(np.sum(area * off**2) / size))",
         "return float(np.sqrt(np.sum(area.mean() * off**2) / size))",
-        "tests/unit/pdpost/test_tradeoff.py::test_large_cells_weigh_more",
+        "tests/unit/pdpost/measures/test_tradeoff.py::test_large_cells_weigh_more",
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
@@ -166,6 +190,12 @@ MUTANTS = (
         "pdsolve/bonds.py",
         "return (sums[0, 0] + sums[1, 1]) / 2 + np.hypot(",
         "return (sums[0, 0] + sums[1, 1]) / 2 - np.hypot(",
+        "tests/verification/test_time_step.py::test_the_bound_is_safe_whatever_pre_cracks_cut",
+    ),
+    Mutant(
+        "pdsolve/laws/ordinary.py",
+        "(stiffest[_sources(bonds)] + stiffest[bonds.neighbour]) * length",
+        "stiffest[_sources(bonds)] * length",
         f"{CONTRACTS}::test_the_bound_is_safe_and_not_far_off",
     ),
     Mutant(

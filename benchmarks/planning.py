@@ -1,8 +1,9 @@
 """What `pdmesh plan --within` promises: errors against spacing of three problems, and how far it held on two others.
 
-`python -m benchmarks.planning` measures the first and writes pdmesh/accuracy.json; `--check` then asks for proposals
-for two scenes that were not used, solves them and uniform runs of half their finest spacing, and says what the error
-was. Of cracks, which scatter, errors are medians of several runs. benchmarks/README.md says how each number is made.
+`python -m benchmarks.planning` measures the first and writes pdmesh/say/accuracy.json; `--check` then asks for
+proposals for two scenes that were not used, solves them and uniform runs of half their finest spacing, and says what
+the error was. Of cracks, which scatter, errors are medians of several runs. benchmarks/README.md says how each number
+is made.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ import numpy as np
 
 from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, RUNS, SHORTER, relative
 from benchmarks.runs import GEOMETRIES
-from pdmesh.grid import Horizon, Material
-from pdmesh.lattice import build_grid
-from pdmesh.promise import changed, feature, proposal
-from pdmesh.scene import Circle, Scene, box
-from pdmesh.sources import read_scene
+from pdmesh import Circle, Scene, box
+from pdmesh.drawing.sources import read_scene
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.document import Horizon, Material
+from pdmesh.say.promise import changed, feature, proposal
 from pdpost.measures import tradeoff
 from pdsolve.model import Model
 from pdsolve.results import Results
@@ -144,7 +145,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.planning", description=__doc__)
     parser.add_argument("--check", action="store_true", help="only check the promises on two other scenes")
-    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "accuracy.json")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "say" / "accuracy.json"
+    )
     parser.add_argument("--report", type=Path, default=Path(__file__).parent / "planning.json")
     args = parser.parse_args(arguments)
     if not args.check:

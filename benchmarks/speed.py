@@ -31,7 +31,8 @@ from benchmarks import beside, bound, lammps_peri
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
-from pdmesh.grid import Grid, Horizon, Material, Run, Settings
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdsolve.model import Model
 from pdsolve.simulation import Progress, simulate
 from pdsolve.system import Options, Prepared, prepare
@@ -74,8 +75,8 @@ def grids(names: list[str]) -> dict[str, Grid]:
     scenes = sorted(Path(__file__).parent.parent.glob("geometries/*.geo"))
     wanted = [scene for scene in scenes if scene.stem in names]
     if wanted:
-        from pdmesh.geo import read_geo
-        from pdmesh.lattice import build_grid
+        from pdmesh.drawing.geo import read_geo
+        from pdmesh.grid.lattice import build_grid
 
         for scene in wanted:
             found[scene.stem] = build_grid(read_geo(scene))[0]
@@ -258,6 +259,7 @@ def chart(rows: list[dict[str, Any]], least: dict[str, float], path: Path) -> No
         for (precision, ns), style in zip(least.items(), ("--", ":"), strict=True):
             axis.axhline(ns, color="k", linestyle=style, linewidth=1, label=f"bound of 1 thread, {precision}")
         axis.set(title=f"{law}, {mode}", xlabel="nodes")
+        axis.xaxis.set_minor_formatter("")
         axis.grid(alpha=0.3)
     axes[0, 0].set_ylabel("ns per directed bond and step")
     axes[0, -1].legend(fontsize="x-small", loc="center left", bbox_to_anchor=(1, 0.5))

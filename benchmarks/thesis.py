@@ -23,10 +23,11 @@ from tqdm import tqdm
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
+from pdmesh.model.continuum import critical_stretch
+from pdmesh.model.full_lattice import full_family
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
-from pdsolve.lattice import full_family
-from pdsolve.laws.critical import critical_stretch, limits
+from pdsolve.laws.critical import limits
 from pdsolve.results import Results
 from pdsolve.system import Options, prepare
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from pdmesh.grid import Horizon
+from pdmesh.model.document import Horizon
 from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES, average_horizon
 from pdsolve.schemes.average_horizon import ALL, Corrections

@@ -7,7 +7,7 @@ Calibrated: the horizon ratio (4), which gives the critical stretches of the the
 the load: 8, the same strip as the four coarse rows on two scales.
 """
 
-from pdmesh.scene import Material, Run, Scene, box
+from pdmesh import Material, Run, Scene, box
 
 spacing = 1e-3  # m: between nodes
 horizon = 4.0  # horizon over spacing

@@ -8,7 +8,7 @@ Three scales: both zones are grown by the horizon of the nodes they replace.
 
 import numpy as np
 
-from pdmesh.scene import Circle, Material, Run, Scene, box, ramp
+from pdmesh import Circle, Material, Run, Scene, box, ramp
 
 spacing = 2e-3  # m: between the coarsest nodes
 pull = 8e6  # Pa: on the right edge

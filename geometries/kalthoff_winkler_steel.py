@@ -7,7 +7,7 @@ Calibrated: nothing. The notches are cuts without width, half a spacing outwards
 between rows of nodes, and all edges of the plate carry nodes.
 """
 
-from pdmesh.scene import Material, Run, Scene, box
+from pdmesh import Material, Run, Scene, box
 
 spacing = 1e-3  # m: between nodes
 horizon = 4.0  # horizon over spacing

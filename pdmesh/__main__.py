@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.units import UNITS
+from pdmesh.drawing.units import UNITS
 
 if TYPE_CHECKING:
-    from pdmesh.grid import Document
+    from pdmesh.model.document import Document
 
 DRAWING = "a .geo or .py scene, a STEP or BREP file, a mesh, or a model built before"
 
@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="say what a model holds")
     _add_drawing(info, "a file for what is said, as JSON (default: none)")
+    _add_mode(info)
     info.set_defaults(run=_info)
     preview = commands.add_parser("preview", help="draw the nodes, cracks and conditions")
     _add_drawing(preview, "the picture, in the format of its suffix (default: the model's name with .png)")
@@ -40,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="2%%",
         help="propose spacing, horizon, zones and step for displacements within this share, from measured scenes",
     )
+    _add_mode(plan)
     plan.set_defaults(run=_plan)
     params = commands.add_parser("params", help="list the parameters of a drawing: value, unit, meaning")
     _add_drawing(params, "a file for the list, as JSON (default: none)")
@@ -49,6 +51,12 @@ def parser() -> argparse.ArgumentParser:
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     schema.set_defaults(run=_schema)
     return program
+
+
+def _add_mode(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--mode", choices=("thesis", "conservative"), default="conservative", help="of the run (default: conservative)"
+    )
 
 
 def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
@@ -85,9 +93,9 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from pdmesh.grid import write_file
-    from pdmesh.report import nodes_by_spacing
-    from pdmesh.sources import build
+    from pdmesh.drawing.sources import build
+    from pdmesh.model.document import write_file
+    from pdmesh.say.report import nodes_by_spacing
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
     built = build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
@@ -120,8 +128,8 @@ def _build(args: argparse.Namespace) -> int:
 
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file as it is, or of anything else what would be built."""
-    from pdmesh.grid import read_file
-    from pdmesh.sources import build
+    from pdmesh.drawing.sources import build
+    from pdmesh.model.document import read_file
 
     changed = _assigned(args) or args.refine or args.cracks
     if args.drawing.suffix.lower() == ".json" and not changed:
@@ -130,14 +138,14 @@ def _document(args: argparse.Namespace) -> Document:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from pdmesh.report import info, info_lines
+    from pdmesh.say.report import info, info_lines
 
-    result = info(_document(args), str(args.drawing))
+    result = info(_document(args), str(args.drawing), args.mode)
     return _say(result, info_lines(result), args)
 
 
 def _preview(args: argparse.Namespace) -> int:
-    from pdmesh import preview
+    from pdmesh.say import preview
 
     path = commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
@@ -147,28 +155,28 @@ def _preview(args: argparse.Namespace) -> int:
 
 
 def _plan(args: argparse.Namespace) -> int:
-    from pdmesh.report import plan, plan_lines
-    from pdmesh.shapes import SceneError
-    from pdmesh.sources import read_scene
+    from pdmesh.drawing.sources import read_scene
+    from pdmesh.say.report import plan, plan_lines
+    from pdmesh.scene.shapes import SceneError
 
     scene = read_scene(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     reason = ""
     try:
         if args.within is None:
-            result = plan(scene)
+            result = plan(scene, args.mode)
             return _say(result, plan_lines(result), args)
-        from pdmesh import promise
+        from pdmesh.say import promise
 
         found = promise.proposal(scene, args.within)
         reason = promise.because(found.within, found.feature, found.named)
-        result = {"proposal": promise.described(found), **plan(found.scene)}
+        result = {"proposal": promise.described(found), **plan(found.scene, args.mode)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None
     return _say(result, [*promise.lines(found), "", *plan_lines(result)], args)
 
 
 def _params(args: argparse.Namespace) -> int:
-    from pdmesh.sources import parameters
+    from pdmesh.drawing.sources import parameters
 
     found = parameters(args.drawing, _assigned(args), args.trust)
     result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
@@ -192,7 +200,7 @@ def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace)
 
 def _schema(args: argparse.Namespace) -> int:
     from pdmesh.files import write_atomically
-    from pdmesh.grid import schema
+    from pdmesh.model.document import schema
 
     text = json.dumps(schema(), indent=2) + "\n"
     if args.output is None:
@@ -209,8 +217,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.grid import GridError
-    from pdmesh.scene import SceneError
+    from pdmesh.model.document import GridError
+    from pdmesh.scene.shapes import SceneError
 
     return dict.fromkeys((SceneError, GridError), commandline.BAD_INPUT)
 

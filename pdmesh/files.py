@@ -1,4 +1,4 @@
-"""Writing a file so that it is complete or untouched."""
+"""Reading a file that is one, not a pipe that nobody writes to; writing one so that it is complete or untouched."""
 
 from __future__ import annotations
 
@@ -16,6 +16,25 @@ KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
 }
+LARGEST = 2**34  # bytes that are read; more than any model that fits into a memory
+
+
+def check_regular(path: Path, largest: int = LARGEST) -> None:
+    """Raises OSError, whose ``strerror`` is for a message, where there is no file of a bearable size."""
+    found = os.stat(path)
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "found a folder, expected a file", str(path))
+    kind = KINDS.get(stat.S_IFMT(found.st_mode))
+    if kind:
+        raise OSError(errno.EINVAL, f"found {kind}, expected a file", str(path))
+    if found.st_size > largest:
+        raise OSError(errno.EFBIG, f"found {found.st_size} bytes, expected at most {largest}", str(path))
+
+
+def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
+    """What is in the file at `path`. Raises OSError, whose ``strerror`` is for a message."""
+    check_regular(path, largest)
+    return path.read_bytes()
 
 
 def irregular(path: Path) -> str | None:

@@ -6,7 +6,7 @@ besides is in `pdpost.measures`, files for other programs in `pdpost.exports`.
 
 from typing import TYPE_CHECKING
 
-from pdpost.lazily import lazily
+from pdmesh.lazily import lazily
 
 if TYPE_CHECKING:
     from pdpost import figures

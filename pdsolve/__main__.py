@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdsolve.simulation import Plan, Progress
+    from pdsolve.estimate import Plan
+    from pdsolve.simulation import Progress
 
 LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
@@ -96,7 +97,7 @@ def _solve(args: argparse.Namespace) -> int:
         _leave_out_blas()
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.results import ResultsWarning
-        from pdsolve.simulation import Options, plan, resume, simulate
+        from pdsolve.simulation import Options, resume, simulate
 
     with _Watch(args) as watch, warnings.catch_warnings():
         for kind in (ModelWarning, ResultsWarning):
@@ -123,6 +124,8 @@ def _solve(args: argparse.Namespace) -> int:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.dry_run:
+                from pdsolve.estimate import plan
+
                 return _show_plan(plan(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
             results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
@@ -156,7 +159,7 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
     lines = [
         f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} steps of {found.time_step:.4g} s"
         f" (surely stable up to {found.stable_time_step:.4g} s)",
-        f"{found.memory / 1e6:.3g} MB while marching, about {found.wall_time:.3g} s",
+        f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
     commandline.report(found._asdict(), lines, args)
     return commandline.OK
@@ -233,7 +236,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.grid import GridError
+    from pdmesh.model.document import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
     from pdsolve.simulation import UnstableError

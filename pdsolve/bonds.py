@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.areas import thesis_areas
-from pdmesh.neighbours import Pairs, row_chunks
+from pdmesh.model.areas import thesis_areas
+from pdmesh.model.neighbours import Pairs, row_chunks
 from pdsolve.model import Model
 
 

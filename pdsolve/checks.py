@@ -11,14 +11,15 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from pdmesh.neighbours import ROUND_OFF, Neighbours, row_chunks
-from pdmesh.trees import tree_of
-from pdsolve.lattice import lattice_ratios
-from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.model import MOST, Model, ModelError, ModelWarning
+from pdmesh.model.continuum import critical_stretch
+from pdmesh.model.document import MOST
+from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
+from pdmesh.model.trees import tree_of
+from pdsolve.laws.critical import limits
+from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.state import Broken
 
 LEAST = 1e-30  # of a material's numbers, likewise
@@ -165,6 +166,8 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     segments = grid.cracks.reshape(-1, 2, 2)
     if not len(segments):
         return hit
+    import shapely  # here, as a plate without cracks needs none
+
     cracks, reach = shapely.multilinestrings(segments), ON * float(grid.delta.max())
     shapely.prepare(cracks)
     rows = np.flatnonzero(shapely.dwithin(cracks, shapely.points(grid.position), reach))
@@ -242,6 +245,11 @@ class Watch:
             stretch = limits(material, critical_stretch(material, model.horizons[own])).peak
             breaking[own] = stretch * model.grid.delta[own]
         self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
+
+    def moved_to(self, other: Watch) -> Watch:
+        """`other`, which says nothing again that this one has said."""
+        other._said, other._vague = self._said, self._vague
+        return other
 
     def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warns of bonds turned inside out, and of displacements too large for their digits.

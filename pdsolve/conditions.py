@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.grid import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
 from pdsolve.model import Model
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2

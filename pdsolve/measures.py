@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import CRACKED
 from pdsolve.state import Broken, State
 from pdsolve.system import System
 
-CRACKED = 0.35  # damage above which a node belongs to a crack
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 
@@ -65,7 +65,7 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             work=float(np.sum(area * state.work)),
             momentum_x=float(np.sum(rho * area * velocity[:, 0])),
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
-            broken=len(broken.step),
+            broken=system.broken_before + len(broken.step),
         )
 
 

@@ -13,29 +13,22 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import (
-    Acceleration,
-    AnyCondition,
-    Condition,
-    Displacement,
-    Document,
-    Grid,
+from pdmesh.model import selection
+from pdmesh.model.cloud import Grid, document_of, grid_of
+from pdmesh.model.document import (
+    MOST,
     GridError,
-    Load,
     Material,
     Run,
     Selection,
     Settings,
-    Velocity,
-    document_of,
     encode,
-    grid_of,
     read_file,
+    settings_of,
 )
-from pdmesh.grid import read_document as parse_document
+from pdmesh.model.document import read_document as parse_document
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
-MOST = 1e30  # of any number; beyond, products of them leave what a number can hold
 
 
 class ModelWarning(UserWarning):
@@ -71,10 +64,11 @@ class Model:
             at = int(same.argmax())
             first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
             raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
-        for number, condition in enumerate(self.settings.conditions):
-            self._check_condition(condition, f"{self.name}: $.conditions[{number}]")
+        try:
+            selection.check(self.settings, self.grid, self.name)
+        except GridError as error:
+            raise ModelError(str(error)) from None
         for number, region in enumerate(self.settings.regions):
-            self._selected(region, f"{self.name}: $.regions[{number}]")
             if region.material.plane != self.settings.material.plane:
                 raise ModelError(
                     f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
@@ -86,17 +80,6 @@ class Model:
             raise ModelError(f"{self.name}: $.run.quiet: found none, expected seconds, as until is quiet")
         if run.until is None and run.quiet is not None:
             raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
-
-    def _check_condition(self, condition: AnyCondition, place: str) -> None:
-        self._selected(condition, place)
-        if isinstance(condition, Load) and (condition.body_force is None) == (condition.traction is None):
-            raise ModelError(f"{place}: found neither or both of body_force and traction, expected one of them")
-        if isinstance(condition, Displacement | Velocity | Acceleration) and condition.x is condition.y is None:
-            raise ModelError(f"{place}: found neither x nor y, expected at least one of them")
-        if isinstance(condition, Condition):
-            times = [time for time, _ in condition.profile]
-            if times != sorted(set(times)):
-                raise ModelError(f"{place}.profile: found times {times}, expected them to increase")
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -126,30 +109,9 @@ class Model:
         """Each node's horizon (n,), m: the ratio m times its spacing."""
         return self.settings.horizon.ratio * self.grid.delta
 
-    def selected(self, load: Selection) -> NDArray[np.int64]:
-        """The rows of the grid a condition acts on."""
-        return self._selected(load, self.name)
-
-    def _selected(self, load: Selection, place: str) -> NDArray[np.int64]:
-        if (load.nodes is None) == (load.box is None):
-            raise ModelError(f"{place}: found neither or both of nodes and box, expected one of them")
-        if load.nodes is not None:
-            order = np.argsort(self.grid.ids)
-            wanted = np.array(load.nodes, dtype=np.int64)
-            slot = np.searchsorted(self.grid.ids, wanted, sorter=order).clip(max=len(order) - 1)
-            rows = order[slot]
-            missing = wanted[self.grid.ids[rows] != wanted]
-            if len(missing):
-                raise ModelError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
-            return np.unique(rows)
-        assert load.box is not None
-        x0, y0, x1, y1 = load.box
-        x, y = self.grid.position.T
-        slack = 1e-9 * self.grid.delta
-        inside = (x >= x0 - slack) & (x <= x1 + slack) & (y >= y0 - slack) & (y <= y1 + slack)
-        if not inside.any():
-            raise ModelError(f"{place}.box: found no node in {list(load.box)}, expected at least one")
-        return np.flatnonzero(inside)
+    def selected(self, some: Selection) -> NDArray[np.int64]:
+        """The rows of the grid a condition or a region acts on."""
+        return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
 
     def to_json(self) -> str:
         """The model as one document; `model_of` reads it back."""
@@ -159,7 +121,7 @@ class Model:
 def model_of(text: str, name: str) -> Model:
     """The model in the text of a document. Raises GridError or ModelError."""
     document = parse_document(text, name)
-    return Model(grid_of(document, name), _settings_of(document), name)
+    return Model(grid_of(document, name), settings_of(document), name)
 
 
 def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
@@ -169,7 +131,7 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     GridError or ModelError.
     """
     document = read_file(path)
-    layers = msgspec.to_builtins(_settings_of(document), builtin_types=())
+    layers = msgspec.to_builtins(settings_of(document), builtin_types=())
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
@@ -194,10 +156,6 @@ def _beyond(value: object, place: str) -> tuple[str, float] | None:
     elif isinstance(value, tuple):
         parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
     return next(filter(None, (_beyond(part, at) for at, part in parts)), None)
-
-
-def _settings_of(document: Document) -> Settings:
-    return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time as clock
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.trees import tree_of
+from pdmesh.model.trees import tree_of
+from pdsolve.adapt import Change
 from pdsolve.checks import Watch
 from pdsolve.conditions import put_loads
 from pdsolve.measures import Ledger, ask, books, fields
 from pdsolve.reactions import Reaction, grips, reactions
-from pdsolve.results import Breaks, Families, Frame, Nodes
+from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
+from pdsolve.results.schema import taken
 from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
 from pdsolve.system import System
@@ -35,6 +38,17 @@ def families(system: System, first: int, last: int) -> Families:
     return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
 
 
+def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64]) -> tuple[Nodes, Families]:
+    """The nodes that are born, `which` (b,) of a cloud, with the bonds they have left; `rows` (n,) as in `Frame`."""
+    runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
+    nothing = np.zeros(0, dtype=np.int64)
+    ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
+    source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+    count = np.bincount(source, minlength=len(system.family))[which]
+    some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
+    return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
+
+
 def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; of all that are `broken`, if known."""
     ids, found = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
@@ -50,53 +64,124 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep())
 
 
+def cloud(system: System) -> dict[str, NDArray[Any]]:
+    """What a checkpoint has besides where nodes change: who they are, and which of their bonds are broken."""
+    broken = system.operator.broken()
+    order = np.lexsort((broken.target, broken.source, broken.step))
+    return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
+
+
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Go back to the state after `step`; of the bonds `broken` those until then count."""
     for name, values in state._asdict().items():
         values[:] = kept[name].reshape(values.shape)
     system.drive.held_force[:] = kept["held_force"]
-    ids = system.model.grid.ids
-    order = np.argsort(ids)
-    past = broken.step <= step
-    source, target = (order[np.searchsorted(ids, column[past], sorter=order)] for column in broken[1:])
-    system.operator.back(kept, Broken(broken.step[past], source, target))
+    if "ids" in kept:
+        past = Broken(*(kept[f"broken_{name}"] for name in Broken._fields))
+    else:
+        ids, before = system.model.grid.ids, broken.step <= step
+        order = np.argsort(ids)
+        source, target = (order[np.searchsorted(ids, column[before], sorter=order)] for column in broken[1:])
+        past = Broken(broken.step[before], source, target)
+    system.operator.back(kept, past)
     put_loads(system.drive, step * system.time_step)
 
 
-class Notes:
-    """What a run has noted since it last wrote: ledger entries, probes and reactions."""
+class Past(NamedTuple):
+    """What was of a run that goes on, until its checkpoint."""
 
-    def __init__(self, system: System, state: State, step: int, earlier: float = 0.0) -> None:
-        """`earlier` are the seconds spent before an interruption."""
-        grid, run = system.model.grid, system.model.settings.run
-        self._system, self._state = system, state
-        self._earlier, self._began = earlier, clock.perf_counter()
+    step: int
+    wall: float  # s spent
+    updates: int  # directed bonds times steps
+    latest: int  # step in which a bond broke last; 0: none has
+    rows: NDArray[np.int64] | None  # (n,) as in `Frame`
+    ever: int  # nodes that ever were
+
+
+class Notes:
+    """What a run has noted since it last wrote: ledger entries, probes and reactions, births and deaths."""
+
+    def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
+        """`past` is None for a run that begins; `changes`: whether nodes may be born and die."""
+        self.system, self.state, self.new = system, state, past is None
+        past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
+        self._past, self._began = past, clock.perf_counter()
+        self._changes, self._rows, self._count = changes, past.rows, past.ever
+        self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
+        self._latest = past.latest  # likewise
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
-        self._grips = grips(system.model)
-        self._rows = tree_of(grid.position).query(np.reshape(run.probes, (-1, 2)))[1] if run.probes else []
-        self._watch = Watch(system.model, partial(system.operator.bonds, start=True))
-        self.written = step
+        self._breaks: list[Breaks] = []  # of clouds that are no more
+        self._epochs: list[Epoch] = []
+        self._watch: Watch | None = None
+        self._look_around()
+        self.written = past.step
         self._kept = clock.perf_counter()
         self.now = ask(system, state)
-        self.last = books(system, state, step, self.now)
+        self.last = books(system, state, past.step, self.now)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
-        return self._earlier + clock.perf_counter() - self._began
+        return self._past.wall + clock.perf_counter() - self._began
+
+    def updates(self, step: int) -> int:
+        """Directed bonds times steps until this one."""
+        return self._updates + self.system.bonds * (step - self._since)
+
+    @property
+    def latest(self) -> int:
+        """The step in which a bond broke last, of those that were known when notes were taken; 0: none has."""
+        return int(self.now.broken.step.max(initial=self._latest))
+
+    def follow(self, step: int, change: Change) -> None:
+        """Go on with what the nodes became after `step`; note who was born and who died."""
+        before, (system, self.state, origin) = self.system, change
+        stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
+        if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
+            raise ValueError(f"step {step}: found another time step or other ids of nodes that stay, expected the same")
+        broken, there = before.operator.broken(), len(system.operator.broken().step)
+        self._breaks.append(breaks(before, max(self.written, self._since), broken))
+        self._updates, self._since = self.updates(step), step
+        self._latest = int(broken.step.max(initial=self._latest))
+        self.system = dataclasses.replace(
+            system,
+            initial_energy=before.initial_energy,
+            broken_before=before.broken_before + len(broken.step) - there,
+        )
+        known = np.arange(self._count) if self._rows is None else self._rows
+        new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
+        rows[stay], rows[new] = known[origin[stay]], self._count + np.arange(len(new))
+        died = np.delete(known, origin[stay])
+        self._epochs.append(
+            Epoch(step + 1, self._count, *born(self.system, new, rows), died, len(rows), self.system.bonds)
+        )
+        self._rows, self._count = rows, self._count + len(new)
+        self._looked = False
+
+    def _look_around(self) -> None:
+        """Find the conditions' and the probes' nodes in the cloud there is now."""
+        model, probes = self.system.model, self.system.model.settings.run.probes
+        self._grips = grips(model)
+        self._probed = tree_of(model.grid.position).query(np.reshape(probes, (-1, 2)))[1] if probes else []
+        watch = Watch(model, partial(self.system.operator.bonds, start=True))
+        self._watch = watch if self._watch is None else self._watch.moved_to(watch)
+        self._looked = True
 
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        system, state = self._system, self._state
+        if not self._looked:
+            self._look_around()
+        system, state = self.system, self.state
         if step != self.last.step:
             self.now = ask(system, state)
             self.last = books(system, state, step, self.now)
         check_physics(system, state, self.last)
+        assert self._watch is not None
         self._watch.look(state.value, self.now.broken, step)
         self._ledgers.append(self.last)
         u, v, a = state.value, state.rate, state.second
-        for row in dict.fromkeys(self._rows):
+        for row in dict.fromkeys(self._probed):
             values = (*u[row].tolist(), *v[row].tolist(), *a[row].tolist())
             self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values))
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
@@ -104,22 +189,29 @@ class Notes:
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
         `state` now or when it is time."""
-        system, run = self._system, self._system.model.settings.run
+        system, run = self.system, self.system.model.settings.run
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
         asked = self.now if self.last.step == step else None
-        found = fields(system, self._state, run.fields, asked) if whole else {}
+        found = fields(system, self.state, run.fields, asked) if whole else {}
+        kept = checkpoint(system, self.state) if state else None
+        if kept is not None and self._changes:
+            kept |= cloud(system)
+        broken = [*self._breaks, breaks(system, max(self.written, self._since), asked and asked.broken)]
         frame = Frame(
             step,
             step * system.time_step,
             {name: values.astype("<f4") for name, values in found.items()} if whole else None,
-            breaks(system, self.written, asked and asked.broken),
+            Breaks(*map(np.concatenate, zip(*broken, strict=True))),
             self._ledgers,
             self._probes,
-            checkpoint(system, self._state) if state else None,
+            kept,
             self._reactions,
             self.wall(),
+            self._epochs,
+            self._rows,
         )
         self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
+        self._breaks, self._epochs = [], []
         return frame

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import InitialVelocity
+from pdmesh.model.document import InitialVelocity
 from pdsolve.conditions import factor_now
 from pdsolve.model import Model
 from pdsolve.state import State

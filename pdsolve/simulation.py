@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import json
 import sys
-import time as clock
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,18 +15,18 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
+from pdsolve.adapt import Adapt
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
-from pdsolve.notes import Notes, families, nodes, restore
+from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
-from pdsolve.state import Broken, State
+from pdsolve.state import State
 from pdsolve.system import Options, System, prepare
 from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
-SAMPLE = 5  # steps timed for an estimate
 DEFAULT = Options()
 
 
@@ -40,18 +40,6 @@ class Progress(NamedTuple):
     fine: Told | None = None  # of a fine zone that moves
 
 
-class Plan(NamedTuple):
-    """What a run would take."""
-
-    nodes: int
-    bonds: int
-    steps: int
-    time_step: float  # s
-    stable_time_step: float  # s
-    memory: int  # bytes of the arrays that marching uses
-    wall_time: float  # s, by a few timed steps
-
-
 Watcher = Callable[[Progress], bool]  # returns whether to stop
 
 
@@ -61,45 +49,56 @@ def simulate(
     options: Options = DEFAULT,
     watch: Watcher | None = None,
     provenance: str = "",
+    adapt: Adapt | None = None,
 ) -> Results:
     """Solve a model; the results are in the file `output`, or in memory if None.
 
-    `watch` is called many times a second and stops the run by returning True; `provenance` says who asked.
+    `watch` is called many times a second and stops the run by returning True; `provenance` says who asked; `adapt`
+    may change the nodes on the way.
     No other run may be writing to that file. Raises ModelError, UnstableError (the frames so far are kept),
     ResultsError.
     """
     with writing_to(output):
         system, state = prepare(model, options)
         advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
-        return _run(system, state, output, watch, provenance)
+        return _run(system, state, output, watch, provenance, adapt)
 
 
 def run(
-    system: System, state: State, output: Path | None = None, watch: Watcher | None = None, provenance: str = ""
+    system: System,
+    state: State,
+    output: Path | None = None,
+    watch: Watcher | None = None,
+    provenance: str = "",
+    adapt: Adapt | None = None,
 ) -> Results:
     """Solve a model that is prepared; the rest as in `simulate`. Raises UnstableError, ResultsError."""
     with writing_to(output):
-        return _run(system, state, output, watch, provenance)
+        return _run(system, state, output, watch, provenance, adapt)
 
 
-def _run(system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str) -> Results:
+def _run(
+    system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
+) -> Results:
     def new() -> Writer:
         cracks = system.model.grid.cracks
         return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
 
-    return _finish(system, state, new, output, None, watch)
+    return _finish(Notes(system, state, None, adapt is not None), new, output, watch, adapt)
 
 
-def resume(output: Path, threads: int | None = None, watch: Watcher | None = None) -> Results:
+def resume(
+    output: Path, threads: int | None = None, watch: Watcher | None = None, adapt: Adapt | None = None
+) -> Results:
     """Go on with the run in the file `output` from its last checkpoint, to the same bits as without a stop.
 
-    A run that is finished is left as it is. All that is in the file is looked at before. Raises ResultsError,
-    ModelError, UnstableError.
+    `adapt` is that which it began with. A run that is finished is left as it is. All that is in the file is looked at
+    before. Raises ResultsError, ModelError, UnstableError.
     """
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
-                return _resume(output, threads, watch)
+                return _resume(output, threads, watch, adapt)
     return Results.open(output)
 
 
@@ -108,10 +107,10 @@ def _is_finished(output: Path) -> bool:
         return results.meta().get("status") == "finished"
 
 
-def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results:
+def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:
     with Results.open(output) as results:
         results.verify()
-        meta, known, (step, kept) = results.meta(), results.nodes(), results.checkpoint()
+        meta, known, (step, kept) = results.meta(), results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
@@ -124,42 +123,38 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None) -> Results
                 f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
                 f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
             )
+        before = results.breaks().step
+        before = before[before <= step]
+        wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids))
+        if (adapt is not None) != ("ids" in kept):
+            words = ("stay", "may change") if adapt is not None else ("may change", "stay")
+            raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
+        if adapt is not None:
+            system, state = adapt.back(system, kept)
+            lives = results.lives()
+            rows = lives.at(system.model.grid.ids, step)
+            if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
+                raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
+            past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         restore(system, state, step, kept, results.breaks())
-    notes = Notes(system, state, step, float(meta.get("wall_time", 0.0)))
-    return _finish(system, state, partial(Writer.reopen, output), output, notes, watch)
-
-
-def plan(model: Model, options: Options = DEFAULT) -> Plan:
-    """What solving the model would take, from its bonds and a few steps. Raises ModelError."""
-    system, state = prepare(model, options)
-    advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
-    system.stepper.march(state, 1, 2)
-    began = clock.perf_counter()
-    system.stepper.march(state, 2, 2 + SAMPLE)
-    per_step = (clock.perf_counter() - began) / SAMPLE
-    steps, bonds = model.settings.run.steps, system.bonds
-    return Plan(
-        len(model.grid), bonds, steps, system.time_step, system.bound, system.operator.bytes(), per_step * steps
-    )
+        broken = len(before) - len(system.operator.broken().step)
+        system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
+    notes = Notes(system, state, past, adapt is not None)
+    return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
 
 
 def _finish(
-    system: System,
-    state: State,
-    make: Callable[[], Writer],
-    output: Path | None,
-    notes: Notes | None,
-    watch: Watcher | None,
+    notes: Notes, make: Callable[[], Writer], output: Path | None, watch: Watcher | None, adapt: Adapt | None
 ) -> Results:
-    """March to the end, from the start where there are no `notes` yet; `make` gives the writer."""
+    """March to the end from where the notes are; `make` gives the writer, of a new file where they are new."""
     _give_back_memory()
-    with behind(make, new=notes is None) as writer:
+    with behind(make, notes.new) as writer:
         try:
-            if notes is None:
-                notes = Notes(system, state, 0)
+            if notes.new:
                 notes.take(0)
                 writer.write(notes.frame(0, whole=True, state=True))
-            status = _march(system, state, writer, notes, watch)
+            status = _march(notes, writer, watch, adapt)
         except BaseException as error:
             ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
@@ -178,34 +173,41 @@ def _give_back_memory() -> None:
             trim(0)
 
 
-def _march(system: System, state: State, writer: Behind, notes: Notes, watch: Watcher | None) -> str:
+def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
-    run, step = system.model.settings.run, notes.written
-    chunk = max(1, int(PATIENCE / max(system.bonds, 1)))
+    run, step = notes.system.model.settings.run, notes.written
     interrupted = done = False
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
         books = notes.last
-        balance = books.balance(system.initial_energy)
-        fine = system.hybrid.told() if system.hybrid else None
+        balance = books.balance(notes.system.initial_energy)
+        fine = notes.system.hybrid.told() if notes.system.hybrid else None
         return watch is not None and watch(Progress(step, run.steps, books.broken, balance, fine))
 
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
-        ends = (step + chunk, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
-        system.stepper.march(state, step + 1, min(ends) + 1)
+        looks = run.steps
+        if adapt is not None:
+            looks = _next(step, adapt.every)
+            change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
+            if change is not None:
+                notes.follow(step, change)
+        system, chunk = notes.system, max(1, int(PATIENCE / max(notes.system.bonds, 1)))
+        ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
+        system.stepper.march(notes.state, step + 1, min(ends) + 1)
         step = min(ends)
         writer.look()
         interrupted = asked()
-        if step in ends[1:]:
+        if step in ends[2:]:
             notes.take(step)
-            done = _is_enough(system, notes.now.broken, step)
+            done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
-    found = notes.last if notes.last.step == step else books(system, state, step)
-    writer.done().tell({"summary": json.dumps(_summary(system, found, notes.wall(), done))})
+    system = notes.system
+    found = notes.last if notes.last.step == step else books(system, notes.state, step)
+    writer.done().tell({"summary": json.dumps(_summary(notes, found, done))})
     balance, spent = found.balance(system.initial_energy), found.dissipated
     closing(system.model, balance, spent, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
@@ -215,14 +217,13 @@ def _next(step: int, interval: int) -> int:
     return (step // interval + 1) * interval
 
 
-def _is_enough(system: System, broken: Broken, step: int) -> bool:
-    """Whether the run has seen what its model waits for."""
+def _is_enough(system: System, latest: int, step: int) -> bool:
+    """Whether the run has seen what its model waits for; `latest` is the step in which a bond broke last."""
     run = system.model.settings.run
     if run.until == "split":
         return pieces(system) > 1
     if run.until == "quiet":
-        last = int(broken.step.max(initial=0))
-        return last > 0 and run.quiet is not None and (step - last) * system.time_step >= run.quiet
+        return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False
 
 
@@ -244,11 +245,11 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
     }
 
 
-def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) -> dict[str, Any]:
-    bonds = system.bonds
+def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]:
+    system, wall = notes.system, notes.wall()
     return {
         "nodes": len(system.model.grid),
-        "bonds": bonds,
+        "bonds": system.bonds,
         "steps": books.step,
         "time": books.time,
         "time_step": system.time_step,
@@ -258,7 +259,7 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
         "threads": system.threads,
         "kernel": system.operator.name,
         "wall_time": wall,
-        "bond_updates_per_second": bonds * books.step / wall if wall > 0 else 0.0,
+        "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(system.initial_energy),
@@ -270,12 +271,10 @@ def _summary(system: System, books: Ledger, wall: float, stopped_early: bool) ->
 __all__ = [
     "ModelError",
     "Options",
-    "Plan",
     "Progress",
     "ResultsError",
     "System",
     "UnstableError",
-    "plan",
     "prepare",
     "resume",
     "simulate",

@@ -68,6 +68,7 @@ class System:
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
     hybrid: Hybrid | None = None  # the operator, where it keeps books of its own
+    broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
     def threads(self) -> int:
@@ -91,8 +92,8 @@ class Prepared(NamedTuple):
         self.system.stepper.march(self.state, first, last)
 
 
-def prepare(model: Model, options: Options) -> Prepared:
-    """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+def scheme_of(model: Model, options: Options) -> Scheme:
+    """The scheme that options name. Raises ModelError for a model or options that cannot be run."""
     if options.mode not in SCHEMES:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
@@ -101,22 +102,24 @@ def prepare(model: Model, options: Options) -> Prepared:
         raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
-    if model.settings.run.adapt == "hybrid":
-        return _hybrid(model, options)
-    settle(advance_blocks, energy_densities, add_rows)
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
+    return scheme
+
+
+def prepare(model: Model, options: Options) -> Prepared:
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    scheme = scheme_of(model, options)
+    if model.settings.run.adapt == "hybrid":
+        return _hybrid(model, options, scheme)
+    settle(advance_blocks, energy_densities, add_rows)
     return system_of(model, options, scheme)
 
 
-def _hybrid(model: Model, options: Options) -> Prepared:
+def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
     settle(march, books, show)
-    scheme = SCHEMES[options.mode]
-    refuse(model, scheme.partial_cells)
-    run = model.settings.run
-    hybrid, state, step, bound = hybrid_of(model, options.mode, options.precision, run.time_step)
-    _warn_of_step(model, step, bound)
+    hybrid, state, bound = hybrid_of(model, options.mode, options.precision, step_of)
     family, count = counts(hybrid)
     system = System(
         model=model,
@@ -128,7 +131,7 @@ def _hybrid(model: Model, options: Options) -> Prepared:
         area=areas_of(hybrid.plate),
         family=family,
         count=count,
-        time_step=step,
+        time_step=hybrid.ground.dt,
         bound=bound,
         initial_energy=hybrid.books()[0],
         hybrid=hybrid,
@@ -136,13 +139,20 @@ def _hybrid(model: Model, options: Options) -> Prepared:
     return Prepared(system, state)
 
 
-def _warn_of_step(model: Model, step: float, bound: float) -> None:
+def step_of(model: Model, bound: float) -> float:
+    """The time step of a run, s; warns of one above `bound`, up to which it is surely stable. Raises ModelError."""
+    step = model.settings.run.time_step
+    if step is None:
+        if not np.isfinite(bound):
+            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+        return bound
     if step > bound:
         warnings.warn(
             f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
             ModelWarning,
             stacklevel=3,
         )
+    return step
 
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -151,12 +161,8 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     threads = options.threads or cores()
     operator, survey = _operator(model, options, scheme, filling, threads)
     rho = model.rho.astype(kind)
-    step, bound = model.settings.run.time_step, _bound(operator, model.rho)
-    if step is None:
-        if not np.isfinite(bound):
-            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
-        step = bound
-    _warn_of_step(model, step, bound)
+    bound = stable(operator.stiffest(), model.rho)
+    step = step_of(model, bound)
     driven = drive(model, filling.area, scheme.exact_load, kind)
     velocity, nodes = initial_velocity(model), len(model.grid)
     state = State(
@@ -192,13 +198,13 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
-def _bound(operator: Operator, rho: NDArray[np.float64]) -> float:
-    """The longest step that is surely stable, s; infinite without bonds."""
-    stiffest = float((operator.stiffest() / rho).max(initial=0.0))
-    return float(np.sqrt(2 / stiffest)) if stiffest > 0 else float("inf")
+def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
+    """The longest step that is surely stable, s, of an operator's `stiffest` (n,); infinite without bonds."""
+    largest = float((resistance / rho).max(initial=0.0))
+    return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")
 
 
-class _Survey:
+class Survey:
     """What is kept of the bonds while they pass, part by part."""
 
     def __init__(self, filling: Filling, symmetric: bool) -> None:
@@ -236,12 +242,12 @@ class _Survey:
 
 def _operator(
     model: Model, options: Options, scheme: Scheme, filling: Filling, threads: int
-) -> tuple[Operator, _Survey]:
+) -> tuple[Operator, Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
     law, kind = law_of(model), np.dtype(options.precision).type
     compiled = not numba.config.DISABLE_JIT  # blocks are nothing but compiled code
     if law in PAIRS and options.kernel != "listed" and compiled:
-        survey = _Survey(filling, scheme.symmetric)
+        survey = Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads)
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
@@ -250,6 +256,6 @@ def _operator(
             "kernel: found nodes without a lattice, a law that is no pair's, or code that is not compiled, expected"
             " others for blocks"
         )
-    survey = _Survey(filling, scheme.symmetric)
+    survey = Survey(filling, scheme.symmetric)
     bonds = listed(survey.parts(), filling.area).bonds
     return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

@@ -23,7 +23,8 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 LEAST = 1000  # rows: a smaller part is done before another thread has begun
-PATIENCE = 2000  # looks at whether others have come, before the processor is offered to somebody else
+PATIENCE = 100_000  # looks at whether others have come, some 0.1 ms, before one sleeps
+NAP = 20  # us
 
 
 class Gate(NamedTuple):
@@ -31,7 +32,7 @@ class Gate(NamedTuple):
 
     arrived: NDArray[np.int64]  # (1,) how often any thread has come
     threads: int
-    idle: int  # the address of what offers the processor to somebody else
+    idle: int  # the address of what lets somebody else have the processor
 
 
 def cores() -> int:
@@ -46,11 +47,14 @@ def gate_of(threads: int) -> Gate:
 
 @cache
 def _idle() -> int:
-    """The address of what offers the processor to somebody else."""
+    """The address of what lets somebody else have the processor for a while.
+
+    Whoever only offers it waits for all others' turns, some milliseconds each; whoever sleeps is woken in time.
+    """
     if sys.platform == "win32":
-        idle = ctypes.windll.kernel32.SwitchToThread
+        idle = ctypes.windll.kernel32.SwitchToThread  # leaves the number alone
     else:
-        idle = ctypes.CDLL(None).sched_yield
+        idle = ctypes.CDLL(None).usleep
     return ctypes.cast(idle, ctypes.c_void_p).value or 0
 
 
@@ -63,7 +67,7 @@ def meet(gate):  # type: ignore[no-untyped-def]
     while _arrived(gate.arrived) < goal:
         looks += 1
         if looks > PATIENCE:
-            _call(gate.idle)
+            _call(gate.idle, NAP)
 
 
 @intrinsic
@@ -89,14 +93,15 @@ def _arrived(typingctx: Any, arrived: Any) -> Any:
 
 
 @intrinsic
-def _call(typingctx: Any, address: Any) -> Any:
-    """Call a function without arguments."""
+def _call(typingctx: Any, address: Any, number: Any) -> Any:
+    """Call a function of a whole number."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kind = ir.FunctionType(ir.IntType(32), ())
-        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), [])
+        kind = ir.FunctionType(ir.IntType(32), (ir.IntType(32),))
+        word = builder.trunc(values[1], ir.IntType(32))
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), [word])
 
-    return types.int32(types.int64), generate
+    return types.int32(types.int64, types.int64), generate
 
 
 def side_by_side(work: Callable[[int], None], threads: int) -> None:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.spatial import cKDTree
 
-from pdmesh.grid import Material, Run
+from pdmesh.model.document import Material, Run
 from pdsolve.bonds import Bonds
 from pdsolve.conditions import Drive, drive
-from pdsolve.laws import LAWS
+from pdsolve.laws import LAWS, PAIRS
 from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
@@ -24,8 +24,8 @@ DELTA, LIMIT = 1e-3, 1e-3  # m; stretch at which a bond in space breaks, in the 
 
 
 def glass(law: str) -> Material:
-    """Glass of this law."""
-    return msgspec.structs.replace(GLASS, law=law, kr=3.0, nu=1 / 3)
+    """Glass of this law, of a Poisson's ratio that springs do not have, where the law is not theirs."""
+    return msgspec.structs.replace(GLASS, law=law, kr=3.0, nu=None if LAWS[law] in PAIRS else 0.2)
 
 
 class Case(NamedTuple):

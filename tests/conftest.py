@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, plate, square_grid
 
-from pdmesh.grid import Load, Run, document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import Load, Run, write_file
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 
@@ -28,8 +29,8 @@ def _closed_pipes() -> Iterator[None]:
 def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped Duran plate as a grid file."""
     pytest.importorskip("gmsh", exc_type=OSError)
-    from pdmesh.geo import read_geo
-    from pdmesh.lattice import build_grid
+    from pdmesh.drawing.geo import read_geo
+    from pdmesh.grid.lattice import build_grid
 
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "duran50.geo"))
     path = tmp_path_factory.mktemp("duran") / "duran50.json"
@@ -95,4 +96,17 @@ def small_results(small_plate: Model, tmp_path: Path) -> Path:
     simulate(small_plate, path).close()
     with Results.open(path) as results:
         assert results.breaks().step.size > 0
+    return path
+
+
+@pytest.fixture(scope="session")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database of a cracked plate with a fine zone that moves, solved once a session."""
+    from splitting import Moving, torn_plate
+
+    from pdsolve.simulation import Options, simulate
+
+    path = tmp_path_factory.mktemp("moving") / "moving.sqlite"
+    model = torn_plate()
+    simulate(model, path, Options(threads=1), adapt=Moving(model.grid)).close()
     return path

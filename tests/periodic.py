@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from systems import bonds_of
 
-from pdmesh.grid import Grid
+from pdmesh.model.cloud import Grid
 from pdsolve.bonds import Assembly, Bonds, Filling, Part
 from pdsolve.model import Model
 from pdsolve.system import Prepared, system_of

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pdmesh.grid import Displacement, Grid, Horizon, Material, Settings, Velocity
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Displacement, Horizon, Material, Settings, Velocity
 from pdsolve.model import Model
 
 ROOT = Path(__file__).parent.parent

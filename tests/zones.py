@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.adaptive.arrays import PIECES, Ground, Zone, ground_of, zone_of
 from pdsolve.adaptive.energy import books
 from pdsolve.adaptive.family import fine_springs

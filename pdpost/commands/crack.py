@@ -112,7 +112,7 @@ def _step(args: argparse.Namespace, results: Results) -> int:
 
 
 def _threshold(args: argparse.Namespace) -> float:
-    from pdpost.measures.cracked import CRACKED
+    from pdmesh.model.fields import CRACKED
 
     threshold = CRACKED
     for name, value in args.assignments:

@@ -73,7 +73,7 @@ def _place(name: str, count: int) -> Any:
 
 
 def _history(args: argparse.Namespace) -> int:
-    from pdpost.measures import histories
+    from pdmesh.model.fields import FIELDS
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
@@ -85,7 +85,7 @@ def _history(args: argparse.Namespace) -> int:
             from pdpost.figures import charts, style
 
             style.save(charts.histories(curves, args.quantity), path)
-    unit = histories.QUANTITIES[args.quantity][1]
+    unit = FIELDS[args.quantity].unit
     found = {
         "quantity": args.quantity,
         "components": parts,
@@ -111,8 +111,8 @@ def _usual(results: Results) -> list[Place]:
     probed = np.unique(results.probes()["node"])
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
-    moved = np.hypot(*vector(results, "u", last_frame(results)).T)
-    return [("--node", (float(results.nodes().ids[int(moved.argmax())]),))]
+    moved = np.hypot(*vector(results, "displacement", last_frame(results)).T)
+    return [("--node", (float(results.nodes().ids[int(np.nanargmax(moved))]),))]
 
 
 def _curve(results: Results, place: Place, *what: str) -> History:
@@ -132,8 +132,11 @@ def _told(curve: History, unit: str) -> str:
 
     where = "" if curve.place is None else f" at ({curve.place[0]:g}, {curve.place[1]:g}) m"
     off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
-    low, high = float(np.min(curve.low)), float(np.max(curve.high))
-    values = f"{len(curve.time)} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    known = np.isfinite(curve.value)
+    if not known.any():
+        return f"{curve.label}{where}{off}, {curve.component}: at none of {len(curve.time)} times by {curve.source}"
+    low, high = float(np.min(curve.low[known])), float(np.max(curve.high[known]))
+    values = f"{known.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
     return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
 

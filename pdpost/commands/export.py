@@ -76,7 +76,7 @@ def _export(args: argparse.Namespace) -> int:
             (frame_files.pvd if kind == ".pvd" else frame_files.xdmf)(
                 results, path, steps, args.also, args.squares, progress
             )
-        count = len(results.nodes().ids)
+        count = len(results.nodes(steps[-1]).ids)
     commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)
     return commandline.OK
 

@@ -115,7 +115,7 @@ def _nodes(args: argparse.Namespace) -> int:
     from pdpost.figures import level_figure
 
     def show(results: Results, step: int, scale: float) -> Drawn:
-        spacings, counts = np.unique(results.nodes().delta.round(12), return_counts=True)
+        spacings, counts = np.unique(results.nodes(step).delta.round(12), return_counts=True)
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
         told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
@@ -135,7 +135,7 @@ def _bonds(args: argparse.Namespace) -> int:
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
-        return Drawn(figure, told, words, lambda: columns.of_bonds(results, found))
+        return Drawn(figure, told, words, lambda: columns.of_bonds(results, step, found))
 
     return _drawn(args, show)
 

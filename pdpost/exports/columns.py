@@ -27,7 +27,7 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
 
     With strain and stress the damage, which says where they say nothing.
     """
-    nodes = results.nodes()
+    nodes = results.nodes(step)
     found = fields.components(results, name, step)
     x, y = nodes.position.T
     named = {f"{name}_{part}" if part else name: values for part, values in found.items()}
@@ -37,7 +37,7 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
 
 def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
     """Node, reference position, spacing, area, all fields a frame has stored, and those of `also`, in SI units."""
-    nodes = results.nodes()
+    nodes = results.nodes(step)
     x, y = nodes.position.T
     stored = {name: results.field(name, step) for name in results.stored(step)}
     more = {
@@ -46,7 +46,7 @@ def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str,
     return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored, **more}
 
 
-def of_bonds(results: Results, found: Pairs) -> dict[str, NDArray[np.generic]]:
-    """Both nodes of each bond, and 1 if it is broken, else 0."""
-    ids = results.nodes().ids
+def of_bonds(results: Results, step: int, found: Pairs) -> dict[str, NDArray[np.generic]]:
+    """Both nodes of each bond `found` after `step`, and 1 if it is broken, else 0."""
+    ids = results.nodes(step).ids
     return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -48,16 +48,16 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     return data
 
 
-def node_data(results: Results) -> dict[str, NDArray[np.generic]]:
-    """What is known at each node (n,) and the same in all frames."""
-    nodes = results.nodes()
+def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
+    """What is known at each node (n,) and the same in all frames until nodes change."""
+    nodes = results.nodes(step)
     return {"delta": nodes.delta, "area": nodes.area, "node": nodes.ids}
 
 
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
     """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
-    points, cells = _points(results, squares)
-    data = _each(point_data(results, step, also) | node_data(results), squares)
+    points, cells = _points(results, step, squares)
+    data = _each(point_data(results, step, also) | node_data(results, step), squares)
     mesh = meshio.Mesh(points, [cells], point_data=data)
     with replacing(path) as part:
         meshio.write(part, mesh, file_format="vtu")
@@ -95,8 +95,16 @@ def xdmf(
 ) -> None:
     """Write frames as XDMF, with a .bin file of the same name beside it."""
     times = _times(results)
-    frames = ((times[step], _each(point_data(results, step, also), squares)) for step in progress(steps))
-    xdmf_file.write(path, *_points(results, squares), _each(node_data(results), squares), frames)
+
+    def frames() -> Iterator[xdmf_file.Frame]:
+        epoch = None
+        for step in progress(steps):
+            cloud = None
+            if epoch != (epoch := results.epoch(step)):
+                cloud = xdmf_file.Cloud(*_points(results, step, squares), _each(node_data(results, step), squares))
+            yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), squares), cloud)
+
+    xdmf_file.write(path, frames())
 
 
 def _times(results: Results) -> dict[int, float]:
@@ -116,9 +124,9 @@ def check_suffix(path: Path) -> str:
     return path.suffix.lower()
 
 
-def _points(results: Results, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
+def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
     """Points (p, 3), m, and what kind of cells they are the corners of."""
-    nodes = results.nodes()
+    nodes = results.nodes(step)
     count = len(nodes.ids)
     if squares:
         corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS).reshape(-1, 2)

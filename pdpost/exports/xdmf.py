@@ -1,6 +1,6 @@
 """XDMF: what is where in a file of XML, the numbers as they are in a .bin file beside it (xdmf.org, Model and Format).
 
-What does not change from frame to frame is written once.
+What does not change from frame to frame is written once, nodes when they change.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -24,25 +24,36 @@ KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
 Data = Mapping[str, NDArray[np.generic]]  # (n,), (n, 3) or (n, 9) by name
 
 
-def write(
-    path: Path,
-    points: NDArray[np.float64],
-    cells: tuple[str, NDArray[np.int64]],
-    always: Data,
-    frames: Iterable[tuple[float, Data]],
-) -> None:
-    """Write frames, their times (s) and data at `points` (n, 3), m; `always` are data that all of them have."""
+class Cloud(NamedTuple):
+    """Where data are."""
+
+    points: NDArray[np.float64]  # (n, 3) m
+    cells: tuple[str, NDArray[np.int64]]  # of which kind, and which points are its corners
+    data: Data  # that all of its frames have
+
+
+class Frame(NamedTuple):
+    """What is known at a time."""
+
+    time: float  # s
+    data: Data
+    cloud: Cloud | None  # None: as in the frame before
+
+
+def write(path: Path, frames: Iterable[Frame]) -> None:
+    """Write frames, of which the first has a cloud."""
     root = Element("Xdmf", Version="3.0")
     series = SubElement(
         SubElement(root, "Domain"), "Grid", Name="frames", GridType="Collection", CollectionType="Temporal"
     )
     numbers = beside(path)
     with replacing(numbers) as part, part.open("wb") as file:
-        kind, corners = cells
         put = partial(_put, file, numbers.name)
-        of_cells, of_points = (put(array) for array in (corners, points))
-        same = {name: put(array) for name, array in always.items()}
-        for time, data in frames:
+        for time, data, cloud in frames:
+            if cloud is not None:
+                kind, corners = cloud.cells
+                of_cells, of_points = (put(array) for array in (corners, cloud.points))
+                same = {name: put(array) for name, array in cloud.data.items()}
             grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
             SubElement(grid, "Time", Value=repr(time))
             shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))

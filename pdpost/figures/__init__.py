@@ -5,7 +5,7 @@
 
 from typing import TYPE_CHECKING
 
-from pdpost.lazily import lazily
+from pdmesh.lazily import lazily
 
 if TYPE_CHECKING:
     from pdpost.figures.animation import gif

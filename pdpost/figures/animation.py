@@ -57,10 +57,8 @@ def frames(
     steps = chosen(results, every)
     still = shape(results, steps[0], 0.0)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
-    inside = seen(still.position, box)
     if largest is None and name != "damage":
-        shots = (field_figure.values_of(results, name, step, part) for step in steps)
-        largest = max(field_figure.usual(_known(shot.values[inside & ~shot.torn])) for shot in shots) or None
+        largest = max(_usual(results, name, step, part, box) for step in steps) or None
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     on = sheet(box, room=LINE * (len(words) + bool(len(still.plate.cracks))))
@@ -74,7 +72,8 @@ def frames(
     for step in progress(steps):
         shot = field_figure.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
-            cells = paint(on, shape(results, step, scale, still), shot.values * range_of.factor, mappable, shot.torn)
+            still = shape(results, step, scale, still)
+            cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn)
         on.axes.set_title(field_figure.title(results, name, part, step, scale))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
@@ -169,5 +168,8 @@ def _palette(name: str, part: str) -> Image.Image:
     return palette
 
 
-def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return values[np.isfinite(values)]
+def _usual(results: Results, name: str, step: int, part: str, box: Box) -> float:
+    """Where the colours of a frame would end, of the nodes in a box, undeformed."""
+    shot = field_figure.values_of(results, name, step, part)
+    values = shot.values[seen(results.nodes(step).position, box) & ~shot.torn]
+    return field_figure.usual(values[np.isfinite(values)])

@@ -8,16 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pdmesh.model.fields import FIELDS
 from pdpost.figures.labels import scaled
 from pdpost.figures.style import COLOURS
+from pdpost.measures import fields
 from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
-from pdpost.measures.histories import QUANTITIES, History
+from pdpost.measures.histories import History
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
 STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
-UNITS = {"m/s^2": "m/s²"}
 
 
 def look(number: int) -> dict[str, Any]:
@@ -37,11 +38,11 @@ def histories(curves: list[History], quantity: str) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
-    letter, unit = QUANTITIES[quantity]
+    letter, unit = FIELDS[quantity].symbol, fields.FIELDS[quantity].unit
     parts = dict.fromkeys(curve.component for curve in curves)
     symbols = {part: f"|{letter}|" if part == "magnitude" else f"${letter}_{part}$" for part in parts}
     second, seconds = scaled((curve.time for curve in curves), "s")
-    factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), UNITS.get(unit, unit))
+    factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), unit)
     for number, curve in enumerate(curves):
         style = look(number)
         if len(curve.nodes) > 1:

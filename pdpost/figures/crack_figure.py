@@ -35,7 +35,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     frame yet.
     """
     found = crack_summary.crack(results) if found is None else found
-    where = shape(results, 0, 0.0)
+    where = shape(results, found.step, 0.0)
     box = window or box_of([where])
     figure, plate, length, speed = _panels(box)
     on = _plate(plate, box, where, damage_at(results, found.step))
@@ -71,7 +71,7 @@ def comparison(
     window: Box | None = None,
 ) -> Figure:
     """Two sets of paths over the plate of the first, grey with its damage after `step`; `window` is seen, m."""
-    where = shape(one, 0, 0.0)
+    where = shape(one, step, 0.0)
     box = window or box_of([where])
     height = float(np.clip(0.9 * WIDTH * _aspect(box), 2.0, 9.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")

@@ -12,12 +12,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import CRACKED
 from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, box_of, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN
 from pdpost.measures import fields
-from pdpost.measures.cracked import CRACKED
 from pdpost.reading.frames import last_frame
 from pdsolve.results import Results
 

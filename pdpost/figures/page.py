@@ -49,7 +49,7 @@ PROVENANCE = {
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
     steps, times = frames(results)
-    model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes()
+    model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes(0)
     sections = [
         ("Scene", [_image(scene(results, model), "the plate, its grid and its conditions"), _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
@@ -77,7 +77,7 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     levels, counts = np.unique(nodes.delta, return_counts=True)
     bonds = int((nodes.family - nodes.cut).sum())
     return {
-        "nodes": str(len(nodes.ids)),
+        "nodes": str(len(nodes.ids)) + _later(results),
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
         "from, to": f"({low[0]:.4g}, {low[1]:.4g}) to ({high[0]:.4g}, {high[1]:.4g}) mm",
         "area": f"{nodes.area.sum() * 1e6:.6g} mm²",
@@ -86,6 +86,12 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
         if len(results.cracks())
         else "none",
     }
+
+
+def _later(results: Results) -> str:
+    """How many nodes there are in the end, where that has changed."""
+    changes = len(results.epochs()) - 1
+    return f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
 
 
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from pdmesh.model.selection import selected
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS
-from pdpost.reading.selection import selected
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
@@ -23,7 +23,7 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
 
     `model` is the grid file as JSON has it.
     """
-    nodes = results.nodes()
+    nodes = results.nodes(0)
     levels = np.unique(nodes.delta)
     greys = np.linspace(0.82, 0.94, len(levels)) if len(levels) > 1 else np.array([0.9])
     colours = np.repeat(greys[np.searchsorted(levels, nodes.delta)][:, None], 3, axis=1)

@@ -45,6 +45,7 @@ class Shape(NamedTuple):
     cells: Cells | None  # None where there are too many to draw them one by one
     turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
     scale: float  # what their displacement is multiplied by
+    epoch: int  # the first step with these nodes
 
 
 class Sheet(NamedTuple):
@@ -59,27 +60,27 @@ class Sheet(NamedTuple):
 def shape(results: Results, step: int, scale: float, still: Shape | None = None) -> Shape:
     """The nodes of a frame displaced by `scale` times their displacement, 0: the reference.
 
-    `still` is the shape of another frame, if there is one: their cells are the same. Raises ResultsError if the frame
-    does not hold displacements and `scale` is not 0.
+    `still` is the shape of another frame, if there is one: the plate is the same, and while no node is born or dies
+    its cells. Raises ResultsError if the frame does not hold displacements and `scale` is not 0.
     """
-    nodes = results.nodes()
-    if still is None:
-        on = plate(results)
+    nodes, epoch = results.nodes(step), results.epoch(step)
+    if still is None or still.epoch != epoch:
+        on = plate(results) if still is None else still.plate
         own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
-        still = Shape(on, nodes.position, nodes.delta, own, None, 0.0)
+        still = Shape(on, nodes.position, nodes.delta, own, None, 0.0, epoch)
     if not scale:
         return still._replace(position=nodes.position, turned=None, scale=0.0)
     moved = displacement(results, step)
     turned = None
     if still.cells is not None:
-        turned = np.eye(2) + scale * fitted(results, moved, intact(results, results.families(), step))
+        turned = np.eye(2) + scale * fitted(nodes, moved, intact(results, results.families(step), step))
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
     return still._replace(position=nodes.position + scale * moved, turned=turned, scale=scale)
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
     """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
-    moved = vector(results, "u", step)
+    moved = vector(results, "displacement", step)
     return np.where(np.isfinite(moved), moved, 0.0)
 
 
@@ -88,7 +89,7 @@ def chosen_scale(results: Results, step: int) -> float:
 
     Raises ResultsError if the frame does not hold displacements.
     """
-    nodes = results.nodes()
+    nodes = results.nodes(step)
     far = float(np.percentile(np.hypot(*displacement(results, step).T), 99))
     wanted = SHOWN * float(np.ptp(nodes.position, axis=0).max()) / far if far > 0 else 1.0
     power = 10.0 ** np.floor(np.log10(wanted)) if wanted > 1 else 1.0

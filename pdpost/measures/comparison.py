@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdpost.measures.cracked import CRACKED
+from pdmesh.model.fields import CRACKED
 from pdpost.measures.cracks import Event, growth
 from pdpost.measures.paths import Polyline, distance, path
 from pdpost.measures.plates import check_alike

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.cracked import CRACKED
+from pdmesh.model.fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS, Direction, Growth, directions, growth
 from pdpost.measures.fragments import Fragments, fragments
 from pdpost.measures.paths import heading

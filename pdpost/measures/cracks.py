@@ -14,7 +14,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pdpost.measures.cracked import CRACKED, LINKED, ROUND_OFF, cracked_since, pre_crack_tips
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, pre_crack_tips
 from pdpost.measures.regions import grown
 from pdpost.measures.segments import distances
 from pdsolve.results import Nodes, Results
@@ -175,7 +176,7 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
     A straight line through the nodes of the crack at the tip, weighted by damage, as far as they are more than three
     spacings to one side of the line of the pre-crack. Sides without such a crack are left out.
     """
-    nodes, here = results.nodes(), grown(results, step, threshold)
+    nodes, here = results.nodes(step), grown(results, step, threshold)
     if not len(here.position):
         return []
     finest = float(nodes.delta.min())

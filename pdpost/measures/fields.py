@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model import fields
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.strain import gradients, green, hooke, stiffness, thinning
 from pdpost.reading.stored import scalar, vector
 from pdsolve.results import Results
 
 VECTOR = ("magnitude", "x", "y")
+POWERS = str.maketrans({"^": None, "2": "²", "3": "³"})
 TENSOR = ("largest", "smallest", "xx", "yy", "xy", "zz")  # principal ones in the plane
 
 
@@ -28,7 +31,6 @@ class Field:
     title: str
     unit: str
     components: tuple[str, ...] = ()  # none: a scalar
-    stored: str = ""  # of a vector: the letter its components are stored under
 
     @property
     def fitted(self) -> bool:
@@ -36,14 +38,20 @@ class Field:
         return self.components[: len(TENSOR)] == TENSOR
 
 
+def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
+    """A field that results hold, its unit as it is set in figures."""
+    unit = fields.FIELDS[name].unit
+    return Field(name, title, "" if unit == "1" else unit.translate(POWERS), components)
+
+
 FIELDS = {
     field.name: field
     for field in (
-        Field("damage", "Damage", ""),
-        Field("energy", "Strain energy", "J/m³"),
-        Field("displacement", "Displacement", "m", VECTOR, "u"),
-        Field("velocity", "Velocity", "m/s", VECTOR, "v"),
-        Field("acceleration", "Acceleration", "m/s²", VECTOR, "a"),
+        _stored("damage", "Damage"),
+        _stored("energy", "Strain energy"),
+        _stored("displacement", "Displacement", VECTOR),
+        _stored("velocity", "Velocity", VECTOR),
+        _stored("acceleration", "Acceleration", VECTOR),
         Field("strain", "Strain", "", TENSOR),
         Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
     )
@@ -69,7 +77,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
     What is fitted to the few bonds left there is the opening of a crack, not a strain.
     """
     if not FIELDS[name].fitted:
-        return np.zeros(len(results.nodes().ids), dtype=bool)
+        return np.zeros(len(results.rows(step)), dtype=bool)
     return damage_at(results, step) > CRACKED
 
 
@@ -95,10 +103,10 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     if name == "energy":
         return {"": scalar(results, "energy", step)}
     if field.components == VECTOR:
-        x, y = vector(results, field.stored, step).T
+        x, y = vector(results, name, step).T
         return {"magnitude": np.hypot(x, y), "x": x, "y": y}
     strain = green(gradients(results, step))
-    modulus, plane = stiffness(results)
+    modulus, plane = stiffness(results, step)
     if name == "strain":
         return {**_principal(strain), "zz": thinning(strain, plane)}
     stress = hooke(strain, modulus, plane)

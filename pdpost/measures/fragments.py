@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.cracks import PIECE, clusters
 from pdsolve.results import Results
 
@@ -30,7 +31,7 @@ class Fragments(NamedTuple):
 
 def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragments:
     """The pieces after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
-    nodes, cracked = results.nodes(), damage_at(results, step) > threshold
+    nodes, cracked = results.nodes(step), damage_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)
     found, crumbs, crumbs_area = [], 0, 0.0

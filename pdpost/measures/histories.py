@@ -1,18 +1,20 @@
-"""Displacement, velocity and acceleration of nodes against time."""
+"""Displacement, velocity and acceleration of nodes against time; of nodes that come and go, no numbers beside that."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.reading import selection
+from pdmesh.model import selection
+from pdmesh.model.fields import FIELDS
 from pdpost.reading.frames import frames
 from pdpost.reading.stored import vector
-from pdsolve.results import Results, ResultsError
+from pdsolve.results import Nodes, Results, ResultsError
 
-QUANTITIES = {"displacement": ("u", "m"), "velocity": ("v", "m/s"), "acceleration": ("a", "m/s^2")}
+QUANTITIES = ("displacement", "velocity", "acceleration")
 COMPONENTS = ("x", "y", "magnitude")
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
 
@@ -34,30 +36,34 @@ class History(NamedTuple):
 
 def of_node(results: Results, node: int, quantity: str = "displacement", component: str = "magnitude") -> History:
     """The history of one node: from its probe if there is one, else from the frames. Raises ResultsError."""
-    nodes = results.nodes()
+    nodes = results.lives().nodes
     (rows,) = np.nonzero(nodes.ids == node)
     if not len(rows):
         raise ResultsError(
             f"{results.name}: found no node {node}, expected one of {nodes.ids.min()} to {nodes.ids.max()}"
         )
-    x, y = nodes.position[rows[0]].tolist()
+    x, y = nodes.position[rows[-1]].tolist()
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
-    if len(mine):
-        letter = QUANTITIES[quantity][0]
-        value = _component(mine[f"{letter}x"], mine[f"{letter}y"], component)
+    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _booked(results, node)):
+        x_column, y_column = FIELDS[quantity].columns
+        value = _component(mine[x_column], mine[y_column], component)
         return History(label, component, (node,), "probe", mine["time"], value, value, value, (x, y), 0.0)
-    time, values = _of_frames(results, rows, quantity, component)
-    return History(label, component, (node,), "frames", time, values[:, 0], values[:, 0], values[:, 0], (x, y), 0.0)
+    time, values = _of_frames(results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component)
+    value = np.array([some[0] if len(some) else np.nan for some in values])
+    return History(label, component, (node,), "frames", time, value, value, value, (x, y), 0.0)
 
 
 def at_place(
     results: Results, place: tuple[float, float], quantity: str = "displacement", component: str = "magnitude"
 ) -> History:
-    """The history of the node nearest to a place, m. Raises ResultsError where that is not on the plate."""
+    """The history of the node nearest to a place, m; where nodes change, of whichever is nearest at each frame.
+
+    Raises ResultsError where that is not on the plate.
+    """
     nodes = results.nodes()
-    far = np.hypot(*(nodes.position - place).T)
+    far = _away(nodes, place)
     row = int(far.argmin())
     if not far[row] <= OUTSIDE * nodes.delta[row]:
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
@@ -65,7 +71,16 @@ def at_place(
             f"{results.name}: found no node near {place[0]:g},{place[1]:g}: node {nodes.ids[row]} is {far[row]:.3g} m"
             f" away; expected a place on the plate, from {low[0]:g},{low[1]:g} to {high[0]:g},{high[1]:g}"
         )
-    return of_node(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
+    if len(results.epochs()) == 1:
+        return of_node(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
+    steps = frames(results)[0].tolist()
+    nearest = {step: int(_away(results.nodes(step), place).argmin()) for step in steps}
+    ids = tuple(dict.fromkeys(int(results.nodes(step).ids[at]) for step, at in nearest.items()))
+    time, values = _of_frames(results, lambda nodes: np.array([_away(nodes, place).argmin()]), quantity, component)
+    value = np.concatenate(values)
+    where = nodes.position[row].tolist()
+    label = f"node {ids[0]}" if len(ids) == 1 else f"nearest of {len(ids)} nodes"
+    return History(label, component, ids, "frames", time, value, value, value, (where[0], where[1]), float(far[row]))
 
 
 def in_box(
@@ -75,30 +90,45 @@ def in_box(
     component: str = "magnitude",
 ) -> History:
     """The mean of all nodes in a box x0, y0, x1, y1, m, with the smallest and the largest. Raises ResultsError."""
-    nodes = results.nodes()
-    inside = selection.in_box(nodes, np.sort(np.reshape(box, (2, 2)), axis=0))
+    corners = np.sort(np.reshape(box, (2, 2)), axis=0)
+    nodes = results.lives().nodes
+    inside = selection.in_box(nodes, corners)
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
             f"{results.name}: found no node in the box {','.join(f'{side:g}' for side in box)}, expected some; the"
             f" plate goes from {low[0]:g},{low[1]:g} to {high[0]:g},{high[1]:g}"
         )
-    rows = np.flatnonzero(inside)
-    time, values = _of_frames(results, rows, quantity, component)
-    ids = tuple(nodes.ids[rows].tolist())
+    ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
-    middle = values.mean(axis=1)
-    return History(label, component, ids, "frames", time, middle, values.min(axis=1), values.max(axis=1), None, 0.0)
+
+    def rows(nodes: Nodes) -> NDArray[np.int64]:
+        return np.flatnonzero(selection.in_box(nodes, corners))
+
+    time, values = _of_frames(results, rows, quantity, component)
+    spread = [(some.mean(), some.min(), some.max()) if len(some) else (np.nan,) * 3 for some in values]
+    middle, low, high = np.array(spread).T
+    return History(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 
 
 def _of_frames(
-    results: Results, rows: NDArray[np.int64], quantity: str, component: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (t,) of the frames and the quantity (t, rows) there."""
+    results: Results, rows: Callable[[Nodes], NDArray[np.int64]], quantity: str, component: str
+) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Times (t,) of the frames and the quantity of the nodes that are meant there, of each frame's (k,)."""
     steps, times = frames(results)
-    letter = QUANTITIES[quantity][0]
-    found = (vector(results, letter, int(step))[rows] for step in steps)
-    return times, np.array([_component(both[:, 0], both[:, 1], component) for both in found])
+    found = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
+    return times, [_component(both[:, 0], both[:, 1], component) for both in found]
+
+
+def _booked(results: Results, node: int) -> int:
+    """How many entries the ledger has from a node's life."""
+    steps = results.history()["step"].astype(np.int64)
+    return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
+
+
+def _away(nodes: Nodes, place: tuple[float, float]) -> NDArray[np.float64]:
+    far: NDArray[np.float64] = np.hypot(*(nodes.position - place).T)
+    return far
 
 
 def _component(x: NDArray[np.float64], y: NDArray[np.float64], component: str) -> NDArray[np.float64]:

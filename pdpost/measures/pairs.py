@@ -8,22 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, triu
 
-from pdpost.measures.strain import broken
+from pdpost.measures.strain import broken, broken_ends
 from pdsolve.results import Results
 
 
 class Pairs(NamedTuple):
-    """The bonds there were at the start, each pair of nodes once."""
+    """The bonds there were of the nodes there are, each pair of nodes once."""
 
     ends: NDArray[np.int64]  # (b, 2) rows of its nodes
     broken: NDArray[np.bool_]  # (b,) from either side
 
 
 def pairs(results: Results, step: int) -> Pairs:
-    """The pairs of bonded nodes and whether they are broken after `step`; those cut by a pre-crack are left out."""
-    families = results.families()
-    state = 1 + broken(results, families, step).astype(np.int8)
+    """The pairs of bonded nodes and whether they are broken after `step`; those cut by a pre-crack are left out.
+
+    Bonds that broke before their nodes were born anew are broken, unless the nodes are bonded again.
+    """
+    families = results.families(step)
+    state = 2 + broken(results, families, step).astype(np.int8)
     count = len(families.start) - 1
     side = csr_array((state, families.neighbour, families.start), (count, count))
+    if results.epoch(step):
+        one, other, _ = broken_ends(results, step, earlier=True)
+        gone = csr_array((np.ones(len(one), dtype=np.int64), (one, other)), (count, count))
+        side = side.maximum((gone > 0).astype(np.int8))
     found = triu(side.maximum(side.T.tocsr()), format="coo")
-    return Pairs(np.column_stack([found.row, found.col]).astype(np.int64), found.data == 2)
+    return Pairs(np.column_stack([found.row, found.col]).astype(np.int64), found.data != 2)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.cracked import CRACKED
+from pdmesh.model.fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS
 from pdpost.measures.segments import distances
 from pdpost.measures.tips import tips

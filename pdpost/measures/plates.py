@@ -47,7 +47,8 @@ class _Rings(msgspec.Struct):
 def plate(results: Results) -> Plate:
     """The plate of a run.
 
-    Without an outline it is where the nodes' squares are, gaps between spacings closed; of many nodes, their box.
+    Without an outline it is where the squares of its nodes are at the start, gaps between spacings closed; of many
+    nodes, their box.
     """
     rings = read(results, _Rings)
     edges = tuple(np.array(ring) for ring in (*rings.outline, *rings.holes))
@@ -58,7 +59,7 @@ def plate(results: Results) -> Plate:
         )
         shape = shapely.difference(outer, holes)
     else:
-        shape = _around(results.nodes())
+        shape = _around(results.nodes(0))
     shapely.prepare(shape)
     return Plate(edges, results.cracks(), shape)
 
@@ -75,7 +76,7 @@ def _around(nodes: Nodes) -> shapely.Geometry:
 def check_alike(results: Results, other: Results) -> None:
     """Raises ResultsError if two results are not of one plate, but for a strip of two of the larger spacings."""
     one, expected = plate(results).shape, plate(other).shape
-    reach = ALIKE / 2 * max(float(run.nodes().delta.max()) for run in (results, other))
+    reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, other))
     off = shapely.symmetric_difference(one, expected).buffer(-reach)
     if off.is_empty:
         return

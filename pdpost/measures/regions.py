@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdpost.measures.cracked import CRACKED, LINKED, ROUND_OFF, cracked_since, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, damage_at
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
@@ -48,7 +49,7 @@ class _Root(NamedTuple):
 
 def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
     """The nodes cracked after `step`, but for those that were at the start, shared out to cracks."""
-    nodes, since = results.nodes(), cracked_since(results, threshold)
+    nodes, since = results.nodes(step), cracked_since(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
     links = _touching(position, delta)

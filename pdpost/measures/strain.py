@@ -10,38 +10,27 @@ are all gone, has no strain: NaN.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.continuum import BONDS_NU
+from pdmesh.model.document import Material, Region
+from pdmesh.model.selection import selected
 from pdpost.reading.embedded import read
-from pdpost.reading.selection import rows_of, selected
 from pdpost.reading.stored import vector
-from pdsolve.results import Families, Results
+from pdsolve.results import Families, Nodes, Results
 
 BLOCK = 1 << 15  # nodes at a time, so that memory stays small
 FLAT = 1e-6  # det / trace^2 of a family's shape below which its bonds lie on a line; a full family has 0.25
-BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4}  # Poisson's ratio of bonds, by plane
-
-
-class _Material(msgspec.Struct):
-    E: float  # Pa
-    plane: Literal["stress", "strain"] = "stress"
-
-
-class _Region(msgspec.Struct):
-    material: _Material
-    nodes: list[int] | None = None
-    box: tuple[float, float, float, float] | None = None  # m
 
 
 class _Materials(msgspec.Struct):
     """What is read of the grid file."""
 
-    material: _Material
-    regions: list[_Region] = []
+    material: Material
+    regions: tuple[Region, ...] = ()
 
 
 def gradients(results: Results, step: int) -> NDArray[np.float64]:
@@ -49,12 +38,13 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
     Raises ResultsError if the frame does not hold ux and uy.
     """
-    return fitted(results, vector(results, "u", step), intact(results, results.families(), step))
+    families = intact(results, results.families(step), step)
+    return fitted(results.nodes(step), vector(results, "displacement", step), families)
 
 
-def fitted(results: Results, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
+def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
     """The gradient (n, k, 2) of values (n, k) at the nodes, fitted to the bonds of `families`."""
-    position, area = results.nodes().position, results.nodes().area
+    position, area = nodes.position, nodes.area
     start, neighbour = families
     found = np.full((len(position), values.shape[1], 2), np.nan)
     for first, last in _blocks(len(position)):
@@ -90,10 +80,8 @@ def intact(results: Results, families: Families, step: int) -> Families:
 
 def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
     """Whether each bond (b,) of `families` is broken after `step`, from its own node's side."""
-    breaks, nodes = results.breaks(), results.nodes()
-    before = breaks.step <= step
-    node, neighbour = (rows_of(nodes, side[before]) for side in breaks[1:])
-    count = len(nodes.ids)
+    node, neighbour, _ = broken_ends(results, step)
+    count = len(families.start) - 1
     torn = np.zeros(count, dtype=bool)
     torn[node] = True
     bonds = np.flatnonzero(np.repeat(torn, np.diff(families.start)))
@@ -101,6 +89,22 @@ def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]
     gone = np.zeros(len(families.neighbour), dtype=bool)
     gone[bonds] = np.isin(own * count + families.neighbour[bonds], node * count + neighbour)
     return gone
+
+
+def broken_ends(
+    results: Results, step: int, earlier: bool = False
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Places (b,) among the nodes at `step` of both ends of the bonds broken until then, and their steps.
+
+    Bonds that broke before the node they were of was born are in nobody's family any more: left out, unless `earlier`.
+    """
+    breaks, lives, rows = results.breaks(), results.lives(), results.rows(step)
+    here = lives.at(breaks.node, step)
+    there = lives.at(breaks.neighbour, step)
+    found = (breaks.step <= step) & (here >= 0) & (there >= 0)
+    if not earlier:
+        found &= breaks.step >= lives.birth[here]
+    return np.searchsorted(rows, here[found]), np.searchsorted(rows, there[found]), breaks.step[found]
 
 
 def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,13 +134,20 @@ def thinning(strain: NDArray[np.float64], plane: str) -> NDArray[np.float64]:
     return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if plane == "stress" else 0.0)
 
 
-def stiffness(results: Results) -> tuple[NDArray[np.float64], str]:
-    """Young's modulus (n,), Pa, of each node, and "stress" or "strain": which plane. Raises ResultsError."""
+def stiffness(results: Results, step: int) -> tuple[NDArray[np.float64], str]:
+    """Young's modulus (n,), Pa, of each node at `step`, and "stress" or "strain": which plane. Raises ResultsError.
+
+    Nodes that were born later are of the material of the node of the start that is nearest.
+    """
     model = read(results, _Materials)
-    nodes = results.nodes()
+    nodes = results.nodes(0)
     modulus = np.full(len(nodes.ids), model.material.E)
     for region in model.regions:
         modulus[selected(nodes, region.nodes, region.box)] = region.material.E
+    if results.epoch(step):
+        from scipy.spatial import cKDTree  # here, as few results need it
+
+        modulus = modulus[cKDTree(nodes.position).query(results.nodes(step).position)[1]]
     return modulus, model.material.plane
 
 

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.cracked import CRACKED, ROUND_OFF, pre_crack_tips
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import ROUND_OFF, pre_crack_tips
 from pdpost.measures.regions import Grown, grown
 from pdpost.measures.skeleton import SLAB, Chain, Skeleton
 from pdpost.measures.speed import WINDOW, Speeds, speeds, window

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
-from pdpost.measures.cracked import CRACKED, damage_at
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
 from pdpost.measures.plates import check_alike
@@ -68,9 +69,8 @@ def cost(results: Results, file: Path) -> Cost:
     summary = results.summary()
     if not summary:
         raise ResultsError(f"{results.name}: found a run without a summary, expected one that is over")
-    return Cost(
-        float(summary["wall_time"]), float(summary["bonds"]) * float(summary["steps"]), float(file.stat().st_size)
-    )
+    updates = float(results.bond_updates(int(summary["steps"])))
+    return Cost(float(summary["wall_time"]), updates, float(file.stat().st_size))
 
 
 def errors(results: Results, reference: Results) -> Errors:
@@ -119,12 +119,13 @@ def displacement(results: Results, reference: Results) -> float | None:
     The nodes of the coarser run are asked in both, the finer one's displacements being linear between its nodes.
     """
     time = _common_time(results, reference)
-    runs = sorted((results, reference), key=lambda run: len(run.nodes().ids))
-    coarse, fine = (run.nodes() for run in runs)
+    runs = sorted((results, reference), key=lambda run: len(run.nodes(_frame(run, time)).ids))
+    coarse, fine = (run.nodes(_frame(run, time)) for run in runs)
     away = np.ones(len(coarse.ids), dtype=bool)
     for run in runs:
-        nodes = run.nodes()
-        near = (damage_at(run, _step(run, time)) > CRACKED) | (nodes.cut > 0)
+        step = _step(run, time)
+        nodes = run.nodes(step)
+        near = (damage_at(run, step) > CRACKED) | (nodes.cut > 0)
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach
@@ -142,15 +143,30 @@ def displacement(results: Results, reference: Results) -> float | None:
     return float(np.sqrt(np.sum(area * off**2) / size)) if size > 0 else None
 
 
-def _at(results: Results, time: float) -> NDArray[np.float64]:
-    """The displacements (n, 2), m, at a time between two frames."""
+def _frame(results: Results, time: float) -> int:
+    """The step of the first frame at a time or after it, or else of the last."""
     steps, times = results.frames()
-    after = int(np.searchsorted(times, time).clip(1, len(times) - 1)) if len(times) > 1 else 0
+    return int(steps[np.searchsorted(times, time).clip(max=len(times) - 1)])
+
+
+def _at(results: Results, time: float) -> NDArray[np.float64]:
+    """The displacements (n, 2), m, at a time between two frames, of the nodes there are at the second one.
+
+    Where nodes were others at the first, the displacements there are linear between them.
+    """
+    steps, times = results.frames()
+    after = int(np.searchsorted(steps, _frame(results, time)))
     before = max(after - 1, 0)
     gap = float(times[after] - times[before])
     share = (time - float(times[before])) / gap if gap > 0 else 1.0
     share = min(max(share, 0.0), 1.0)
-    old, new = (vector(results, "u", int(steps[at])) for at in (before, after))
+    first, last = int(steps[before]), int(steps[after])
+    new = vector(results, "displacement", last)
+    if share == 1:
+        return new
+    old = vector(results, "displacement", first)
+    if results.epoch(first) != results.epoch(last):
+        old = LinearNDInterpolator(results.nodes(first).position, old)(results.nodes(last).position)
     return np.asarray((1 - share) * old + share * new)
 
 

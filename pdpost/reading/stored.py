@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import FIELDS
 from pdsolve.results import Results, ResultsError
 
 
@@ -13,9 +14,12 @@ def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:
     return _fields(results, (name,), step)[0]
 
 
-def vector(results: Results, letter: str, step: int) -> NDArray[np.float64]:
-    """The components (n, 2) of u, v or a of the frame at `step`, SI. Raises ResultsError, naming those there are."""
-    return np.column_stack(_fields(results, (f"{letter}x", f"{letter}y"), step))
+def vector(results: Results, name: str, step: int) -> NDArray[np.float64]:
+    """The components (n, 2) of displacement, velocity or acceleration of the frame at `step`, SI.
+
+    Raises ResultsError, naming what there is.
+    """
+    return np.column_stack(_fields(results, FIELDS[name].columns, step))
 
 
 def _fields(results: Results, names: tuple[str, ...], step: int) -> list[NDArray[np.float64]]:

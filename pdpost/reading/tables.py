@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdsolve.results import FIELDS, Results
+from pdmesh.model.fields import UNITS as OF_FIELDS
+from pdsolve.results import Results
 
 SHOWN = {  # what is in it
-    "node_state": "every node at every frame; NULL where a field was not stored",
-    "node": "the nodes, undeformed",
+    "node_state": "every node there is, at every frame; NULL where a field was not stored",
+    "node": "the nodes, undeformed, from the step of their birth on; an id is one node's at a time",
+    "node_death": "the first step without a node, by its row in 'node'; the others live on",
+    "epoch": "the steps at which nodes are born and die, and how many there are then",
     "frame": "when the fields were written",
     "history": "the ledger, per unit thickness",
     "reaction": "what each condition, counted from 0, does to the plate, per unit thickness",
@@ -17,8 +20,8 @@ SHOWN = {  # what is in it
     "crack": "segments of pre-cracks",
     "meta": "what the run says of itself; 'model' is the grid file",
 }
-UNITS = {
-    **FIELDS,
+UNITS: dict[str, str] = {
+    **OF_FIELDS,
     **dict.fromkeys(("x", "y", "z", "x0", "y0", "x1", "y1", "delta", "uz", "displacement_x", "displacement_y"), "m"),
     **dict.fromkeys(("kinetic", "strain", "dissipated", "work"), "J/m"),
     **dict.fromkeys(("momentum_x", "momentum_y"), "N s/m"),
@@ -50,7 +53,8 @@ def tables(results: Results) -> list[Table]:
     found = []
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
-        found.append(Table(name, about, tuple((column, UNITS.get(column, "").removesuffix("1")) for column in columns)))
+        units = tuple((column, UNITS.get(column, "").removesuffix("1")) for column in columns)
+        found += [Table(name, about, units)] * bool(columns)  # older files have fewer
     return found
 
 

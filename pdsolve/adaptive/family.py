@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
-from pdsolve.lattice import calibration, hu_beta, offsets
-from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.laws.micromodulus import micromodulus
+from pdmesh.model.continuum import critical_stretch, micromodulus
+from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdsolve.laws.critical import limits
 
 X, Y, X2, Y2, INVERSE, STIFFNESS = range(6)  # columns of a table of springs
 COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Acceleration
+from pdmesh.model.document import Acceleration
 from pdsolve.adaptive.lattice import BELOW, LEFT, Lattice, lattice_of
 from pdsolve.model import Model, ModelError
 

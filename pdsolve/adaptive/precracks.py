@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptive.lattice import cell_place, coarse_place, fine_place, inside, share
 from pdsolve.operators.blocks.kernel import INNER
 
-SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.visibility
+SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
 
 
 def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:

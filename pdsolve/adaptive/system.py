@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +21,13 @@ from pdsolve.state import State
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def hybrid_of(model: Model, mode: str, precision: str, step: float | None) -> tuple[Hybrid, State, float, float]:
-    """The run, its state, its step and the surely stable one, s. Raises ModelError for what cannot be solved so."""
+def hybrid_of(
+    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float]
+) -> tuple[Hybrid, State, float]:
+    """The run, its state and the surely stable step, s; `step_of` chooses the step.
+
+    Raises ModelError for what cannot be solved so.
+    """
     plate = plate_of(model, mode, precision)
     material = model.settings.material
     assert material is not None
@@ -33,7 +40,7 @@ def hybrid_of(model: Model, mode: str, precision: str, step: float | None) -> tu
     ground.lasting[plate.place] = unbreakable(model)
     most = stiffest(ground, bits)
     bound = float(np.sqrt(2 * material.rho * plate.h**2 / most))
-    ground = ground._replace(dt=step or bound)
+    ground = ground._replace(dt=step_of(model, bound))
     area = areas_of(plate)
     driven = drive(model, area, True, np.float64)
     zone = _zone(plate, ground)._replace(
@@ -44,7 +51,7 @@ def hybrid_of(model: Model, mode: str, precision: str, step: float | None) -> tu
     hybrid.start(initial_velocity(model))
     state = State(np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros(nodes), np.zeros(nodes))
     hybrid.energies(state)
-    return hybrid, state, ground.dt, bound
+    return hybrid, state, bound
 
 
 def areas_of(plate: Plate) -> NDArray[np.float64]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from types import ModuleType
 
+from pdmesh.model.continuum import BONDS_NU
 from pdsolve.laws import bilinear, brittle, ordinary
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear, "ordinary": ordinary}
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
-NU_OF_PAIRS = {"stress": 1 / 3, "strain": 1 / 4}  # of bonds that are springs, by `plane`
 
 
 def law_of(model: Model) -> ModuleType:
@@ -25,7 +25,7 @@ def law_of(model: Model) -> ModuleType:
             expected = ", ".join(LAWS)
             raise ModelError(f"{model.place_of(number)}.law: found '{material.law}', expected one of {expected}")
         law = laws[material.law] = LAWS[material.law]
-        fixed = NU_OF_PAIRS[material.plane]
+        fixed = BONDS_NU[material.plane]
         if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
                 f"{model.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",

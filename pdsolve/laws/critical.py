@@ -1,8 +1,4 @@
-"""When the bonds of a material soften and break, so that a crack costs its fracture energy.
-
-The brittle law's critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput.
-Struct. 83 (2005) 1526-1535.
-"""
+"""When the bonds of a material soften and break, so that a crack costs its fracture energy."""
 
 from __future__ import annotations
 
@@ -11,14 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
-
-SQUARED = {
-    ("stress", "constant"): 4 * np.pi / 9,
-    ("stress", "conical"): 5 * np.pi / 9,
-    ("strain", "constant"): 5 * np.pi / 12,
-    ("strain", "conical"): 25 * np.pi / 48,
-}
+from pdmesh.model.document import Material
 
 
 class Limits(NamedTuple):
@@ -26,12 +15,6 @@ class Limits(NamedTuple):
 
     peak: NDArray[np.float64]  # begins to soften
     limit: NDArray[np.float64]  # is gone
-
-
-def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """s_c at which a brittle bond of a family of this horizon (m) breaks, so that a crack costs G0."""
-    factor = SQUARED[material.plane, material.micromodulus]
-    return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
 
 
 def limits(material: Material, critical: NDArray[np.float64]) -> Limits:

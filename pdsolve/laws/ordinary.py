@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.bonds import Bonds
 from pdsolve.laws.law import INNER
 from pdsolve.model import Model, ModelError

@@ -8,20 +8,22 @@ checkpoint in full precision as well, from which a run goes on.
 
 from pdsolve.results.behind import Behind, behind
 from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
+from pdsolve.results.lives import Lives
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
-from pdsolve.results.schema import FIELDS, Breaks, Families, Frame, Nodes
+from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, remove
 
 __all__ = [
-    "FIELDS",
     "Behind",
     "Breaks",
     "BusyError",
     "DamagedError",
     "EmptyError",
+    "Epoch",
     "Families",
     "Frame",
+    "Lives",
     "Nodes",
     "Results",
     "ResultsError",

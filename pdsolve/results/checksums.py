@@ -26,7 +26,8 @@ KEYS = {  # how many columns are before the CRC, in tables with large values, wh
     "checkpoint": 3,
 }
 RECORDS = {  # tables of many rows, which are arrays in memory
-    "node": np.dtype("<i8, <i8, <f8, <f8, <f8, <f8, <f8, <i8, <i8"),
+    "node": np.dtype("<i8, <i8, <f8, <f8, <f8, <f8, <f8, <i8, <i8, <i8"),
+    "node_death": np.dtype("<i8, <i8"),
     "bond_break": np.dtype("<i8, <i8, <i8"),
 }
 AT_ONCE = 4096  # rows in memory
@@ -46,11 +47,17 @@ class Checksum(NamedTuple):
         count, crc, left, end = self.rows, self.crc, iter(rows), KEYS.get(table)
         while some := list(islice(left, AT_ONCE)):
             if table in RECORDS:
-                packed = np.array(some, dtype=RECORDS[table]).tobytes()
+                packed = np.array(some, dtype=record(table, len(some[0]))).tobytes()
             else:
                 packed = b"".join(_packed(row if end is None else row[: end + 1]) for row in some)
             count, crc = count + len(some), zlib.crc32(packed, crc)
         return Checksum(count, crc)
+
+
+def record(table: str, columns: int) -> np.dtype[np.void]:
+    """The type of a row of a table of many that has so many columns; older files have fewer."""
+    names = RECORDS[table].names or ()
+    return np.dtype([(name, RECORDS[table][name]) for name in names[:columns]])
 
 
 def with_crc(table: str, row: Row) -> Row:

@@ -12,14 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import UNITS
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
-from pdsolve.results.schema import CHUNK, FIELDS, SCHEMA_VERSION, WITHOUT_CHECKSUMS, Breaks, Families, Nodes
+from pdsolve.results.lives import NEVER, Lives
+from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, Breaks, Families, Nodes, taken
 from pdsolve.results.tables import Tables
 
 
 class Results:
-    """Reads one run. Arrays are in the order of the model's nodes; steps name frames.
+    """Reads one run. Arrays are of the nodes that are there at a step, in the order of the model's; steps name frames.
+
+    Nodes may be born and die between steps: those there at the last frame are meant where no step is given.
 
     What is read is compared with its checksums; all methods raise ResultsError where it is not what was written.
     """
@@ -28,7 +32,8 @@ class Results:
         self.connection = connection
         self.name = name
         self._tables = Tables(connection, name)
-        self._nodes: Nodes | None = None
+        self._lives: tuple[tuple[int | None, ...], Lives] | None = None  # with how many rows it was read from
+        self._nodes: tuple[Lives, int, Nodes] | None = None  # of an epoch
 
     @classmethod
     def open(cls, path: Path) -> Results:
@@ -48,9 +53,9 @@ class Results:
     def verify(self) -> None:
         """Read all there is. Raises ResultsError where it is not what was written, or where that cannot be said
         because an older version wrote it."""
-        if not self._tables.checked:
+        if self._tables.version != SCHEMA_VERSION:
             raise ResultsError(
-                f"{self.name}: found schema version {WITHOUT_CHECKSUMS}, which can be read but not gone on with,"
+                f"{self.name}: found schema version {self._tables.version}, which can be read but not gone on with,"
                 f" expected {SCHEMA_VERSION}; solve it anew"
             )
         self._tables.verify()
@@ -85,26 +90,88 @@ class Results:
         summary: dict[str, Any] = json.loads(self.meta().get("summary", "{}"))
         return summary
 
-    def nodes(self) -> Nodes:
-        """The nodes of the model, read once: the arrays are shared and cannot be written to."""
-        if self._nodes is None:
-            table = self._tables.records("node")
-            _, ids, x, y, _, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
-            self._nodes = Nodes(ids, np.column_stack([x, y]), *others)
-            for column in self._nodes:
-                column.flags.writeable = False
-        return self._nodes
+    def epochs(self) -> NDArray[np.int64]:
+        """The steps (k,) from which on nodes are others than before, 0 among them."""
+        if not self._tables.epochs:
+            return np.zeros(1, dtype=np.int64)
+        return np.array([row[0] for row in self._tables.all("epoch")], dtype=np.int64)
 
-    def families(self) -> Families:
-        """Who is bonded to whom at the start."""
-        counts, neighbours, row = [np.zeros(1, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    def bond_updates(self, steps: int) -> int:
+        """Directed bonds times steps, until this many steps were taken."""
+        if not self._tables.epochs:
+            return steps * int((self.nodes().family - self.nodes().cut).sum())
+        first, _, bonds = np.array(self._tables.all("epoch"), dtype=np.int64).T
+        long = np.diff(np.append(first.clip(min=1), steps + 1).clip(max=steps + 1))
+        return int(long @ bonds)
+
+    def epoch(self, step: int | None = None) -> int:
+        """The step from which on the nodes are those of `step`."""
+        epochs = self.epochs()
+        if len(epochs) > 1 and step is None:
+            step = int(self.frames()[0].max(initial=0))
+        at = int(np.searchsorted(epochs, step or 0, side="right")) - 1
+        return int(epochs[max(at, 0)])
+
+    def lives(self) -> Lives:
+        """All nodes that ever were, read once: the arrays are shared and cannot be written to."""
+        with self._tables.snapshot():
+            known = self._tables.count("node"), self._tables.count("node_death")
+            if self._lives is None or self._lives[0] != known:
+                self._lives = known, self._read_lives()
+        return self._lives[1]
+
+    def nodes(self, step: int | None = None) -> Nodes:
+        """The nodes at a step. The arrays are shared and cannot be written to."""
+        lives, epoch = self.lives(), self.epoch(step)
+        if self._nodes is None or self._nodes[0] is not lives or self._nodes[1] != epoch:
+            rows = lives.rows(epoch)
+            whole = len(rows) == len(lives.birth)
+            nodes = lives.nodes if whole else taken(lives.nodes, rows)
+            for column in nodes:
+                column.flags.writeable = False
+            self._nodes = lives, epoch, nodes
+        return self._nodes[2]
+
+    def rows(self, step: int | None = None) -> NDArray[np.int64]:
+        """The rows (n,) of the table `node` that the nodes at a step are."""
+        count = self._tables.count("node")
+        if count is not None and len(self.epochs()) == 1:
+            return np.arange(count)
+        return self.lives().rows(self.epoch(step))
+
+    def families(self, step: int | None = None) -> Families:
+        """Who of the nodes at a step was bonded to whom at its birth; who has the id of a neighbour takes its place."""
+        counts, neighbours, row = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
         for *_, bonds, further in self._tables.all("family_chunk"):
             packed = bonds, further
             count, ahead = (np.frombuffer(zlib.decompress(blob), dtype="<i4").astype(np.int64) for blob in packed)
             neighbours.append(np.repeat(np.arange(row, row + len(count)), count) + ahead)
             counts.append(count)
             row += len(count)
-        return Families(np.cumsum(np.concatenate(counts)), np.concatenate(neighbours))
+        bonds, neighbour = np.concatenate(counts), np.concatenate(neighbours)
+        if len(self.epochs()) > 1:
+            bonds, neighbour = self._bonded(self.epoch(step), bonds, neighbour)
+        return Families(np.concatenate([[0], np.cumsum(bonds)]), neighbour)
+
+    def _bonded(
+        self, step: int, bonds: NDArray[np.int64], neighbour: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The same of the nodes at a step and their places there, from all rows; broken bonds to the dead left out."""
+        lives = self.lives()
+        rows, ids = lives.rows(step), lives.nodes.ids
+        there = np.zeros(len(bonds), dtype=bool)
+        there[rows] = True
+        own, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(there, bonds)]
+        place = lives.now(step)[neighbour]
+        gone = np.flatnonzero(place < 0)
+        whole = gone[~lives.broke(self.breaks(), own[gone], ids[neighbour[gone]])] if len(gone) else gone
+        if len(whole):
+            raise ResultsError(
+                f"{self.name}: found a bond of node {ids[own[whole[0]]]} to one that is gone at step {step}, expected"
+                " nodes whose bonds change to be born anew"
+            )
+        kept = place >= 0
+        return np.bincount(own[kept], minlength=len(bonds))[rows], place[kept]
 
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
@@ -116,14 +183,22 @@ class Results:
         return np.array([row[0] for row in rows], dtype=np.int64), np.array([row[1] for row in rows], dtype=float)
 
     def field(self, name: str, step: int) -> NDArray[np.float32]:
-        """A field (n,) of the frame at `step`. Raises ResultsError, naming those there are, if it is not there."""
-        rows = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
-        if not rows:
+        """A field (n,) of the nodes at `step`. Raises ResultsError, naming those there are, if it is not there."""
+        found = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
+        if not found:
             self._expect_field(name, step)
-        count = self._tables.count("node")
-        if count is not None and len(rows) != -(-count // CHUNK):
+        values = np.frombuffer(b"".join(row[-1] for row in found), dtype="<f4")
+        count, there = self._tables.count("node"), [row[2] for row in found]
+        if count is not None and len(self.epochs()) == 1:
+            if there != list(range(-(-count // CHUNK))):
+                self._tables.damaged("field_chunk")
+            return values
+        chunk, at = np.divmod(self.rows(step), CHUNK)
+        chunks = np.unique(chunk)
+        place = CHUNK * np.searchsorted(chunks, chunk) + at
+        if there != chunks.tolist() or len(values) <= place.max(initial=-1):
             self._tables.damaged("field_chunk")
-        return np.frombuffer(b"".join(row[-1] for row in rows), dtype="<f4")
+        return values[place]
 
     def stored(self, step: int) -> list[str]:
         """The names of the fields that the frame at `step` holds, in the order of the view."""
@@ -132,7 +207,19 @@ class Results:
         else:
             rows = self._tables.rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
             names = [row[0] for row in rows]
-        return [name for name in FIELDS if name in names]
+        return [name for name in UNITS if name in names]
+
+    def _read_lives(self) -> Lives:
+        table = self._tables.records("node")
+        _, ids, x, y, _, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
+        nodes = Nodes(ids, np.column_stack([x, y]), *others[:4])
+        birth, death = np.zeros(len(ids), dtype=np.int64), np.full(len(ids), NEVER)
+        if self._tables.epochs:
+            birth, deaths = others[4], self._tables.records("node_death")
+            death[deaths["f1"]] = deaths["f0"]
+        for column in (*nodes, birth, death):
+            column.flags.writeable = False
+        return Lives(nodes, birth, death)
 
     def _expect_field(self, name: str, step: int) -> None:
         """Raises ResultsError, naming those there are, if a frame does not hold a field."""

@@ -8,34 +8,32 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import UNITS
+
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_CHECKSUMS = 3, 2
+SCHEMA_VERSION, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 4, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
-FIELDS = {  # name: unit, in the order of the view
-    "ux": "m",
-    "uy": "m",
-    "vx": "m/s",
-    "vy": "m/s",
-    "ax": "m/s^2",
-    "ay": "m/s^2",
-    "energy": "J/m^3",
-    "damage": "1",
-}
 
 
 class Nodes(NamedTuple):
-    """What a run knows of its n nodes from the start."""
+    """What a run knows of n nodes from their birth."""
 
     ids: NDArray[np.int64]  # (n,)
     position: NDArray[np.float64]  # (n, 2) reference position, m
     delta: NDArray[np.float64]  # (n,) spacing, m
     area: NDArray[np.float64]  # (n,) m^2
-    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
-    cut: NDArray[np.int64]  # (n,) bonds cut by a pre-crack
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those that were gone at birth included
+    cut: NDArray[np.int64]  # (n,) bonds that were gone at birth: cut by a pre-crack, or broken before
+
+
+def taken(nodes: Nodes, rows: NDArray[np.int64]) -> Nodes:
+    """Some nodes, those of these rows (k,)."""
+    ids, position, delta, area, family, cut = nodes
+    return Nodes(ids[rows], position[rows], delta[rows], area[rows], family[rows], cut[rows])
 
 
 class Families(NamedTuple):
-    """Who is bonded to whom at the start, those of node i at start[i]:start[i + 1]; cut and unseen ones left out."""
+    """Who is bonded to whom at birth, those of node i at start[i]:start[i + 1]; cut and unseen ones left out."""
 
     start: NDArray[np.int64]  # (n + 1,)
     neighbour: NDArray[np.int64]  # (b,) rows of the nodes, not their ids
@@ -47,6 +45,18 @@ class Breaks(NamedTuple):
     step: NDArray[np.int64]  # (b,)
     node: NDArray[np.int64]  # (b,) id of the node whose bond it was
     neighbour: NDArray[np.int64]  # (b,) id
+
+
+class Epoch(NamedTuple):
+    """Nodes that are born and die between two steps. One whose bonds become others dies, and is born under its id."""
+
+    step: int  # the first that is taken without the dead and with the born
+    first: int  # row of the first of those born; how many rows there were before
+    born: Nodes  # (b,)
+    families: Families  # of those born; neighbours are rows of the table `node`
+    died: NDArray[np.int64]  # (d,) rows of the table `node`
+    nodes: int  # living after it
+    bonds: int  # directed, after it
 
 
 class Frame(NamedTuple):
@@ -61,14 +71,21 @@ class Frame(NamedTuple):
     checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
     reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
     wall_time: float = 0.0  # s spent so far
+    epochs: Sequence[Epoch] = ()  # since the last transaction
+    rows: NDArray[np.int64] | None = None  # (n,) of the table `node` that the fields' nodes are; None: 0 to n - 1
 
 
 TABLES = {  # name: columns
     "meta": "key TEXT PRIMARY KEY, crc INTEGER, value",
-    "node": """"row" INTEGER PRIMARY KEY, node INTEGER UNIQUE NOT NULL, x REAL, y REAL, z REAL, delta REAL, area REAL,
-    family INTEGER, cut INTEGER""",
-    "family_chunk": """chunk INTEGER PRIMARY KEY, crc INTEGER, bonds BLOB, ahead BLOB -- deflated int32: the bonds of
-    -- each node, and for each bond how many rows further its neighbour is
+    "node": """"row" INTEGER PRIMARY KEY, node INTEGER NOT NULL, x REAL, y REAL, z REAL, delta REAL, area REAL,
+    family INTEGER, cut INTEGER, birth INTEGER NOT NULL, UNIQUE (node, birth)""",
+    "node_death": """step INTEGER NOT NULL, "row" INTEGER UNIQUE NOT NULL -- a node is there from its birth until the
+    -- step before its death
+    """,
+    "epoch": "step INTEGER PRIMARY KEY, nodes INTEGER, bonds INTEGER -- steps at which nodes change\n",
+    "family_chunk": """first INTEGER PRIMARY KEY, crc INTEGER, bonds BLOB, ahead BLOB -- deflated int32: the bonds of
+    -- each node from this row on, and for each bond how many rows further its neighbour is, or was at that birth: who
+    -- has its id later takes its place
     """,
     "crack": "x0 REAL, y0 REAL, x1 REAL, y1 REAL -- segments of pre-cracks\n",
     "frame": "step INTEGER PRIMARY KEY, time REAL NOT NULL, fields TEXT -- names, with a space between\n",
@@ -89,7 +106,7 @@ TABLES = {  # name: columns
     -- the SQL of all tables
     """,
 }
-STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction")  # tables that grow with the run
+STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction", "node_death", "epoch")  # grow in a run
 
 
 def prefixes() -> list[tuple[int, float | None, float | None]]:
@@ -124,8 +141,9 @@ def _view() -> str:
     WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 
-    columns = [decoded(field) for field in FIELDS]
+    columns = [decoded(column) for column in UNITS]
     for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
         columns.insert(at, name)
     return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
-    n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n"""
+    n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n
+    LEFT JOIN node_death d ON d."row" = n."row" WHERE n.birth <= f.step AND (d.step IS NULL OR d.step > f.step)"""

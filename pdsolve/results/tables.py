@@ -11,9 +11,9 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.results.checksums import KEYS, RECORDS, Checksum, Row, is_whole, select, select_schema
+from pdsolve.results.checksums import KEYS, Checksum, Row, is_whole, record, select, select_schema
 from pdsolve.results.errors import DamagedError, EmptyError, ResultsError, explained
-from pdsolve.results.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES, WITHOUT_CHECKSUMS
+from pdsolve.results.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES, WITHOUT_CHECKSUMS, WITHOUT_EPOCHS
 
 
 class Tables:
@@ -22,27 +22,31 @@ class Tables:
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
         self.connection = connection
         self.name = name
-        ((version,),) = self.rows("PRAGMA user_version")
-        self.checked = version != WITHOUT_CHECKSUMS
+        self._look_at_version()
+
+    def _look_at_version(self) -> None:
+        ((self.version,),) = self.rows("PRAGMA user_version")
+        self.checked = self.version != WITHOUT_CHECKSUMS
+        self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
 
     def expect_ours(self) -> None:
-        """Look whether this is a database of ours, with the tables that it was made with."""
-        ((found,),), ((version,),) = (self.rows(f"PRAGMA {name}") for name in ("application_id", "user_version"))
-        there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
-        if not there:
-            raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
-        if found != APPLICATION_ID:
-            raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-        if version not in (WITHOUT_CHECKSUMS, SCHEMA_VERSION):
-            raise ResultsError(f"{self.name}: found schema version {version}, expected {SCHEMA_VERSION}")
-        if self.checked != ("checksum" in there):
-            self.damaged("schema")
-        self.compare("schema", self.rows(select_schema()))
+        """Look whether this is a database of ours, with the tables that it was made with; it may be made meanwhile."""
+        with self.snapshot():
+            ((found,),) = self.rows("PRAGMA application_id")
+            there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
+            self._look_at_version()
+            if not there:
+                raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
+            if found != APPLICATION_ID:
+                raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
+            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, SCHEMA_VERSION):
+                raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
+            if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
+                self.damaged("schema")
+            self.compare("schema", self.rows(select_schema()))
 
     def verify(self) -> None:
-        """Read all there is and look whether it is what was written; without checksums it cannot be said."""
-        if not self.checked:
-            return
+        """Read all there is, of the present schema, and look whether it is what was written."""
         with self.snapshot():
             ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
             if found != "ok":
@@ -89,8 +93,9 @@ class Tables:
         """All rows of a table of many, its columns named f0, f1 and so on."""
         with self.snapshot():
             ((count,),) = self.rows(f"SELECT count(*) FROM {table}")
+            kind = record(table, len(self.rows(f"PRAGMA table_info({table})")))
             try:
-                found = np.fromiter(self.each(table), RECORDS[table], count)
+                found = np.fromiter(self.each(table), kind, count)
             except ResultsError:
                 raise
             except (TypeError, ValueError, OverflowError):

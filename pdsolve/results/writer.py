@@ -20,7 +20,7 @@ from pdmesh.files import irregular
 from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
 from pdsolve.results.errors import ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.reader import Results
-from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Families, Frame, Nodes, prefixes, statements
+from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Epoch, Families, Frame, Nodes, prefixes, statements
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 READERS = 3.0  # s that a run waits in the end for those who read its database
@@ -67,7 +67,8 @@ class Writer:
                 writer._checksums["schema"] = Checksum().of("schema", connection.execute(select_schema()))
                 writer._insert("INSERT", "checksum", [(name, 0, 0) for name in writer._checksums])
                 writer._append("float32_prefix", prefixes())
-                writer._write_start(nodes, families)
+                writer._write_nodes(0, 0, nodes, families)
+                writer._append("epoch", [(0, len(nodes.ids), int((nodes.family - nodes.cut).sum()))])
                 writer._append("crack", cracks.tolist())
                 writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
         except BaseException:
@@ -85,8 +86,10 @@ class Writer:
             step, _ = results.checkpoint()
         writer = cls(_connected(path), path)
         with writer._transaction() as connection:
-            for table in STEPPED:
-                if connection.execute(f"DELETE FROM {table} WHERE step > ?", (step,)).rowcount:
+            later = {table: f"step > {step}" for table in STEPPED}
+            later |= {"node": f"birth > {step}", "family_chunk": "first >= (SELECT count(*) FROM node)"}
+            for table, where in later.items():
+                if connection.execute(f"DELETE FROM {table} WHERE {where}").rowcount:
                     writer._add_up(table)
             writer._tell({"status": "running"})
         return writer
@@ -99,10 +102,12 @@ class Writer:
     def write(self, frame: Frame) -> None:
         """Write a frame in one transaction. Raises WriteError where the disk does not take it."""
         with self._transaction():
+            for epoch in frame.epochs:
+                self._write_epoch(epoch)
             if frame.fields is not None:
                 self._append("frame", [(frame.step, frame.time, " ".join(frame.fields))])
                 for name, values in frame.fields.items():
-                    self._write_field(frame.step, name, values)
+                    self._write_field(frame.step, name, values, frame.rows)
             self._append("bond_break", records("bond_break", frame.breaks))
             self._append("history", frame.ledger)
             self._append("probe", frame.probes)
@@ -208,21 +213,40 @@ class Writer:
         self._insert("INSERT OR REPLACE", "meta", rows)
         self._add_up("meta")
 
-    def _write_start(self, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
-        """The nodes and their families, some at a time."""
+    def _write_nodes(self, first: int, birth: int, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
+        """Nodes that are rows from `first` on and their families, some at a time."""
         count = len(nodes.ids)
-        columns = (np.arange(count), nodes.ids, *nodes.position.T, np.zeros(count), *nodes[2:])
-        for chunk, at in enumerate(range(0, count, CHUNK)):
+        row = np.arange(first, first + count)
+        columns = (row, nodes.ids, *nodes.position.T, np.zeros(count), *nodes[2:], np.full(count, birth))
+        for at in range(0, count, CHUNK):
             self._append("node", records("node", [column[at : at + CHUNK] for column in columns]))
             start, neighbour = families(at, min(at + CHUNK, count))
-            ahead = neighbour - np.repeat(np.arange(at, at + len(start) - 1), np.diff(start))
+            ahead = neighbour - np.repeat(row[at : at + CHUNK], np.diff(start))
             blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
-            self._append("family_chunk", [(chunk, *blobs)])
+            self._append("family_chunk", [(first + at, *blobs)])
 
-    def _write_field(self, step: int, name: str, values: NDArray[np.floating]) -> None:
-        data = values.astype("<f4").data
-        chunks = enumerate(range(0, len(data), CHUNK))
-        self._append("field_chunk", [(step, name, chunk, data[at : at + CHUNK]) for chunk, at in chunks])
+    def _write_epoch(self, epoch: Epoch) -> None:
+        start, neighbour = epoch.families
+
+        def families(first: int, last: int) -> Families:
+            return Families(start[first : last + 1] - start[first], neighbour[start[first] : start[last]])
+
+        self._write_nodes(epoch.first, epoch.step, epoch.born, families)
+        self._append("node_death", records("node_death", [np.full_like(epoch.died, epoch.step), epoch.died]))
+        self._append("epoch", [(epoch.step, epoch.nodes, epoch.bonds)])
+
+    def _write_field(
+        self, step: int, name: str, values: NDArray[np.floating], rows: NDArray[np.int64] | None = None
+    ) -> None:
+        """The values (n,) of the nodes that are `rows`, NaN beside them in a chunk; chunks of none are left out."""
+        data, chunks = values.astype("<f4"), np.arange(-(-len(values) // CHUNK))
+        if rows is not None:
+            data = np.full(self._checksums["node"].rows, np.nan, dtype="<f4")
+            data[rows] = values
+            chunks = np.unique(rows // CHUNK)
+        bits = data.data
+        parts = ((chunk, bits[CHUNK * chunk : CHUNK * (chunk + 1)]) for chunk in chunks.tolist())
+        self._append("field_chunk", [(step, name, chunk, part) for chunk, part in parts])
 
     def _write_checkpoint(self, step: int, state: Mapping[str, NDArray[np.floating]]) -> None:
         self.connection.execute("DELETE FROM checkpoint")

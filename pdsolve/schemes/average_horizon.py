@@ -8,7 +8,8 @@ is reflected less where spacings differ.
 - With a constant micromodulus a neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both
   ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
   0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
-- The lattice is calibrated: its mean stiffness and fracture energy are those of the material (`pdsolve.lattice`).
+- The lattice is calibrated: its mean stiffness and fracture energy are those of the material
+  (`pdmesh.model.full_lattice`).
 - Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method: a bond is multiplied so that, in
   uniform stretching along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V.
   Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). Bonds that a pre-crack cuts hold none,
@@ -24,14 +25,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid import Material
-from pdmesh.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
-from pdmesh.visibility import Sight
+from pdmesh.model.continuum import C11, STIFFNESS, critical_stretch, micromodulus
+from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
+from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
-from pdsolve.lattice import Calibration, calibration, hu_beta, lattice_ratios
-from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.laws.micromodulus import STIFFNESS, micromodulus
+from pdsolve.laws.critical import limits
 from pdsolve.model import Model
 
 SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bond, but for round-off
@@ -126,7 +127,7 @@ def _mean_of_ends(
 
 
 def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
-    return corrections.partial_cells and material.micromodulus == "constant"
+    return corrections.partial_cells and has_partial_cells(material)
 
 
 def _calibration(model: Model, material: Material, corrections: Corrections) -> Calibration:
@@ -168,6 +169,5 @@ def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections
     full = []
     for material in model.materials:
         found = lattice_ratios(ratio, material.micromodulus, material.plane, _has_partial_cells(material, corrections))
-        c11 = (1.125 if material.plane == "stress" else 1.2) * material.E
-        full.append(c11 * found.c11 * _calibration(model, material, corrections).stiffness)
+        full.append(C11[material.plane] * material.E * found.c11 * _calibration(model, material, corrections).stiffness)
     return np.array(full)[model.material_of[rows]]

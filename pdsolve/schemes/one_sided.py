@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.neighbours import Neighbours, chosen
-from pdmesh.visibility import Sight
+from pdmesh.model.continuum import critical_stretch, micromodulus
+from pdmesh.model.full_lattice import full_family, hu_beta
+from pdmesh.model.neighbours import Neighbours, chosen
+from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
-from pdsolve.lattice import full_family, hu_beta
-from pdsolve.laws.critical import critical_stretch, limits
-from pdsolve.laws.micromodulus import micromodulus
+from pdsolve.laws.critical import limits
 from pdsolve.model import Model
 
 

@@ -18,6 +18,7 @@ HOUSE = tuple(PROJECT["scripts"])
 
 READS = {"msgspec", "numpy"}
 DRAWS = READS | {"PIL", "matplotlib"}  # PIL comes with matplotlib
+SOLVES = READS | {"numba", "scipy"}  # numba looks for scipy
 CLIPS = DRAWS | {"scipy", "shapely"}  # a plate is clipped to its outline by shapely
 
 
@@ -29,9 +30,35 @@ class Row(NamedTuple):
 
 
 MAY = {  # what a program may import of the others
-    "pdpost": ("pdmesh.commandline", "pdmesh.files", "pdsolve.results"),
+    "pdmesh": (),
+    "pdsolve": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model"),
+    "pdpost": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model", "pdsolve.results"),
 }
+BARE = """import numpy as np  # a bare list of nodes, solved
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Material, Run, Settings
+from pdsolve import Model, simulate
+x, y = (side.ravel() * 1e-3 for side in np.meshgrid(range(8), range(8)))
+nodes = np.column_stack([x, y]), np.full(64, 1e-3), np.zeros(64, dtype=bool), np.full(64, -1)
+settings = Settings(material=Material(E=65e9, rho=2235, G0=204), run=Run(steps=2, every=1))
+simulate(Model(Grid(np.arange(64), *nodes, np.zeros((0, 4))), settings)).close()
+"""
 ROWS = {
+    "pdmesh": (
+        Row("import pdmesh", set()),
+        Row("from pdmesh import Material", {"msgspec"}),
+        Row("from pdmesh import Scene", READS | {"shapely"}),
+        Row("from pdmesh import Scene, box, build, read_scene", READS | {"shapely"}),
+        Row("pdmesh --help", set()),
+        Row("pdmesh schema", {"msgspec"}),
+    ),
+    "pdsolve": (
+        Row("import pdsolve", set()),
+        Row("from pdsolve import Model, read_model", READS),
+        Row("from pdsolve import read_model, simulate", SOLVES),
+        Row(BARE, SOLVES),
+        Row("pdsolve --help", set()),
+    ),
     "pdpost": (
         Row("import pdpost", set()),
         Row("import pdpost.figures", set()),
@@ -104,7 +131,8 @@ def last_line(code: str, *words: str) -> list:
 
 
 @pytest.mark.parametrize(
-    ("program", "row"), [pytest.param(name, row, id=row.does) for name, rows in ROWS.items() for row in rows]
+    ("program", "row"),
+    [pytest.param(name, row, id=row.does.splitlines()[0]) for name, rows in ROWS.items() for row in rows],
 )
 def test_what_is_imported(small_results: Path, here: Path, program: str, row: Row) -> None:
     words = row.does.split() if row.does.startswith(HOUSE) else [row.does]

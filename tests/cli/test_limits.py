@@ -55,16 +55,3 @@ def test_what_is_over_a_limit(here: Path, limits: ModuleType, capsys: pytest.Cap
     assert limits.main(["some"]) == 1
     (said,) = capsys.readouterr().out.splitlines()
     assert said.startswith(f"some/{message}")
-
-
-def test_a_file_that_is_spared_without_need_is_named(
-    here: Path, limits: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(limits, "REWRITTEN", {"some": ("a.py", "gone.py")})
-    (here / "some").mkdir()
-    (here / "some" / "a.py").write_text("x = 1\n" * 351)
-    (gone,) = limits.found("some")
-    (here / "some" / "a.py").write_text("x = 1\n")
-    short, _ = limits.found("some")
-    assert gone.startswith("some/gone.py: found no file above a limit, expected one")
-    assert short.startswith("some/a.py: found no file above a limit, expected one")

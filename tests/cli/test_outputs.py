@@ -26,7 +26,7 @@ MAIN: dict[str, Callable[[list[str]], int]] = {
     "pdpost": pdpost.__main__.main,
 }
 SCENE = """
-from pdmesh.scene import Material, Scene, box
+from pdmesh import Material, Scene, box
 scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, Material(E=65e9, rho=2235, G0=204)).fix("bottom")
 """
 COMMANDS = {  # what is written to: who writes

@@ -11,7 +11,7 @@ import pytest
 from plates import GEOMETRIES
 
 from pdmesh.__main__ import main, parser
-from pdmesh.grid import read_file
+from pdmesh.model.document import read_file
 
 DURAN = str(GEOMETRIES / "duran50.geo")
 SCRIPT = str(GEOMETRIES / "duran50_one_scale.py")

@@ -19,7 +19,8 @@ import pdmesh.__main__
 import pdpost.__main__
 import pdsolve.__main__
 from pdmesh import VERSION
-from pdmesh.grid import document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdsolve.model import Model
 from pdsolve.results import Results
 

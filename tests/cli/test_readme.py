@@ -59,10 +59,13 @@ def test_the_python_it_shows_runs(
     monkeypatch.chdir(tmp_path)
     Path("duran50.sqlite").symlink_to(solved("conservative"))
     blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert any("from pdpost import" in block for block in blocks)
+    for program in ("pdmesh", "pdsolve", "pdpost"):
+        assert any(f"from {program} import" in block for block in blocks)
     for block in blocks:
         exec(compile(block, "README.md", "exec"), {})
     assert Path("damage.png").stat().st_size > 10_000
-    speed, unit = capsys.readouterr().out.split()
+    broken, speed = capsys.readouterr().out.splitlines()
+    assert int(broken.removesuffix(" bonds broken")) > 100  # measured 1414
+    speed, unit = speed.split()
     assert float(speed) == pytest.approx(1314, rel=0.1)  # measured 1314 m/s
     assert unit == "m/s"

@@ -34,8 +34,7 @@ def along(made: Cloud, way: NDArray[np.float64], step: float, of: Callable[[], A
 
 def tangent(made: Cloud) -> NDArray[np.float64]:
     """The whole of it."""
-    with np.errstate(divide="ignore"):  # bonds that have not softened: their share of nothing is not used
-        return np.asarray(made.operator.tangent(made.state).toarray())
+    return np.asarray(made.operator.tangent(made.state).toarray())
 
 
 def torn(case: Case) -> Cloud:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 
-from pdmesh.grid import InitialVelocity
+from pdmesh.model.document import InitialVelocity
 from pdsolve.measures import books, damage, pieces
 from pdsolve.operators.operator import Kept, Operator
 from pdsolve.state import Broken, State, Unknown

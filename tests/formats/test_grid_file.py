@@ -15,8 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plates import GLASS, square_grid, two_scale_grid
 
-from pdmesh import files
-from pdmesh.grid import (
+from pdmesh import Circle, Material, Scene, box, files, ramp
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.cloud import document_of, grid_of
+from pdmesh.model.document import (
     Acceleration,
     Displacement,
     Document,
@@ -28,17 +30,13 @@ from pdmesh.grid import (
     Run,
     Settings,
     Velocity,
-    document_of,
     encode,
-    grid_of,
     read_document,
     read_file,
     schema,
     write_file,
 )
-from pdmesh.lattice import build_grid
-from pdmesh.report import info
-from pdmesh.scene import Circle, Material, Scene, box, ramp
+from pdmesh.say.report import info
 
 BARE: dict[str, Any] = {
     "notch": [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]],
@@ -210,7 +208,8 @@ BAD = {
     "another plane": (node(position=[0, 0, 1]), r"\$.nodes\[1\].position: found .* expected the same z for all nodes"),
     "areas missing": (changed(areas=[1.0]), rf"\$.areas: found 1, expected {len(PLAIN['nodes'])}"),
     "area of nothing": (changed(areas=[0.0] * len(PLAIN["nodes"])), r"> 0.0 - at `\$.areas\[0\]`"),
-    "unknown law": (changed(material=PLAIN["material"] | {"law": "elastic"}), "Invalid enum value 'elastic'"),
+    "unknown plane": (changed(material=PLAIN["material"] | {"plane": "elastic"}), "Invalid enum value 'elastic'"),
+    "law that is no word": (changed(material=PLAIN["material"] | {"law": 3}), r"got `int` - at `\$.material.law`"),
     "negative E": (changed(material=PLAIN["material"] | {"E": -1}), r"Expected `float` > 0.0 - at `\$.material.E`"),
     "unknown condition": (changed(conditions=[{"kind": "heat"}]), r"'heat' - at `\$.conditions\[0\].kind`"),
     "horizon of nothing": (changed(horizon={"ratio": 0}), r"at `\$.horizon.ratio`"),

@@ -17,7 +17,8 @@ from plates import square_grid
 from systems import bonds_of
 from whole import contents
 
-from pdmesh.grid import document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError, WriteError, Writer
 from pdsolve.results.schema import CHUNK

@@ -11,7 +11,7 @@ import pytest
 from mirrors import mirrored
 from plates import GEOMETRIES
 
-from pdmesh.sources import build
+from pdmesh.drawing.sources import build
 from pdpost.measures.crack_summary import Summary, crack, sentences
 from pdpost.measures.paths import LONG
 from pdsolve.model import Model

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, ROOT
 
-from pdmesh.grid import Displacement, Load, Velocity
-from pdmesh.sources import Built, build
+from pdmesh.drawing.sources import Built, build
+from pdmesh.model.document import Displacement, Load, Velocity
 
 # nodes in all, by spacing (mm), and on each condition
 SHIPPED = {
@@ -53,7 +53,7 @@ def test_nothing_is_to_be_warned_of(name: str, built: dict[str, Built]) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_cells_tile_the_plate(name: str, built: dict[str, Built]) -> None:
-    from pdmesh.visibility import plate_of
+    from pdmesh.model.visibility import plate_of
 
     grid = built[name].grid
     plate = plate_of(grid)

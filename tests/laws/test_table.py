@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Material, Region
+from pdmesh.model.document import Material, Region
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
 from pdsolve.system import Options, prepare

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from pdmesh.sandbox import walls
+from pdmesh.drawing.sandbox import walls
 
 
 def forked() -> None:

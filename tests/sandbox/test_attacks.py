@@ -11,7 +11,7 @@ from hostile import ATTACKS, BREAKING, PLATE, Attack
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
 from pdmesh.__main__ import main
-from pdmesh.sandbox import child
+from pdmesh.drawing.sandbox import child
 
 
 def lay(attack: Attack, folder: Path) -> None:

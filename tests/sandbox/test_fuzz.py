@@ -20,8 +20,8 @@ pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 if not hasattr(os, "fork"):
     pytest.skip("this system has no fork", allow_module_level=True)
 
-from pdmesh.sandbox.scan import Drawing, admitted, names
-from pdmesh.sandbox.tokens import Refused, decoded, tokens_of, written
+from pdmesh.drawing.sandbox.scan import Drawing, admitted, names
+from pdmesh.drawing.sandbox.tokens import Refused, decoded, tokens_of, written
 
 WHOLE = ("duran50", "figure_18")  # one for each kernel of Gmsh
 DRAWINGS = sorted(GEOMETRIES.glob("*.geo"))

@@ -15,9 +15,9 @@ from plates import GEOMETRIES
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
-from pdmesh.geo import read_geo
-from pdmesh.sandbox.copies import drawing_copies
-from pdmesh.shapes import SceneError
+from pdmesh import SceneError
+from pdmesh.drawing.geo import read_geo
+from pdmesh.drawing.sandbox.copies import drawing_copies
 
 ORDINARY = sorted((Path(__file__).parent / "ordinary").glob("*.geo"))
 TUTORIALS = Path(sysconfig.get_path("data")) / "share/doc/gmsh/tutorials"  # of Gmsh's wheel

@@ -15,9 +15,9 @@ from hostile import ATTACKS, PLATE
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
-from pdmesh.sandbox.child import read_copies
-from pdmesh.sandbox.copies import Copy
-from pdmesh.shapes import SceneError
+from pdmesh import SceneError
+from pdmesh.drawing.sandbox.child import read_copies
+from pdmesh.drawing.sandbox.copies import Copy
 
 WRITING = {"write", "create", "append", "remove", "rename", "make a folder", "make a link", "make a pipe"}
 STOPS = {  # deeds, by the wall that stops them

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from failures import Said, cases, page, theme_of
 
-from pdmesh.grid import document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdsolve.__main__ import main
 from pdsolve.model import Model
 

@@ -11,7 +11,7 @@ import numpy as np
 from failures import Said
 from plates import plate, square_grid
 
-from pdmesh.grid import Run, Velocity
+from pdmesh.model.document import Run, Velocity
 from pdsolve.measures import books
 from pdsolve.model import Model
 from pdsolve.system import Options, prepare

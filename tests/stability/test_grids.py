@@ -13,12 +13,13 @@ from linear import matrix, sources
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Load, Material, Run
-from pdmesh.lattice import build_grid
-from pdmesh.scene import Scene, box
-from pdsolve.lattice import hu_beta, offsets
+from pdmesh import Scene, box
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.document import Load, Material, Run
+from pdmesh.model.full_lattice import hu_beta, offsets
+from pdsolve.estimate import plan
 from pdsolve.model import ModelError
-from pdsolve.simulation import plan, simulate
+from pdsolve.simulation import simulate
 from pdsolve.system import Options, Prepared, prepare
 
 ONE = Options(threads=1)

@@ -11,7 +11,7 @@ from linear import stiffness
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdsolve.lattice import calibration, full_family, lattice_ratios
+from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
 from pdsolve.system import Options, prepare
 
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import STEEL, struck_plate
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.notes import breaks
 from pdsolve.system import Options, prepare
 

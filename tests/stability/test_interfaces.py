@@ -20,10 +20,11 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
 from systems import at_step, bonds_of, broken
 
-from pdmesh.grid import Grid, Load, Material, Run
-from pdsolve.laws.critical import critical_stretch
+from pdmesh.model.cloud import Grid
+from pdmesh.model.continuum import critical_stretch
+from pdmesh.model.document import Load, Material, Run
+from pdsolve.estimate import plan
 from pdsolve.measures import damage
-from pdsolve.simulation import plan
 from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

@@ -12,7 +12,7 @@ from periodic import joined
 from plates import plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Load, Run
+from pdmesh.model.document import Load, Run
 from pdsolve.system import Options, prepare
 
 TRACTION, WIDTH, RATIO = 1e6, 12e-3, 4

@@ -15,10 +15,10 @@ from plates import GLASS, plate, square_grid
 from scipy.sparse.linalg import spsolve
 from systems import at_step
 
-from pdmesh.grid import Region, Run
+from pdmesh.model.document import Region, Run
+from pdsolve.estimate import plan
 from pdsolve.measures import books
 from pdsolve.model import Model
-from pdsolve.simulation import plan
 from pdsolve.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

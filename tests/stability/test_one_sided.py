@@ -10,7 +10,7 @@ import pytest
 from linear import matrix
 from plates import GLASS, plate, two_scale_grid
 
-from pdmesh.grid import InitialVelocity, Run
+from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.measures import books
 from pdsolve.simulation import UnstableError, simulate
 from pdsolve.system import Options, Prepared, prepare

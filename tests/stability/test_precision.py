@@ -10,7 +10,7 @@ import pytest
 from failures import saying
 from plates import plate, square_grid
 
-from pdmesh.grid import InitialVelocity, Load, Run
+from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.measures import books, damage
 from pdsolve.model import Model
 from pdsolve.simulation import simulate
@@ -84,7 +84,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
         assert np.array_equal(lost, lost[::-1])
         cut[end] = int(lost.sum())
     assert len(set(cut.values())) == 1
-    monkeypatch.setattr("pdmesh.visibility.SLACK", 0.0)
+    monkeypatch.setattr("pdmesh.model.visibility.SLACK", 0.0)
     exact = prepare(duran(), Options(threads=1))
     lost = (exact.system.family - exact.system.count).reshape(ROWS, COLUMNS)
     nodes = int((lost != lost[::-1]).sum())

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from systems import broken
 
-from pdmesh.grid import Load, Run
-from pdmesh.lattice import build_grid
-from pdmesh.scene import Circle, Scene, box
-from pdmesh.shapes import SceneError
+from pdmesh import Circle, Scene, SceneError, box
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.document import Load, Run
+from pdsolve.estimate import plan
 from pdsolve.model import Model
-from pdsolve.simulation import plan
 from pdsolve.state import Broken
 from pdsolve.system import Options, prepare
 

@@ -16,8 +16,10 @@ import pytest
 from numpy.typing import NDArray
 from plates import plate, struck_plate
 
-from pdmesh.grid import Grid, Load, Material, Run
-from pdpost.cracks import cracked_since, directions
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Load, Material, Run
+from pdpost.measures.cracked import cracked_since
+from pdpost.measures.cracks import directions
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import run

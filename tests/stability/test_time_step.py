@@ -15,7 +15,7 @@ from failures import saying
 from linear import true_limit
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import InitialVelocity, Material, Run
+from pdmesh.model.document import InitialVelocity, Material, Run
 from pdsolve.model import Model
 from pdsolve.simulation import UnstableError, simulate
 from pdsolve.system import Options, prepare

@@ -9,7 +9,7 @@ import pytest
 from plates import plate, two_scale_grid
 from systems import broken
 
-from pdmesh.grid import Run
+from pdmesh.model.document import Run
 from pdsolve.model import read_model
 from pdsolve.simulation import Options, prepare, simulate
 

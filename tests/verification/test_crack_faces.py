@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plates import GEOMETRIES, GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Grid
+from pdmesh.model.cloud import Grid
 from pdsolve.bonds import Filling, Part
 from pdsolve.model import Model
 from pdsolve.notes import breaks
@@ -200,8 +200,8 @@ def test_the_errors_around_a_tip_fall_with_the_spacing() -> None:
 def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) -> None:
     """Bonds along the notches broke before any at their tips did, at 11 us (an independent computation: 10.9 us)."""
     pytest.importorskip("gmsh", exc_type=OSError)
-    from pdmesh.geo import read_geo
-    from pdmesh.lattice import build_grid
+    from pdmesh.drawing.geo import read_geo
+    from pdmesh.grid.lattice import build_grid
 
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
     problem = with_faces(Model(grid, settings), faces)

@@ -12,7 +12,7 @@ from linear import equilibrium
 from plates import GLASS, plate, square_grid, two_scale_grid
 from systems import at_step, broken
 
-from pdmesh.grid import (
+from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
     Displacement,

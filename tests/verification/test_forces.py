@@ -8,7 +8,7 @@ import pytest
 from plates import GLASS, plate, two_scale_grid
 from systems import broken, forces, worst
 
-from pdmesh.grid import Run
+from pdmesh.model.document import Run
 from pdsolve.system import Options, Prepared, prepare
 
 LAWS = {"brittle": {"law": "brittle"}, "bilinear": {"law": "bilinear", "kr": 3.0}}

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Displacement, Grid, Load, Material, Run, Velocity
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Displacement, Load, Material, Run, Velocity
 from pdsolve.adaptive.hybrid import Hybrid
 from pdsolve.adaptive.lattice import COARSE, FINE
 from pdsolve.measures import books

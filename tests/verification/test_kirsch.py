@@ -11,7 +11,7 @@ from linear import equilibrium
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Material
+from pdmesh.model.document import Material
 from pdsolve.system import Options, prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, micromodulus="constant")

@@ -9,7 +9,7 @@ from linear import stiffness
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdsolve.lattice import calibration, full_family, lattice_ratios
+from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
 from pdsolve.system import Options, prepare
 
 # m, micromodulus: per cent of C11 and C66 too much, whole cells up to the horizon | Hu's beta, half a spacing beyond

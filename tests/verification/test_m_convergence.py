@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Load, Run
+from pdmesh.model.document import Load, Run
 from pdpost.measures.cracks import growth
 from pdsolve.model import Model
 from pdsolve.simulation import Options, simulate

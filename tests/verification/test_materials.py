@@ -10,11 +10,12 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Material, Region
+from pdmesh.model.continuum import critical_stretch
+from pdmesh.model.document import Material, Region
+from pdmesh.model.full_lattice import calibration
 from pdsolve.bonds import Bonds
-from pdsolve.lattice import calibration
 from pdsolve.laws import brittle, law_of
-from pdsolve.laws.critical import critical_stretch, limits
+from pdsolve.laws.critical import limits
 from pdsolve.measures import books
 from pdsolve.model import Model
 from pdsolve.schemes import average_horizon

@@ -10,7 +10,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import bonds_of, broken, forces, worst
 
-from pdmesh.grid import Displacement, Material, Run
+from pdmesh.model.document import Displacement, Material, Run
 from pdsolve.measures import books
 from pdsolve.system import Options, Prepared, prepare
 

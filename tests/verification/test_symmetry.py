@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
 from systems import broken
 
-from pdmesh.grid import Grid, Load, Material, Run
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Load, Material, Run
 from pdsolve.measures import damage
 from pdsolve.model import Model
 from pdsolve.notes import breaks

@@ -10,8 +10,8 @@ import pytest
 from linear import equilibrium
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Load
-from pdsolve.lattice import calibration, lattice_ratios
+from pdmesh.model.document import Load
+from pdmesh.model.full_lattice import calibration, lattice_ratios
 from pdsolve.system import Options, prepare
 
 STRESS = 1.0

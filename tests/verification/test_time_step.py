@@ -13,8 +13,8 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.sparse.linalg import eigs
 from systems import at_step
 
-from pdmesh.families import SURFACES, stable_step
-from pdsolve.lattice import calibration
+from pdmesh.model.full_lattice import calibration
+from pdmesh.say.families import SURFACES, stable_step
 from pdsolve.system import Options, Prepared, prepare
 
 ONE = Options(threads=1)

@@ -10,9 +10,9 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import at_step
 
-from pdmesh.grid import Material
-from pdsolve.lattice import calibration, hu_beta, offsets
-from pdsolve.laws.micromodulus import micromodulus
+from pdmesh.model.continuum import micromodulus
+from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import calibration, hu_beta, offsets
 from pdsolve.system import Options, Prepared, prepare
 
 UNIT = Material(E=1.0, rho=1.0, G0=1.0)

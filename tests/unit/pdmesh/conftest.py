@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from plates import GLASS
 
-from pdmesh.scene import Scene, box
+from pdmesh import Scene, box
 
 
 @pytest.fixture

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Acceleration, Grid, Region, Run, document_of, write_file
-from pdmesh.parameters import Parameters, run
-from pdmesh.scene import Scene, SceneError, box
-from pdmesh.units import UNITS
+from pdmesh import Scene, SceneError, box
+from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.drawing.units import UNITS
+from pdmesh.model.cloud import Grid, document_of
+from pdmesh.model.document import Acceleration, Region, Run, write_file
 from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
 from pdsolve.adaptive.plate import plate_of
 from pdsolve.model import Model, ModelError

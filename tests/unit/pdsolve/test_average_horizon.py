@@ -10,8 +10,8 @@ import pytest
 from linear import sources
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import Grid
-from pdsolve.lattice import hu_beta, offsets
+from pdmesh.model.cloud import Grid
+from pdmesh.model.full_lattice import hu_beta, offsets
 from pdsolve.schemes import average_horizon
 from pdsolve.schemes.average_horizon import ALL
 

@@ -12,7 +12,8 @@ import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 from systems import bonds_of, broken, kept, worst
 
-from pdmesh.grid import Acceleration, Displacement, Grid, Load, Run, Velocity
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Acceleration, Displacement, Load, Run, Velocity
 from pdsolve.measures import books
 from pdsolve.model import Model, ModelError
 from pdsolve.notes import breaks, restore

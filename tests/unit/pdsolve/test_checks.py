@@ -11,7 +11,8 @@ import pytest
 from failures import saying
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.grid import Grid, Region, Run
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Region, Run
 from pdsolve.checks import Watch, advise, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.simulation import simulate

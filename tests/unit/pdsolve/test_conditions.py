@@ -9,7 +9,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.grid import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
+from pdmesh.model.document import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.conditions import apply_loads, put_loads, unbreakable
 from pdsolve.measures import books
 from pdsolve.system import Options, Prepared, prepare

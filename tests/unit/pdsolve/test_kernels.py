@@ -9,7 +9,7 @@ import pytest
 from plates import plate, square_grid, two_scale_grid
 from systems import bonds_of, forces
 
-from pdmesh.grid import Run
+from pdmesh.model.document import Run
 from pdsolve.bonds import Bonds, stiffest
 from pdsolve.conditions import drive
 from pdsolve.laws import brittle

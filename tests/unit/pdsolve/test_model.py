@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.grid import GridError, Horizon, Load, Run, Settings, document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import GridError, Horizon, Load, Run, Settings, write_file
 from pdsolve.conditions import drive
 from pdsolve.model import ModelError, model_of, read_model
 

@@ -11,7 +11,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from tampered import tampered
 
-from pdmesh.grid import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
+from pdmesh.model.document import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.simulation import Options, resume, simulate

@@ -11,9 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from pdmesh.grid import document_of, write_file
-from pdmesh.lattice import build_grid
-from pdmesh.scene import Circle, Material, Run, Scene, box
+from pdmesh import Circle, Material, Run, Scene, box
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
 from pdpost.figures.scene_figure import scene
 from pdpost.measures import plates

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import InitialVelocity, Load, Run, Velocity
+from pdmesh.model.document import InitialVelocity, Load, Run, Velocity
 from pdpost.figures import charts
 from pdpost.measures.balance import balance
 from pdpost.measures.forces import chosen, reactions

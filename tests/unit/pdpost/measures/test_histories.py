@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Run, Velocity
+from pdmesh.model.document import Run, Velocity
 from pdpost.measures.histories import at_place, in_box, of_node
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError

@@ -55,7 +55,7 @@ H = np.array([[3e-3, -1e-3], [4e-3, 2e-3]])
 def test_the_gradient_of_an_affine_field_is_exact_at_edges_too(jitter: float) -> None:
     nodes, families = plate(jitter=jitter)
     results = results_of(nodes, families, np.zeros((169, 2)), [])
-    found = strain.fitted(results, nodes.position @ H.T + 1.0, families)
+    found = strain.fitted(results.nodes(), nodes.position @ H.T + 1.0, families)
     assert np.abs(found - H).max() < 1e-12
 
 
@@ -67,7 +67,7 @@ def test_a_quadratic_field_is_exact_inside_and_of_first_order_at_edges() -> None
         nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
         results = results_of(nodes, families, np.zeros((side**2, 2)), [])
         x, y = nodes.position.T
-        found = strain.fitted(results, np.column_stack([x * x + x * y, y * y]), families)
+        found = strain.fitted(results.nodes(), np.column_stack([x * x + x * y, y * y]), families)
         exact = np.stack([np.column_stack([2 * x + y, x]), np.column_stack([0 * x, 2 * y])], axis=1)
         error = np.abs(found - exact).max(axis=(1, 2)).reshape(side, side)
         inner.append(error[4:-4, 4:-4].max())
@@ -83,7 +83,7 @@ def test_a_cubic_field_is_of_second_order_inside() -> None:
         nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
         results = results_of(nodes, families, np.zeros((side**2, 2)), [])
         x, y = nodes.position.T
-        found = strain.fitted(results, np.column_stack([x**3, x * y * y]), families)
+        found = strain.fitted(results.nodes(), np.column_stack([x**3, x * y * y]), families)
         error = np.abs(found[:, 0, 0] - 3 * x * x).reshape(side, side)
         errors.append(error[4:-4, 4:-4].max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.01)
@@ -170,7 +170,7 @@ def test_regions_have_their_own_stiffness() -> None:
         "material": {**MODEL["material"], "plane": "strain"},  # type: ignore[dict-item]
         "regions": [{"material": other, "nodes": [3, 6]}, {"material": {**other, "E": 2.0}, "box": [0, 0, 0, 2e-3]}],
     }
-    modulus, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model))
+    modulus, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
     assert plane == "strain"
     assert modulus.tolist() == [2.0, 1.0, 70e9, 2.0, 70e9, 70e9, 2.0, 70e9, 70e9]
 
@@ -178,4 +178,4 @@ def test_regions_have_their_own_stiffness() -> None:
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
     with pytest.raises(ResultsError, match="memory: found no model to read"):
-        strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}))
+        strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)

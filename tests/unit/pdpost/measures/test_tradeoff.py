@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.grid import Load, Run
+from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
 from pdpost.measures.tradeoff import cheapest, cost, errors, front
 from pdsolve.model import ModelWarning
@@ -203,4 +203,4 @@ def test_nodes_without_bonds_have_no_strain(tmp_path: Path) -> None:
 
     with run(tmp_path / "a.sqlite", 10, 1e-3) as results:
         moved = np.column_stack([results.field("ux", 100), results.field("uy", 100)])
-        assert np.isnan(fitted(results, moved.astype(float), results.families())).all()
+        assert np.isnan(fitted(results.nodes(), moved.astype(float), results.families())).all()

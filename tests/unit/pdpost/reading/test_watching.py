@@ -13,7 +13,8 @@ import pytest
 from tampered import tampered
 
 import pdsolve.results.writer
-from pdmesh.grid import document_of, write_file
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import write_file
 from pdpost.figures import field_figure, style
 from pdpost.reading import watching
 from pdpost.reading.watching import SilentError
@@ -91,7 +92,7 @@ def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path
     assert steps[-1] == 30000
     subprocess.run([*command, str(alone)], check=True)
     with Results.open(watched) as one, Results.open(alone) as other:
-        assert one.checkpoint()[1]["u"].tobytes() == other.checkpoint()[1]["u"].tobytes()
+        assert one.checkpoint()[1]["value"].tobytes() == other.checkpoint()[1]["value"].tobytes()
         assert np.array_equal(one.breaks(), other.breaks())
         assert np.array_equal(one.frames(), other.frames())
         assert one.meta()["status"] == "finished"

@@ -1,0 +1,63 @@
+"""What the command line adds to a drawing of any kind, ``--refine`` and ``--crack``; a model keeps it among its
+parameters, to build itself again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from pdmesh.drawing.parameters import unit_of
+from pdmesh.drawing.units import Unit
+from pdmesh.scene.plate import Refinement
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+
+REFINE, CRACK = "--refine ", "--crack "  # begin the names under which a model keeps what was added
+
+
+def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str]) -> Scene:
+    """The scene with zones ``crack:DISTANCE[:SPACING]`` and cracks ``x0,y0,x1,y1``, in its drawing's unit.
+
+    Raises SceneError.
+    """
+    unit, kept = unit_of(dict(scene.parameters)), dict(scene.parameters)
+    for word in cracks:
+        scene = scene.crack(_points(word, unit), word)
+        kept[CRACK + word] = word
+    for word in refine:
+        scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
+        kept[REFINE + word] = word
+    return replace(scene, parameters=tuple(kept.items()))
+
+
+def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
+    """The parameters of a model as assignments to its drawing's, and what was added: refinements and cracks."""
+    refine, cracks = (
+        [str(word) for name, word in parameters.items() if name.startswith(key)] for key in (REFINE, CRACK)
+    )
+    own = [(name, str(value)) for name, value in parameters.items() if not name.startswith((REFINE, CRACK))]
+    return own, refine, cracks
+
+
+def refinement(word: str, unit: Unit) -> Refinement:
+    """What ``crack:4e-3`` or ``hole:4e-3:2.5e-4`` asks for. Raises SceneError."""
+    target, *numbers = word.split(":")
+    try:
+        distance, *spacing = (unit.metres(float(number)) for number in numbers)
+    except ValueError:
+        distance, spacing = 0.0, []
+    if target not in ("crack", "notch", "hole") or len(numbers) not in (1, 2) or not distance > 0:
+        raise SceneError(
+            f"--refine: found '{word}', expected crack, notch or hole, then :DISTANCE or :DISTANCE:SPACING"
+        )
+    return Refinement(target, distance, spacing[0] if spacing else None)  # type: ignore[arg-type]
+
+
+def _points(word: str, unit: Unit) -> list[tuple[float, float]]:
+    try:
+        numbers = [float(unit.metres(float(number))) for number in word.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) < 4 or len(numbers) % 2:
+        raise SceneError(f"--crack: found '{word}', expected the places of its ends and kinks, x0,y0,x1,y1 or more")
+    return list(zip(numbers[::2], numbers[1::2], strict=True))

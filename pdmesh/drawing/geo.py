@@ -1,0 +1,154 @@
+"""A .geo drawing, a STEP or a BREP file becomes a Scene: Gmsh reads it, in a process of its own (sandbox/).
+
+What a drawing's groups and parameters mean is in groups.py. The parameters are ONELAB parameters below
+``Peridynamics/``, so that Gmsh's own window edits them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import shapely
+
+from pdmesh.drawing.groups import Group, face, in_metres, scene_of
+from pdmesh.drawing.parameters import OWN, PREFIX, Parameter, full_name, given, refuse_unknown, unit_of, unknown
+from pdmesh.drawing.sandbox.child import read_copies, read_trusted
+from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
+from pdmesh.drawing.sandbox.tokens import decoded
+from pdmesh.drawing.units import UNITS
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
+
+TIME_LIMIT = 60.0  # s, for a drawing
+CAD_SECONDS, CAD_SECONDS_PER_BYTE = 20.0, 1e-5  # a broken file may never end
+OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capitals
+CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
+
+
+def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene:
+    """The scene drawn in the .geo file at `path`, with ONELAB parameters set by name before it is read.
+
+    Parameter names may leave out ``Peridynamics/``; those that the drawing does not define may be set too. Raises
+    SceneError naming the file, the place, what was found and what was expected. `trust` reads files that run commands
+    as well.
+    """
+    text = decoded(drawing_bytes(path))
+    copies = {} if trust else drawing_copies(path)
+    found = _found(path, assignments, copies)
+    return replace(_scene(path, found, _values(found), text), notes=_notes(copies))
+
+
+def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene:
+    try:
+        return scene_of(_groups(found), values, path.name, text)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+    """The parameters of the .geo file at `path`. Raises SceneError."""
+    found = _found(path, assignments, {} if trust else drawing_copies(path))
+    return [
+        Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
+        for entry in found["parameters"]
+    ]
+
+
+def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
+    """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file.
+
+    A STEP file names the unit of its coordinates; those of a BREP file are in the unit that the parameters are in.
+    Raises SceneError.
+    """
+    try:
+        values = given(assignments)
+        unit_of(values)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    spacing, unit = values.get(f"{PREFIX}Zones/plate/Spacing"), str(values.get(f"{PREFIX}Units") or "m")
+    found = _shapes(path, CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit)
+    return _scene(path, found, values, path.read_text(encoding="utf-8", errors="replace"))
+
+
+def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
+    """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m.
+
+    `unit` is that of a BREP file's coordinates; a STEP file names its own. Raises SceneError.
+    """
+    found = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
+    surfaces = [curves for group in _groups(found) for curves in in_metres(group, UNITS[unit]).surfaces]
+    return shapely.union_all([face(curves, str(path)) for curves in surfaces])
+
+
+def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
+    """What of drawings has no effect."""
+    return tuple(
+        f"{copy.path}: not used: {', '.join(f'{what} (line {line})' for what, line in copy.unused.items())};"
+        " nodes are as far apart as Zones/NAME/Spacing says"
+        for copy in copies.values()
+        if copy.unused
+    )
+
+
+def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
+    """What Gmsh finds in a drawing, in its copies or, if there are none, in the trusted file. Raises SceneError."""
+    named = [(full_name(name), value) for name, value in assignments]
+    found = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
+    _refuse_unknown(path, found)
+    for name, text in found["not numbers"]:
+        raise SceneError(f"{path}: parameter '{name}': found '{text}', expected a number")
+    _refuse_messages(path, found)
+    for entry in found["parameters"]:
+        value, low, high = _value(entry), entry.get("min", -1e200), entry.get("max", 1e200)
+        if isinstance(value, float) and not low * (1 - 1e-12) <= value <= high * (1 + 1e-12):
+            raise SceneError(
+                f"{path}: parameter '{entry['name']}': found {value:g}, expected a number from {low:g} to {high:g}"
+            )
+    return found
+
+
+def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
+    """What Gmsh finds in a CAD file, in a unit. Raises SceneError."""
+    copies = cad_copy(path)
+    limit = CAD_SECONDS + CAD_SECONDS_PER_BYTE * sum(len(copy.data) for copy in copies.values())
+    found = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
+    _refuse_messages(path, found)
+    if not any(group["surfaces"] for group in found["groups"]):
+        raise SceneError(f"{path}: found no surface, expected a plate")
+    return found
+
+
+def _refuse_messages(path: Path, found: Mapping[str, Any]) -> None:
+    for message in found["messages"]:
+        raise SceneError(f"{path}: Gmsh says: {message}")
+
+
+def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:
+    """Raises SceneError for a parameter that was set, and neither the drawing nor the mesher knows."""
+    known = {entry["name"] for entry in found["parameters"]} - set(found["supplied"])
+    try:
+        refuse_unknown([name for name in found["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], own=True)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    for name in found["supplied"]:
+        if name.startswith(f"{PREFIX}{OWN}/"):
+            raise SceneError(f"{path}: {unknown(name, known)}")
+
+
+def _groups(found: Mapping[str, Any]) -> list[Group]:
+    return [
+        Group(group["name"], group["dimension"], tuple(group["curves"]), tuple(map(tuple, group["surfaces"])))
+        for group in found["groups"]
+    ]
+
+
+def _value(entry: Mapping[str, Any]) -> float | str:
+    value = (entry.get("values") or [""])[0]
+    return float(value) if entry["type"] == "number" else str(value)
+
+
+def _values(found: Mapping[str, Any]) -> dict[str, float | str]:
+    return {entry["name"]: _value(entry) for entry in found["parameters"]}

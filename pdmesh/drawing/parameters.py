@@ -1,0 +1,250 @@
+"""The named numbers and words a drawing carries: which there are, in which unit lengths are, what they say."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from pdmesh.drawing.units import UNITS, Unit
+from pdmesh.model.document import Material, Run
+from pdmesh.scene.conditions import Profile, parse_profile
+from pdmesh.scene.shapes import SceneError
+
+T = TypeVar("T")
+
+PREFIX = "Peridynamics/"
+OWN = "Plate"  # the folder of the numbers that a drawing has for itself
+MOST = 1e9  # of any count
+ANY = "NAME"  # in the names below, the name of a group
+ZONE = ("Spacing", "Grown")
+SHARED = ("Rows", "Profile", "Breakable", "Box")  # of every condition
+LOAD = ("Traction x", "Traction y", "Body force x", "Body force y")
+FIX = ("Components", "Displacement x", "Displacement y")
+MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xy")
+MATERIAL = ("E", "rho", "G0", "nu", "Force law", "kr", "Keep G0", "Micromodulus", "Plane")
+FOLDERS = {
+    f"Zones/{ANY}": ZONE,
+    f"Loads/{ANY}": LOAD + SHARED,
+    f"Fixes/{ANY}": FIX + SHARED,
+    f"Moves/{ANY}": MOVE + SHARED,
+    "Material": MATERIAL,
+    f"Materials/{ANY}": MATERIAL,
+    **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
+    "Run": ("Time step", "Duration", "Frame every", "Adapt"),
+}
+NAMES = (
+    *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
+    "Horizon ratio",
+    "Area rule",
+    "Units",
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter as a drawing defines it."""
+
+    name: str
+    value: float | str
+    unit: str = ""
+    meaning: str = ""
+
+
+def full_name(name: str) -> str:
+    """A parameter's name with ``Peridynamics/`` before it."""
+    return name if name.startswith(PREFIX) else PREFIX + name
+
+
+def given(assignments: Iterable[tuple[str, str]]) -> dict[str, float | str]:
+    """The parameters of a file that has none itself, as assigned: numbers where they are some, else words.
+
+    Raises SceneError for a name that means nothing.
+    """
+    values = {full_name(name): _guessed(value) for name, value in assignments}
+    refuse_unknown(values, own=False)
+    return values
+
+
+def _guessed(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def refuse_unknown(names: Iterable[str], own: bool) -> None:
+    """Raises SceneError for a full name that means nothing; with `own`, any below ``Peridynamics/Plate/`` may do."""
+    for name in sorted(names):
+        words = name.removeprefix(PREFIX).split("/")
+        if (own and words[0] == OWN and len(words) > 1) or any(_is(words, known) for known in NAMES):
+            continue
+        group = words[1] if len(words) > 2 else ANY
+        likely = [known.replace(ANY, group) for known in NAMES] + ["/".join([OWN, *words[1:]])] * own
+        also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if own else ""
+        raise SceneError(
+            f"parameter '{name}': found a name that means nothing here,"
+            f" expected{one_like(name, [PREFIX + known for known in likely])}{also}"
+        )
+
+
+def _is(words: Sequence[str], known: str) -> bool:
+    pattern = known.split("/")
+    return len(words) == len(pattern) and all(
+        word == wanted or (wanted == ANY and word != "") for word, wanted in zip(words, pattern, strict=True)
+    )
+
+
+def unit_of(values: Mapping[str, float | str]) -> Unit:
+    """The unit in which a drawing with these parameters has its lengths. Raises SceneError."""
+    return UNITS[Parameters(values, UNITS["m"]).text("Units", of=("", *UNITS)) or "m"]
+
+
+class Parameters:
+    """Values asked for by their name below ``Peridynamics/``; lengths are in `unit`."""
+
+    def __init__(self, values: Mapping[str, float | str], unit: Unit) -> None:
+        self._values, self.unit = values, unit
+
+    def below(self, folder: str) -> set[str]:
+        """The names directly below a folder."""
+        prefix = f"{PREFIX}{folder}/"
+        return {name.removeprefix(prefix).split("/")[0] for name in self._values if name.startswith(prefix)}
+
+    def _get(self, name: str, kind: type, expected: str) -> Any:
+        value = self._values.get(PREFIX + name)
+        if value is not None and not isinstance(value, kind):
+            raise SceneError(f"parameter '{PREFIX}{name}': found {value!r}, expected {expected}")
+        if isinstance(value, str) and not value.isprintable():
+            raise SceneError(f"parameter '{PREFIX}{name}': found {value!r:.80}, expected a word that can be printed")
+        return value
+
+    def maybe(self, name: str) -> float | None:
+        """A finite number, or None where there is none."""
+        value: float | None = self._get(name, float, "a number")
+        if value is not None and not np.isfinite(value):
+            raise SceneError(f"parameter '{PREFIX}{name}': found {value}, expected a finite number")
+        return value
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """A finite number. Raises SceneError where there is neither one nor a default."""
+        value = self.maybe(name)
+        value = default if value is None else value
+        if value is None:
+            raise SceneError(f"parameter '{PREFIX}{name}': found none, expected a number")
+        return value
+
+    def maybe_length(self, name: str) -> float | None:
+        """A length in metres, or None where there is none."""
+        value = self.maybe(name)
+        return None if value is None else float(self.unit.metres(value))
+
+    def length(self, name: str) -> float:
+        """A length in metres. Raises SceneError where there is none."""
+        return float(self.unit.metres(self.number(name)))
+
+    def pair(self, name: str) -> tuple[float | None, float | None]:
+        """The components ``NAME x`` and ``NAME y``; None where there is none."""
+        return self.maybe(f"{name} x"), self.maybe(f"{name} y")
+
+    def whole(self, name: str, default: int) -> int:
+        """A whole number."""
+        value = self.number(name, float(default))
+        if value != round(value) or abs(value) > MOST:
+            raise SceneError(
+                f"parameter '{PREFIX}{name}': found {value:g}, expected a whole number of {MOST:.0e} at most"
+            )
+        return round(value)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """A number that is 0 or 1."""
+        value = self.number(name, float(default))
+        if value not in (0.0, 1.0):
+            raise SceneError(f"parameter '{PREFIX}{name}': found {value:g}, expected 0 or 1")
+        return value == 1.0
+
+    def text(self, name: str, default: str = "", of: Sequence[str] = ()) -> str:
+        """A word, one of those given."""
+        value = self._get(name, str, "a word")
+        value = default if value is None else str(value)
+        if of and value not in of:
+            raise SceneError(
+                f"parameter '{PREFIX}{name}': found '{value}', expected one of {', '.join(filter(None, of))}"
+            )
+        return value
+
+    def profile(self, name: str) -> Profile:
+        """A profile in time."""
+        return parse_profile(self.text(name), f"parameter '{PREFIX}{name}'")
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """What to say of a parameter that is not in a drawing."""
+    return f"parameter '{name}' is not in the drawing, expected{one_like(name, known)}"
+
+
+def one_like(name: str, known: Iterable[str]) -> str:
+    """How to end a message about a name: with that of the `known` ones which is the nearest."""
+    near = nearest(name, known)
+    return f" one such as '{near}'" if near else " none"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """That of the `known` names which is the most alike; empty where there is none."""
+    lower = {other.lower(): other for other in sorted(known, reverse=True)}
+    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.0)
+    return lower[close[0]] if close else ""
+
+
+def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
+    """The material below a folder; what it leaves out is that of `base`. None where nothing says any."""
+    keep = parameters.maybe(f"{folder}/Keep G0")
+    given = {
+        "E": parameters.maybe(f"{folder}/E"),
+        "rho": parameters.maybe(f"{folder}/rho"),
+        "G0": parameters.maybe(f"{folder}/G0"),
+        "nu": parameters.maybe(f"{folder}/nu"),
+        "law": parameters.text(f"{folder}/Force law") or None,
+        "kr": parameters.maybe(f"{folder}/kr"),
+        "keep_G0": None if keep is None else parameters.flag(f"{folder}/Keep G0", True),
+        "micromodulus": parameters.text(f"{folder}/Micromodulus") or None,
+        "plane": parameters.text(f"{folder}/Plane") or None,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if base is not None:
+        given = msgspec.to_builtins(base) | given
+    if not given:
+        return None
+    for name in ("E", "rho", "G0"):
+        if name not in given:
+            raise SceneError(f"parameter '{PREFIX}{folder}/{name}': found none, expected a number")
+    return _converted(given, Material, folder)
+
+
+def run(parameters: Parameters) -> Run:
+    """How long to solve, from the duration and the time step."""
+    step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
+    adapt = parameters.text("Run/Adapt", "none", ("none", "hybrid"))
+    often: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
+    if adapt != "none":
+        often["adapt"] = adapt
+    if step is None and duration is None:
+        return _converted(often, Run, "Run")
+    if step is None or duration is None or not step > 0 or not duration >= 0:
+        raise SceneError(
+            f"{PREFIX}Run: found Time step {step} s and Duration {duration} s, expected both, positive, or none"
+        )
+    if duration / step > 1e9:
+        raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
+    return _converted({"time_step": step, "steps": round(duration / step), **often}, Run, "Run")
+
+
+def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
+    try:
+        return msgspec.convert(fields, kind)
+    except msgspec.ValidationError as error:
+        raise SceneError(f"{PREFIX}{place}: {error}") from None

@@ -1,0 +1,131 @@
+"""Running the readers: Gmsh's and meshio's part of the work, done in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pdmesh.drawing.processes import how_it_ended
+from pdmesh.drawing.sandbox.copies import Copy
+from pdmesh.drawing.sandbox.scan import OWN
+from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError
+
+SYSTEM_LIBRARIES = (
+    "libgl1 libglu1-mesa libxft2 libxcursor1 libxinerama1 libxrender1 libxfixes3 libxext6 libfontconfig1 libgomp1"
+)
+WALLS = True  # for all but trusted drawings
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # walls leave no other
+PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.[a-z]+)'(?:, line ([0-9]+))?", re.IGNORECASE)  # in Gmsh's messages
+
+
+def read_copies(
+    copies: Mapping[str, Copy],
+    assignments: list[tuple[str, str]],
+    limit: float,
+    tolerance: float = 0.0,
+    unit: str = "M",
+) -> dict[str, Any]:
+    """What Gmsh finds in copies of which the first is the drawing or the CAD file. Raises SceneError.
+
+    Gmsh has `limit` seconds. `tolerance` is how far a chord of a CAD file may be off its curve; 0: by its size. `unit`,
+    a name of Open CASCADE's, is that in which a CAD file is to be read, and of the tolerance.
+    """
+    first = next(iter(copies))
+    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
+        for name, copy in copies.items():
+            (Path(folder) / name).write_bytes(copy.data)
+        job = {
+            "path": first,
+            "cad": not first.endswith(".geo"),
+            "assignments": assignments,
+            "tolerance": tolerance,
+            "unit": unit,
+            "walls": WALLS,
+        }
+        found = _run(copies[first].path, job, limit, Path(folder))
+    found["messages"] = [_in_originals(message, copies) for message in found["messages"]]
+    return found
+
+
+def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
+    """What Gmsh finds in a drawing where it is, with all that it may do there. Raises SceneError."""
+    job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "unit": "M"}
+    job["walls"] = False
+    return _run(path, job, limit, None)
+
+
+def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
+    """What the reader of drawings finds. Raises SceneError."""
+    with tempfile.TemporaryDirectory(prefix="pdmesh-") as aside:
+        result = Path(aside) / "found.json"
+        job |= {"chords": CHORD_TOLERANCE}
+        last = run_reader("pdmesh.drawing.sandbox.reader", "Gmsh", path, job, result, limit, folder)
+        try:
+            found: dict[str, Any] = json.loads(result.read_bytes())
+        except (OSError, ValueError):
+            raise SceneError(f"{path}: Gmsh stopped before the end of the drawing: {last}") from None
+    _check_installed(found)
+    return found
+
+
+def run_reader(
+    module: str, name: str, path: Path, job: Mapping[str, Any], result: Path, limit: float, folder: Path | None
+) -> str:
+    """Run a module that reads a job as JSON from stdin and writes `result`; returns its last words.
+
+    It runs in `folder`, for `limit` seconds. Raises SceneError, about `path`, where that is not enough for it.
+    """
+    said = result.with_name("said")
+    command = [sys.executable, "-P", "-m", module, str(result)]
+    try:
+        with said.open("wb") as stderr:
+            ended = subprocess.run(
+                command,
+                input=json.dumps({**job, "seconds": limit}).encode(),
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                timeout=limit,
+                check=False,
+                cwd=folder,
+                env=os.environ | ONE_THREAD,
+            ).returncode
+    except subprocess.TimeoutExpired:
+        raise SceneError(f"{path}: {name} was still reading after {limit:g} s, expected it to end") from None
+    return _last_words(said, ended)
+
+
+def _last_words(said: Path, ended: int) -> str:
+    lines = said.read_bytes()[-4000:].decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else f"it {how_it_ended(ended)}"
+
+
+def _check_installed(found: Mapping[str, Any]) -> None:
+    if found["missing"]:
+        raise SceneError(
+            f"Gmsh is not installed: Python finds no module '{found['missing']}'; this installs it: pip install gmsh"
+        )
+    if found["library"]:
+        raise SceneError(
+            f"Gmsh cannot be loaded: {found['library']}; on Debian and Ubuntu this installs what it needs:"
+            f" apt-get install {SYSTEM_LIBRARIES}"
+        )
+
+
+def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:
+    """Gmsh's message with the files and lines of the user's own, and names as the drawing has them."""
+
+    def place(match: re.Match[str]) -> str:
+        copy, line = copies.get(match[1]), int(match[2] or 0)
+        if copy is None:
+            return match[0]
+        known = 0 < line <= len(copy.origins)
+        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if known else line}" if line else "")
+
+    return PLACE.sub(place, message).replace(OWN, "")

@@ -1,0 +1,155 @@
+"""The files that Gmsh reads for a drawing: looked through, and written anew for an empty folder.
+
+Nothing beside them can be picked up there, such as the ``plate.geo.opt`` that Gmsh reads with any ``plate.geo``, and
+what Gmsh reads is what was looked through, whatever becomes of the originals meanwhile.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
+from pdmesh.drawing.sandbox.sizes import unused
+from pdmesh.drawing.sandbox.tokens import Refused, Token, decoded, tokens_of, written
+from pdmesh.files import read_bytes
+from pdmesh.scene.shapes import SceneError
+
+LARGEST = 2**26  # bytes of a drawing or a CAD file
+# by suffix, in the cases in which Gmsh knows it (it takes a suffix that it does not know for a script's)
+STEP, BREP = (".step", ".stp", ".STEP", ".STP"), (".brep", ".brp", ".BRP")
+CAD = (*STEP, *BREP)
+ADVICE = " (--trust reads it all the same)"
+OWN_FOLDER = "expected a .geo, STEP or BREP file in the drawing's own folder" + ADVICE
+CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
+    "STEP": (re.compile(rb"\s*ISO-10303-21\s*;"), re.compile(rb"END-ISO-10303-21\s*;\s*$")),
+    "BREP": (re.compile(rb"(?:DBRep_DrawableShape)?\s*CASCADE Topology V"), re.compile(rb"\n[+-]\d+ \d+\s*$")),
+}
+NO_NUMBER = re.compile(rb"[(,\s][-+]?(?:nan|inf(?:inity)?)(?=[(),\s])", re.IGNORECASE)
+ASIDE = re.compile(rb"'[^']*'|/\*.*?\*/", re.DOTALL)  # strings and comments of a STEP file
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A file as Gmsh is to read it, under a name of its own."""
+
+    path: Path  # the original
+    data: bytes
+    origins: Sequence[int] = ()  # of a drawing: the line of the original that each of its lines comes from
+    unused: Mapping[str, int] = field(default_factory=dict)  # what it says of a mesh, and on which line first
+
+
+def drawing_bytes(path: Path) -> bytes:
+    """What is in a .geo file. Raises SceneError where it cannot be one."""
+    try:
+        data = read_bytes(path, LARGEST)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    if b"\0" in data:
+        raise SceneError(f"{path}: found a zero byte, bytes that are not text, expected a Gmsh .geo script")
+    if not data.endswith((b"\n", b"\r")):
+        raise SceneError(f"{path}: last line: found no line end, expected one (Gmsh drops the statement silently)")
+    return data
+
+
+def cad_bytes(path: Path) -> bytes:
+    """What is in a STEP or BREP file. Raises SceneError where it is not what its suffix says."""
+    try:
+        data = read_bytes(path, LARGEST)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    kind = "STEP" if path.suffix.lower() in STEP else "BREP"
+    begins, ends = CONTENT[kind]
+    if not begins.match(data):
+        raise SceneError(f"{path}: found something else, expected a {kind} file")
+    if not ends.search(data[-200:]):
+        raise SceneError(f"{path}: found no end of the shapes, expected a whole {kind} file")
+    plain = ASIDE.sub(lambda match: b"''" + b"\n" * match[0].count(b"\n"), data) if kind == "STEP" else data
+    wrong = NO_NUMBER.search(plain)
+    if wrong:
+        line = plain.count(b"\n", 0, wrong.end()) + 1
+        found = wrong[0][1:].decode()
+        raise SceneError(f"{path}: line {line}: found '{found}', expected a finite number")
+    return data
+
+
+def cad_copy(path: Path) -> dict[str, Copy]:
+    """The copy of a STEP or BREP file, under a name whose suffix Gmsh knows. Raises SceneError."""
+    return {f"0{path.suffix.lower()}": Copy(path, cad_bytes(path))}
+
+
+def drawing_copies(path: Path) -> dict[str, Copy]:
+    """The copies of a drawing and of all it reads, by the names they go by; the drawing is the first.
+
+    Raises SceneError naming file, line, what was found and what was expected.
+    """
+    return _Copies(path).written()
+
+
+class _Copies:
+    def __init__(self, path: Path) -> None:
+        self.folder = path.parent.resolve()
+        self.drawings: dict[str, tuple[Path, Drawing]] = {}  # by the names of their copies
+        self.copies: dict[str, Copy] = {}
+        self.named: dict[Path, str] = {}
+        self.add(path, ())
+
+    def add(self, path: Path, within: tuple[Path, ...]) -> str:
+        """Look through a file and all it reads; returns the name of its copy."""
+        real = path.resolve()
+        if real in self.named:
+            return self.named[real]
+        name = self.named[real] = f"{len(self.named)}{'.geo' if not within else path.suffix}"
+        if path.suffix in CAD and within:
+            self.copies[name] = Copy(path, cad_bytes(path))
+            return name
+        try:
+            drawing = Drawing(tokens_of(decoded(drawing_bytes(path))))
+            found = readings(drawing)
+        except Refused as error:
+            raise _refused(path, error) from None
+        tokens = list(drawing.tokens)
+        for reading in found:
+            token = tokens[reading.place]
+            other = self._beside(path, token, reading.command)
+            if other.resolve() in (*within, real):
+                raise SceneError(
+                    f"{path}: line {token.line}: found {token.text}, expected a file that does not read itself"
+                )
+            tokens[reading.place] = token._replace(text=f'"{self.add(other, (*within, real))}"')
+        drawing.tokens = tokens
+        self.drawings[name] = path, drawing
+        return name
+
+    def _beside(self, path: Path, token: Token, command: str) -> Path:
+        """The file that a drawing reads. Raises SceneError unless it is in the drawing's folder, of a known kind."""
+        inner = token.content
+        plain = (
+            re.fullmatch(r"[^\\:*?\"<>|\n\r]+", inner)
+            and not Path(inner).is_absolute()
+            and ".." not in Path(inner).parts
+        )
+        other = path.parent / inner  # as Gmsh has it, symbolic links or not
+        expected = OWN_FOLDER
+        if plain and other.suffix in {"Include": (".geo",), "ShapeFromFile": CAD}.get(command, (".geo", *CAD)):
+            if other.is_file() and other.resolve().is_relative_to(self.folder):
+                return other
+            expected = OWN_FOLDER if other.exists() else "expected a file of this name in the drawing's own folder"
+        shown = f"{command}({token.text})" if command == "ShapeFromFile" else f"{command} {token.text}"
+        raise SceneError(f"{path}: line {token.line}: found '{shown}', {expected}")
+
+    def written(self) -> dict[str, Copy]:
+        known = set().union(*(names(drawing) for _, drawing in self.drawings.values()))
+        for name, (path, drawing) in self.drawings.items():
+            try:
+                data, origins = written(admitted(drawing, known))
+            except Refused as error:
+                raise _refused(path, error) from None
+            self.copies[name] = Copy(path, data, origins, unused(drawing))
+        return dict(sorted(self.copies.items(), key=lambda item: item[0] != "0.geo"))
+
+
+def _refused(path: Path, error: Refused) -> SceneError:
+    return SceneError(f"{path}: {error}{ADVICE if error.trustable else ''}")

@@ -1,0 +1,274 @@
+"""What a drawing may say: every word is on a list (words.py) and in its place, or a name of the drawing's own.
+
+Gmsh's grammar (src/parser/Gmsh.y) has keywords, whose meaning is fixed, and other words, which are names - or
+commands: ``NAME "text";`` runs a program where NAME is SystemCall. So a word that is not on the list in its place is
+taken for a name, and names are written anew with OWN before them: none can be a command, of this Gmsh or a later one.
+The rules look at neighbours alone, as Gmsh goes on behind the next ``;`` after an error, and back to other lines in
+loops.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import NamedTuple
+
+from pdmesh.drawing.sandbox import words
+from pdmesh.drawing.sandbox.structure import heads, partners
+from pdmesh.drawing.sandbox.tokens import Refused, Token
+
+OWN = "own__"  # begins the drawing's own names in what Gmsh reads
+HARMLESS = "a word known to reach for no other file or program, or a name that the drawing defines"
+READS = ("Include", "Merge", "MergeWithBoundingBox", "ShapeFromFile")
+ASSIGNMENTS = ("=", "+=", "-=", "*=", "/=", "++", "--")
+MOST_INDICES = 4  # of a~{1}~{2}...: names of any length would overflow Gmsh's messages
+# what is printed with numbers in it, through C's printf: anything but plain numbers would read or write memory
+FORMAT = re.compile(r"(?:[^%\n\r]|%%|%[-+ 0#]?[0-9]{0,2}(?:\.[0-9]{1,2})?l?[gGeEfF]){0,250}")
+
+
+class Reading(NamedTuple):
+    """A file that a drawing reads: the command, and the place of the file's name among the tokens."""
+
+    command: str
+    place: int
+
+
+class Drawing:
+    """The tokens of a drawing with their neighbours and brackets. Raises Refused where they do not hang together."""
+
+    def __init__(self, tokens: Sequence[Token]) -> None:
+        self.tokens = tokens
+        self.partner, self.depths = partners(tokens)
+        self.heads = heads(tokens, self.partner, self.depths)
+
+    def text(self, place: int) -> str:
+        """The token at a place, or nothing where there is none."""
+        return self.tokens[place].text if 0 <= place < len(self.tokens) else ""
+
+    def kind(self, place: int) -> str:
+        """Its kind."""
+        return self.tokens[place].kind if 0 <= place < len(self.tokens) else ""
+
+    def starts(self, place: int) -> bool:
+        """Whether a statement may begin here."""
+        return place == 0 or self.text(place - 1) in (";", "}") or place - 1 in self.heads
+
+    def inside(self, word: str) -> set[int]:
+        """The places within the square brackets behind each ``word``."""
+        found: set[int] = set()
+        for place, token in enumerate(self.tokens):
+            if token.text == word and token.kind == "word":
+                bracket = next((i for i in range(place, len(self.tokens)) if self.text(i) in ("[", ";")), place)
+                found.update(range(bracket + 1, self.partner[bracket]) if self.text(bracket) == "[" else ())
+        return found
+
+
+def names(drawing: Drawing) -> set[str]:
+    """The names that the drawing defines, or asks for by ``Exists``."""
+    found = set()
+    constants, structs = drawing.inside("DefineConstant"), drawing.inside("Struct")
+    for place, token in enumerate(drawing.tokens):
+        if token.kind == "word" and (
+            drawing.text(_behind_index(drawing, place)) in ASSIGNMENTS
+            or drawing.text(place - 1) in ("For", "Macro", "Function", "Struct", "::")
+            or drawing.text(place - 2) in ("Exists", "GetForced", "GetForcedStr")
+            or (place in constants and drawing.text(place - 1) in (",", "[") and drawing.text(place + 1) in (",", "]"))
+            or (place in structs and drawing.text(place - 1) in (",", "["))
+        ):
+            found.add(token.text)
+    return found
+
+
+def _behind_index(drawing: Drawing, place: int) -> int:
+    """The place behind a name and its index, such as ``a~{i}(2)``."""
+    place += 1
+    while drawing.text(place) == "~" and drawing.text(place + 1) == "{":
+        place = drawing.partner[place + 1] + 1
+    return drawing.partner[place] + 1 if drawing.text(place) in ("(", "[") else place
+
+
+def readings(drawing: Drawing) -> list[Reading]:
+    """The files that a drawing reads. Raises Refused for one that is not named by a string as it stands."""
+    found = []
+    for place, token in enumerate(drawing.tokens):
+        if token.kind == "word" and token.text in READS:
+            called = token.text == "ShapeFromFile"
+            name = place + 2 if called else place + 1
+            around = drawing.text(place + 1), drawing.text(name + 1)
+            if drawing.kind(name) != "string" or (around != ("(", ")") if called else around[1] != ";"):
+                following = "" if called else " " + drawing.text(place + 1)
+                raise Refused(token.line, f"'{token.text}{following}'", "a file named by a string", trustable=True)
+            found.append(Reading(token.text, name))
+    return found
+
+
+def admitted(drawing: Drawing, known: Collection[str]) -> list[Token]:
+    """The tokens as Gmsh may read them, names marked as such; `known` are the names of all files that are read.
+
+    Raises Refused for the first word that is not known to be harmless where it stands.
+    """
+    found = list(drawing.tokens)
+    for place, token in enumerate(drawing.tokens):
+        if token.kind == "word" and not _listed(drawing, place, known):
+            member = drawing.text(place - 1) == "."
+            if not member and (token.text not in known or token.text in KEYWORDS):
+                raise Refused(token.line, _quoted(drawing, place), HARMLESS, trustable=True)
+            found[place] = token._replace(text=OWN + token.text)
+        elif token.text == "." and token.kind == "sign" and drawing.kind(place + 1) != "word":
+            raise Refused(token.line, "'.'", "a name after it")
+        elif token.text == "~" and token.kind == "sign":
+            _check_indices(drawing, place)
+    return found
+
+
+def _quoted(drawing: Drawing, place: int) -> str:
+    """A word for a message, with what it is an option of."""
+    text = drawing.text(place)
+    if drawing.text(place - 1) == ".":
+        return f"'{drawing.text(place - 2)}.{text}'"
+    dotted = drawing.text(place + 1) == "." and drawing.kind(place + 2) == "word"
+    return f"'{text}.{drawing.text(place + 2)}'" if dotted else f"'{text}'"
+
+
+def _listed(drawing: Drawing, place: int, known: Collection[str]) -> bool:
+    """Whether a word is harmless as it stands. Raises Refused where it is an option that is not listed."""
+    text = drawing.text(place)
+    if drawing.text(place - 1) == ".":
+        return _is_option(drawing, place)
+    rule = KEYWORDS.get(text) or ROLES.get(text)
+    if rule is not None and rule(drawing, place):
+        either = text in words.ATTRIBUTES and drawing.text(place + 1) in ("-", ",", "}")
+        return text in KEYWORDS or not (either and text in known)
+    return text in words.COLORS and (text not in known or drawing.text(place - 1) == "Color")
+
+
+def _check_indices(drawing: Drawing, place: int) -> None:
+    count, before = 1, place
+    while drawing.text(before - 1) == "}" and drawing.text(drawing.partner[before - 1] - 1) == "~":
+        count, before = count + 1, drawing.partner[before - 1] - 1
+    if count > MOST_INDICES:
+        raise Refused(drawing.tokens[place].line, f"{count} of '~{{...}}' in a row", f"at most {MOST_INDICES}")
+
+
+def _is_option(drawing: Drawing, place: int) -> bool:
+    """Whether the word behind a dot is an option that may be set; if not, it is a name, a member of a Struct."""
+    owner, member = drawing.text(place - 2), drawing.text(place)
+    listed: Collection[str]
+    if owner == "]" and drawing.text(drawing.partner[place - 2] - 1) == "Field":
+        listed = words.FIELD_OPTIONS
+    elif owner == "Color" and drawing.text(place - 3) == ".":
+        listed = words.OPTION_COLORS.get(drawing.text(place - 4), ())
+    elif owner in words.OPTIONS:
+        listed = words.OPTIONS[owner] | {"Color"}
+    elif drawing.kind(place - 2) == "word":
+        return member in words.PLAIN | words.ATTRIBUTES  # of a Struct
+    else:
+        listed = ()
+    if member not in listed:
+        owner = drawing.text(drawing.partner[place - 2] - 1) + "[...]" if owner == "]" else owner
+        raise Refused(drawing.tokens[place].line, f"'{owner}.{member}'", HARMLESS, trustable=True)
+    return True
+
+
+# ---- rules: whether the word at a place is harmless there
+
+Rule = Callable[[Drawing, int], bool]
+
+
+def _anywhere(drawing: Drawing, place: int) -> bool:
+    return True
+
+
+def _message(drawing: Drawing, place: int) -> bool:
+    """Printf, Error, Warning: what is printed is harmless, and goes to no file."""
+    return _sprintf(drawing, place) and drawing.text(drawing.partner[place + 1] + 1) == ";"
+
+
+def _sprintf(drawing: Drawing, place: int) -> bool:
+    if drawing.text(place + 1) not in ("(", "[") or drawing.kind(place + 2) != "string":
+        return False
+    harmless = FORMAT.fullmatch(drawing.tokens[place + 2].content) is not None
+    return harmless and drawing.text(place + 3) in (",", ")", "]")
+
+
+def _factory(drawing: Drawing, place: int) -> bool:
+    named = drawing.kind(place + 2) == "string" and drawing.tokens[place + 2].content in words.FACTORIES
+    return drawing.text(place + 1) == "(" and named and drawing.text(place + 3) == ")"
+
+
+def _field(drawing: Drawing, place: int) -> bool:
+    """``Background Field = 1;``, ``Field[1] = KIND;``, ``Field[1].OPTION = ...;`` or ``Delete Field[1];``."""
+    if drawing.text(place - 1) in ("Background", "BoundaryLayer"):
+        return drawing.text(place + 1) == "="
+    if drawing.text(place + 1) != "[":
+        return False
+    behind = drawing.partner[place + 1] + 1
+    kind = drawing.text(behind) == "=" and drawing.text(behind + 1) in words.FIELDS and drawing.text(behind + 2) == ";"
+    deleted = drawing.text(place - 1) == "Delete" and drawing.text(behind) == ";"
+    return kind or deleted or drawing.text(behind) == "."
+
+
+def _kind_of_field(drawing: Drawing, place: int) -> bool:
+    named = drawing.text(place - 1) == "=" and drawing.text(place - 2) == "]"
+    return named and drawing.text(drawing.partner[place - 2] - 1) == "Field"
+
+
+def _behind(drawing: Drawing, place: int) -> bool:
+    return drawing.text(place) in words.BEHIND.get(drawing.text(place - 1), ())
+
+
+def _before(drawing: Drawing, place: int) -> bool:
+    return drawing.text(place + 1) == words.BEFORE[drawing.text(place)]
+
+
+def _arrangement(drawing: Drawing, place: int) -> bool:
+    return drawing.text(place - 1) in ("}", '"*"') and drawing.text(place + 1) == ";"
+
+
+def _attribute(drawing: Drawing, place: int) -> bool:
+    """In a list, and a value follows, or nothing."""
+    follows = drawing.kind(place + 1) in ("string", "number", "word") or drawing.text(place + 1) in ("{", "-", ",", "}")
+    return drawing.depths[place] > 0 and drawing.text(place - 1) in (",", "[") and follows
+
+
+def _option(drawing: Drawing, place: int) -> bool:
+    return drawing.text(place + 1) == "."
+
+
+def _named(drawing: Drawing, place: int) -> bool:
+    """``SetName "plate";``"""
+    return drawing.starts(place) and drawing.kind(place + 1) == "string" and drawing.text(place + 2) == ";"
+
+
+def _table(*rules: tuple[Iterable[str], Rule]) -> dict[str, Rule]:
+    """Rules by word; of several for a word, one is enough."""
+    found: dict[str, list[Rule]] = {}
+    for listed, rule in rules:
+        for word in listed:
+            found.setdefault(word, []).append(rule)
+
+    def one_of(of: Sequence[Rule]) -> Rule:
+        return lambda drawing, place: any(rule(drawing, place) for rule in of)
+
+    return {word: of[0] if len(of) == 1 else one_of(of) for word, of in found.items()}
+
+
+KEYWORDS = _table(  # which no drawing can take for names
+    (words.PLAIN, _anywhere),
+    (words.CONTROL, _anywhere),  # looked at by `heads`
+    (READS, _anywhere),  # looked at by `readings`
+    (("Struct",), _anywhere),
+    (("Printf", "Error", "Warning"), _message),
+    (("Sprintf",), _sprintf),
+    (("SetFactory",), _factory),
+    (("Field",), _field),
+)
+ROLES = _table(  # of words that are names elsewhere
+    *((listed, _behind) for listed in words.BEHIND.values()),
+    (words.BEFORE, _before),
+    (words.ARRANGEMENTS, _arrangement),
+    (words.ATTRIBUTES, _attribute),
+    (words.FIELDS, _kind_of_field),
+    (words.OPTIONS, _option),
+    (("SetName",), _named),
+)

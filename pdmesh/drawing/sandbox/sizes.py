@@ -1,0 +1,34 @@
+"""What a drawing says of its mesh, which no grid has: to be told that it is not used."""
+
+from __future__ import annotations
+
+from pdmesh.drawing.sandbox import words
+from pdmesh.drawing.sandbox.scan import Drawing
+
+SIZES = ("Characteristic", "Field", "MeshSize", "Transfinite")
+
+
+def unused(drawing: Drawing) -> dict[str, int]:
+    """What of a drawing is about the size of a mesh's elements, and the first line of each."""
+    found: dict[str, int] = {}
+    for place, token in enumerate(drawing.tokens):
+        what = _what(drawing, place) if token.kind == "word" else ""
+        if what:
+            found.setdefault(what, token.line)
+    return found
+
+
+def _what(drawing: Drawing, place: int) -> str:
+    text = drawing.text(place)
+    if text == "Point" and drawing.text(place + 1) == "(":
+        values = drawing.partner[place + 1] + 2
+        return "mesh sizes of points" if drawing.text(values) == "{" and _count(drawing, values) > 3 else ""
+    if drawing.text(place - 1) == ".":
+        return f"Mesh.{text}" if drawing.text(place - 2) == "Mesh" and text in words.OPTION_SIZES else ""
+    return {"Characteristic": "MeshSize"}.get(text, text) if text in SIZES else ""
+
+
+def _count(drawing: Drawing, bracket: int) -> int:
+    """How many values there are between braces."""
+    inside = range(bracket + 1, drawing.partner[bracket])
+    return 1 + sum(drawing.text(i) == "," and drawing.depths[i] == drawing.depths[bracket] + 1 for i in inside)

@@ -1,0 +1,110 @@
+"""How a drawing's tokens hang together: which bracket closes which, and that loops, tests and macros nest.
+
+Gmsh goes back to the line after the head of a loop or a macro, and finds the end of what it skips by its name alone.
+So heads stand alone on their lines, ends are where they seem to be, and between them statements are whole.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from pdmesh.drawing.sandbox.tokens import Refused, Token
+
+OPENING = {"(": ")", "[": "]", "{": "}"}
+CLOSING = {end: start for start, end in OPENING.items()}
+ENDS = {"EndFor": "For", "EndIf": "If", "Return": "Macro", "ElseIf": "If", "Else": "If"}
+# what Gmsh's skipping reader takes for an end although its lexer does not
+HIDDEN_END = re.compile(r"(?:EndIf|EndFor|Else|Return)(?![A-Za-z_])")
+
+
+def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
+    """The partner of every bracket, and how many are open around each token. Raises Refused."""
+    found: dict[int, int] = {}
+    open_at: list[int] = []
+    depths = []
+    for place, token in enumerate(tokens):
+        depths.append(len(open_at))
+        if token.kind != "sign":
+            continue
+        if token.text in OPENING:
+            open_at.append(place)
+        elif token.text in CLOSING:
+            if not open_at or tokens[open_at[-1]].text != CLOSING[token.text]:
+                expected = f"'{OPENING[tokens[open_at[-1]].text]}' first" if open_at else "one that is open"
+                raise Refused(token.line, f"'{token.text}'", expected)
+            depths[-1] -= 1
+            found[place] = open_at.pop()
+            found[found[place]] = place
+        elif token.text == ";" and open_at and tokens[open_at[-1]].text != "{":
+            raise Refused(token.line, "';'", f"'{OPENING[tokens[open_at[-1]].text]}' first")
+    if open_at:
+        left = tokens[open_at[-1]]
+        raise Refused(left.line, f"'{left.text}'", f"'{OPENING[left.text]}' after it")
+    return found, depths
+
+
+def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int]) -> set[int]:
+    """The places of the last tokens of all heads and ends of loops, tests and macros. Raises Refused."""
+    found: set[int] = set()
+    blocks: list[Token] = []
+    for place, token in enumerate(tokens):
+        if token.kind != "word":
+            continue
+        if token.text not in ENDS and HIDDEN_END.search(token.text):
+            raise Refused(token.line, f"'{token.text}'", "a name that Gmsh does not take for the end of a block")
+        if token.text not in ("If", "For", "Macro", "Function", "Call", *ENDS):
+            continue
+        if depths[place]:
+            raise Refused(token.line, f"'{token.text}'", "it outside of brackets")
+        last = _last(tokens, place, partner)
+        found.add(last)
+        _nest(token, blocks)
+        _alone(tokens, last, token)
+    if blocks:
+        raise Refused(blocks[-1].line, f"'{blocks[-1].text}'", "its end after it")
+    return found
+
+
+def _last(tokens: Sequence[Token], place: int, partner: dict[int, int]) -> int:
+    """The place of the last token of the head or end that begins at `place`. Raises Refused."""
+    token, rest = tokens[place], [following.text for following in tokens[place + 1 : place + 4]]
+    match token.text, rest:
+        case (("EndFor" | "EndIf" | "Else" | "Return"), _):
+            return place
+        case (("If" | "ElseIf" | "For"), ["(", *_]):
+            return partner[place + 1]
+        case "For", [_, "In", "{"] if tokens[place + 1].kind == "word":
+            return partner[place + 3]
+        case (("Macro" | "Function"), [_, *_]) if tokens[place + 1].kind == "word":
+            return place + 1
+        case "Call", [_, ";", *_] if tokens[place + 1].kind == "word":
+            return place + 2
+    raise Refused(token.line, f"'{' '.join([token.text, *rest[:1]])}'", f"{token.text} and what belongs to it")
+
+
+def _nest(token: Token, blocks: list[Token]) -> None:
+    kind = "Macro" if token.text == "Function" else token.text
+    if kind in ("If", "For", "Macro"):
+        blocks.append(token._replace(text=kind))
+    elif kind in ENDS:
+        if not blocks or blocks[-1].text != ENDS[kind]:
+            expected = f"the end of '{blocks[-1].text}' of line {blocks[-1].line} first" if blocks else "its beginning"
+            raise Refused(token.line, f"'{token.text}'", expected)
+        if not kind.startswith("Else"):
+            blocks.pop()
+
+
+def _alone(tokens: Sequence[Token], last: int, token: Token) -> None:
+    """Raises Refused where something stands behind a head on its line, which Gmsh would read out of turn."""
+    if token.text in ("If", "ElseIf", "Else", "EndIf"):  # Gmsh reads on from there
+        return
+    behind = last + 1
+    while token.text == "Call" and behind < len(tokens) and tokens[behind].text == "EndIf":
+        behind += 1
+    if behind < len(tokens) and tokens[behind].row == tokens[last].row:
+        raise Refused(
+            tokens[behind].line,
+            f"'{tokens[behind].text[:40]}' behind '{token.text}'",
+            "a new line (Gmsh goes on at the next line, not behind it)",
+        )

@@ -1,0 +1,206 @@
+"""A scene written in Python: a file that defines ``scene``, run with its constants set from outside.
+
+The parameters are the numbers and words assigned to plain names at the top level; a comment behind one, ``# m:
+between nodes``, says its unit and meaning. Gmsh is not needed.
+
+The file is a program, run in a process of its own (this module as a script), so that whatever ends it ends nothing
+else; what it prints goes to stderr.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from pdmesh.drawing.parameters import Parameter, unknown
+from pdmesh.drawing.processes import how_it_ended
+from pdmesh.files import read_bytes
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+
+
+def read_script(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
+    """The scene that the Python file at `path` defines, with some of its constants replaced by name.
+
+    The file is a program and is run as one. Raises SceneError naming the file and the line.
+    """
+    text, tree = _parsed(path)
+    values = {parameter.name: parameter.value for parameter in _assigned(path, _parameters(text, tree), assignments)}
+    parts = _in_child(path, values)
+    try:
+        scene = replace(Scene(**parts), source=path.name, drawing=text, parameters=tuple(values.items()))
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    _refuse_halves(scene, path)
+    return scene
+
+
+def _refuse_halves(scene: Scene, path: Path) -> None:
+    """Raises SceneError for text with half of a character, a lone surrogate, which no file can hold."""
+    named: list[Any] = [*scene.zones, *scene.cracks]
+    named += [part.region for part in scene.regions] + [condition.action for condition in scene.conditions]
+    for word in [*(part.name for part in named), *(word for pair in scene.parameters for word in pair)]:
+        try:
+            str(word).encode("utf-8")
+        except UnicodeEncodeError:
+            raise SceneError(f"{path}: found {str(word)[:40]!a}, half of a character, expected whole ones") from None
+
+
+def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> list[Parameter]:
+    """The parameters of the Python file at `path`, which is not run. Raises SceneError."""
+    return _assigned(path, _parameters(*_parsed(path)), assignments)
+
+
+def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[str, str]]) -> list[Parameter]:
+    values = {parameter.name: parameter for parameter in found}
+    for name, word in assignments:
+        if name not in values:
+            raise SceneError(f"{path}: {unknown(name, values)}")
+        values[name] = replace(values[name], value=_converted(name, word, values[name].value, path))
+    return list(values.values())
+
+
+def _parsed(path: Path) -> tuple[str, ast.Module]:
+    try:
+        text = read_bytes(path).decode("utf-8")
+        return text, ast.parse(text, str(path))
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    except SyntaxError as error:
+        raise SceneError(f"{path}: line {error.lineno}: {error.msg}, expected Python") from None
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}, expected Python") from None
+    except (RecursionError, MemoryError):
+        raise SceneError(f"{path}: found an expression too long or nested too deep, expected Python") from None
+
+
+def _in_child(path: Path, values: Mapping[str, float | str]) -> dict[str, Any]:
+    """The parts of the scene that a program defines. Raises SceneError."""
+    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
+        result, job = Path(folder) / "scene", Path(folder) / "job"
+        job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
+        command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
+        ended = subprocess.run(command, check=False).returncode
+        if not result.exists():
+            raise SceneError(f"{path}: found a program that {how_it_ended(ended)}, expected it to define scene")
+        found = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
+    if isinstance(found, str):
+        raise SceneError(f"{path}: {found}")
+    return dict(found)
+
+
+# ---- the child process
+
+
+def _main(job: str, result: str) -> None:
+    wanted = json.loads(Path(job).read_text(encoding="utf-8"))
+    os.dup2(2, 1)  # stdout is for the result
+    sys.path[:] = wanted["modules"]
+    found = _run(Path(wanted["path"]), wanted["values"])
+    Path(result).write_bytes(found)
+
+
+def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
+    """The scene's parts, or what went wrong, as bytes."""
+    names: dict[str, object] = {"__name__": "scene", "__file__": str(path)}
+    try:
+        tree = _Constants(values).visit(_parsed(path)[1])
+        exec(compile(tree, str(path), "exec"), names)
+    except BaseException as error:
+        return pickle.dumps(_reason(error, path))
+    scene = names.get("scene")
+    if not isinstance(scene, Scene):
+        found = "none" if scene is None else f"a {type(scene).__name__}"
+        return pickle.dumps(f"scene: found {found}, expected a file that defines scene = Scene(...)")
+    try:
+        return pickle.dumps({field.name: getattr(scene, field.name) for field in fields(Scene)})
+    except Exception as error:
+        return pickle.dumps(f"scene: found what cannot be handed over ({error}), expected shapes and numbers")
+
+
+def _reason(error: BaseException, path: Path) -> str:
+    """What to say of an error, and of the last line of the file that it went through."""
+    line, trace = 0, error.__traceback__
+    while trace is not None:
+        line = trace.tb_lineno if trace.tb_frame.f_code.co_filename == str(path) else line
+        trace = trace.tb_next
+    return f"line {line}: {error if isinstance(error, SceneError) else f'{type(error).__name__}: {error}'}".rstrip(": ")
+
+
+# ---- constants
+
+
+def _constant(statement: ast.stmt) -> tuple[str, ast.expr, float | str] | None:
+    """Name, value's node and value of a statement ``NAME = number or word``."""
+    match statement:
+        case ast.Assign(targets=[ast.Name(id=name)], value=value):
+            pass
+        case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+            pass
+        case _:
+            return None
+    try:
+        found = ast.literal_eval(value)
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+        return None
+    plain = isinstance(found, int | float | str) and not isinstance(found, bool)
+    return (name, value, found) if plain and name != "scene" else None
+
+
+def _parameters(text: str, tree: ast.Module) -> list[Parameter]:
+    lines = text.splitlines()
+    found = []
+    for statement in tree.body:
+        constant = _constant(statement)
+        if constant:
+            name, node, value = constant
+            behind = lines[(node.end_lineno or 1) - 1].encode()[node.end_col_offset or 0 :].decode().strip()
+            unit, colon, meaning = behind.removeprefix("#").partition(":") if behind.startswith("#") else ("", "", "")
+            if not colon:
+                unit, meaning = "", unit
+            found.append(Parameter(name, value, unit.strip(), meaning.strip()))
+    return found
+
+
+def _converted(name: str, word: str, default: float | str, path: Path) -> float | str:
+    if isinstance(default, str):
+        return word
+    whole = isinstance(default, int)
+    try:
+        value = float(word)
+    except ValueError:
+        value = float("nan")
+    if not math.isfinite(value) or (whole and value != round(value)):
+        raise SceneError(
+            f"{path}: parameter '{name}': found '{word}', expected a {'whole' if whole else 'finite'} number"
+        )
+    return round(value) if whole else value
+
+
+class _Constants(ast.NodeTransformer):
+    """Replaces the values of a module's constants."""
+
+    def __init__(self, values: Mapping[str, float | str]) -> None:
+        self._values = values
+
+    def visit_Module(self, node: ast.Module) -> ast.Module:
+        for statement in node.body:
+            constant = _constant(statement)
+            if constant and isinstance(statement, ast.Assign | ast.AnnAssign):
+                name, value, _ = constant
+                statement.value = ast.copy_location(ast.Constant(self._values[name]), value)
+        return node
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])

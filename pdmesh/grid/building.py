@@ -1,0 +1,43 @@
+"""A scene becomes a grid, and that is looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pdmesh.grid import soundness
+from pdmesh.grid.lattice import Shift, build_grid
+from pdmesh.model.cloud import Grid, document_of
+from pdmesh.model.document import Document, Settings, write_file
+from pdmesh.scene import checks
+from pdmesh.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Built:
+    """A grid with its settings, and what happened on the way."""
+
+    grid: Grid
+    settings: Settings
+    notes: tuple[str, ...] = ()
+    shifts: tuple[Shift, ...] = ()
+
+    @property
+    def document(self) -> Document:
+        """What is written."""
+        return document_of(self.grid, self.settings)
+
+    def write(self, path: Path) -> None:
+        """Write the grid file at `path` in one atomic step, over one that is there. Raises OSError."""
+        write_file(self.document, path)
+
+
+def build(scene: Scene) -> Built:
+    """The grid of a scene. Raises SceneError where that is not the plate that was drawn."""
+    grid, settings, shifts = build_grid(scene)
+    return looked_at(Built(grid, settings, (*scene.notes, *checks.remarks(scene)), shifts))
+
+
+def looked_at(built: Built) -> Built:
+    """With what there is to say of the grid. Raises SceneError as `build`."""
+    return replace(built, notes=(*built.notes, *soundness.remarks(built.grid, built.settings)))

@@ -1,0 +1,203 @@
+"""A scene becomes nodes: one square lattice a spacing, aligned so that no crack meets a node.
+
+Layout: every lattice passes through the lower left corner of the plate's bounding box, so that spacings 1, 2, 4 ...
+nest. Nodes on an edge of the plate stay. Where two spacings meet the coarser one owns the edge; finer nodes on it,
+or nearer to a row of coarser ones than 3/4 of their spacing, are dropped: the gap is one fine spacing, or 1.5 where
+one of the lattices is shifted.
+
+Shift: a lattice of which a crack meets a node (comes nearer than 1/1000 of the spacing) moves by at most half a
+spacing along each axis: by half along y, x or both where that clears it, else by the number of eighths that
+keeps the cracks farthest from the nodes. Every shift is reported.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.grid.cells import cell_areas
+from pdmesh.grid.zones import Level, levels
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Horizon, Settings
+from pdmesh.model.trees import tree_of
+from pdmesh.scene.conditions import SLACK
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError, near
+
+CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
+COMFORT = 0.1  # of a spacing: a shift that keeps cracks this far is taken at once
+HALVES = ((0.0, 0.5), (0.5, 0.0), (0.5, 0.5))
+EIGHTHS = tuple((x, y) for x, y in itertools.product((0.0, 0.125, -0.125, 0.25, -0.25, 0.375, -0.375, 0.5), repeat=2))
+GAP = 0.75  # of a spacing: finer nodes nearer to a row of coarser ones are dropped
+INTERIOR = 2.5  # of a spacing: so far from a level's edge, no neighbour on the lattice is missing
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The lattice of a spacing was moved so that no crack meets a node."""
+
+    spacing: float  # m
+    offset: tuple[float, float]  # m
+
+
+@dataclass(frozen=True)
+class PlacedNodes:
+    """The nodes of a scene, the coarsest first; n of them."""
+
+    position: NDArray[np.float64]  # (n, 2) m
+    delta: NDArray[np.float64]  # (n,) m
+    regular: NDArray[np.bool_]  # (n,) whose cell is the full square, delta^2
+    shifts: tuple[Shift, ...]
+
+
+def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
+    """The nodes of a scene, the settings that go into their file, and the shifts of lattices.
+
+    Raises SceneError if a spacing stays without nodes, a crack cannot be cleared or a condition finds no node.
+    """
+    nodes = place_nodes(scene)
+    areas = cell_areas(nodes.position, scene.shape, nodes.delta, nodes.regular)
+    grid = grid_of_nodes(scene, nodes.position, nodes.delta, areas)
+    return grid, settings_of(scene, nodes.position, nodes.delta), nodes.shifts
+
+
+def place_nodes(scene: Scene) -> PlacedNodes:
+    """The nodes alone. Raises SceneError if a spacing stays without nodes or a crack cannot be cleared."""
+    found: list[NDArray[np.float64]] = []
+    regular: list[NDArray[np.bool_]] = []
+    rows: list[NDArray[np.float64]] = []
+    shifts = []
+    coarser: list[Level] = []
+    for level in levels(scene):
+        points, offset = _level_nodes(scene, level, coarser)
+        if len(points) and rows:
+            distance, _ = tree_of(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
+            points = points[~np.isfinite(distance)]
+        if any(offset):
+            shifts.append(Shift(level.spacing, offset))
+        found.append(points)
+        regular.append(~near(points, level.shape.boundary, INTERIOR * level.spacing))
+        rows.append(_rows(points[~regular[-1]], level.spacing))
+        coarser.append(level)
+    counts = [len(points) for points in found]
+    if not sum(counts):
+        raise SceneError(f"spacing: found no node in the plate, expected a spacing below {scene.spacing:g} m")
+    delta = np.repeat([level.spacing for level in coarser], counts)
+    for zone in scene.zones:
+        inside = zone.shape.buffer(zone.spacing / 2)
+        if not shapely.contains_xy(inside, np.concatenate(found)[delta <= zone.spacing * (1 + 1e-9)]).any():
+            raise SceneError(f"zone '{zone.name}': found no node, expected a spacing below {zone.spacing:g} m")
+    return PlacedNodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
+
+
+def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """The points (n, 2) of a lattice with three more (k, 2) between any two that are next to each other, m."""
+    if not len(points):
+        return points
+    first, second = tree_of(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
+    between = [points[first] + share * (points[second] - points[first]) for share in (0.25, 0.5, 0.75)]
+    return np.concatenate([points, *between])
+
+
+def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDArray[np.float64], tuple[float, float]]:
+    """The level's nodes (k, 2), row by row, and the shift of its lattice; both in m."""
+    cracks = shapely.union_all([slit.line for slit in scene.slits])
+    slack = SLACK * level.spacing
+    inside = level.shape.buffer(slack, join_style="mitre")
+    taken = [other.shape.buffer(slack, join_style="mitre") for other in coarser]
+
+    def placed(share: tuple[float, float]) -> NDArray[np.float64]:
+        points = _lattice(scene, level, share)
+        kept: NDArray[np.bool_] = shapely.contains_xy(inside, points)
+        for shape in taken:
+            kept &= ~shapely.contains_xy(shape, points)
+        return np.asarray(points[kept])
+
+    def clearance(points: NDArray[np.float64]) -> float:
+        close = points[near(points, cracks, level.spacing)]
+        return float(shapely.distance(shapely.points(close), cracks).min(initial=level.spacing)) / level.spacing
+
+    points = placed((0.0, 0.0))
+    if cracks.is_empty or clearance(points) >= CLEARANCE:
+        return points, (0.0, 0.0)
+    best, chosen = 0.0, (0.0, 0.0)
+    for share in HALVES + EIGHTHS:
+        moved = placed(share)
+        free = clearance(moved)
+        if free > best:
+            best, chosen, points = free, share, moved
+        if free >= COMFORT and share in HALVES:
+            break
+    if best < CLEARANCE:
+        raise SceneError(
+            f"cracks: found a node of spacing {level.spacing:g} m on one for every shift of the lattice,"
+            " expected cracks between nodes"
+        )
+    return points, (chosen[0] * level.spacing, chosen[1] * level.spacing)
+
+
+def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[np.float64]:
+    """The points (k, 2) of the lattice, moved by `share` of its spacing, in the level's bounding box; m."""
+    spacing = level.spacing
+    origin = np.array(scene.whole.bounds[:2]) + spacing * np.array(share)
+    low, high = np.array(level.shape.bounds[:2]), np.array(level.shape.bounds[2:])
+    first = np.ceil((low - origin) / spacing - SLACK).astype(int)
+    last = np.floor((high - origin) / spacing + SLACK).astype(int)
+    decimals = 9 - int(np.floor(np.log10(spacing)))  # mirrored nodes get mirrored bits
+    x, y = (
+        np.round(origin[axis] + np.arange(first[axis], last[axis] + 1) * spacing, decimals) + 0.0 for axis in (0, 1)
+    )
+    return np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+
+
+def _segments(scene: Scene) -> NDArray[np.float64]:
+    lines = [shapely.get_coordinates(slit.line) for slit in scene.slits]
+    return np.concatenate([np.empty((0, 4)), *(np.hstack([line[:-1], line[1:]]) for line in lines)])
+
+
+def edges(
+    scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Which nodes have an edge within one spacing (n,), and the number of the hole it belongs to (n,), or -1."""
+    within = delta * (1 - SLACK)
+    hole_id = np.full(len(position), -1)
+    for number, hole in enumerate(scene.holes):
+        hole_id[near(position, hole.exterior, within)] = number
+    return near(position, scene.shape.boundary, within), hole_id
+
+
+def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64]) -> Settings:
+    """What a scene says of nodes (n, 2) with spacings (n,), m, whose ids count from 1. Raises SceneError."""
+    return Settings(
+        material=scene.material,
+        horizon=Horizon(ratio=float(scene.horizon)),
+        regions=tuple(region.on(position, delta) for region in scene.regions),
+        conditions=tuple(condition.on(position, delta) for condition in scene.conditions),
+        area_rule=scene.area_rule,
+        run=scene.run,
+    )
+
+
+def grid_of_nodes(
+    scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64], areas: NDArray[np.float64]
+) -> Grid:
+    """The grid of nodes (n, 2) with spacings (n,), m, and areas (n,), m^2, in a scene's plate."""
+    border, hole_id = edges(scene, position, delta)
+    return Grid(
+        ids=np.arange(1, len(position) + 1),
+        position=position,
+        delta=delta,
+        border=border,
+        hole_id=hole_id,
+        cracks=_segments(scene),
+        outline=tuple(shapely.get_coordinates(part.exterior) for part in scene.parts),
+        holes=tuple(shapely.get_coordinates(hole.exterior) for hole in scene.holes),
+        areas=areas,
+        source=scene.source,
+        parameters=scene.parameters,
+        drawing=scene.drawing,
+    )

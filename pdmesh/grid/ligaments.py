@@ -1,0 +1,131 @@
+"""Where a plate is thinner than its nodes can tell: between holes, cracks and edges.
+
+A disc of the least width moves about in the plate. Where an edge, a hole or a crack is nearer to another one than that,
+it does not pass between them; where what it can reach falls apart, it does not pass a neck of a single edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.grid.graphs import connected
+from pdmesh.model.cloud import Grid
+from pdmesh.model.trees import tree_of
+from pdmesh.scene.shapes import parts
+
+THINNEST = 3.0  # spacings that a ligament should have at least
+ROUND = 32  # segments of a quarter circle; off by 3e-4 of its radius
+EXACT = 1e-3  # of a width
+STAGES = 4  # radii that are tried: what is behind a neck may be too small for the whole one
+MOST_SIZES = 16  # spacings; those of a mesh are taken a factor of 2 apart
+
+
+class Ligament(NamedTuple):
+    """A thin place of a plate."""
+
+    place: tuple[float, float]  # m, its middle
+    width: float  # m
+    spacing: float  # m, of the nodes there
+
+
+class _Gap(NamedTuple):
+    width: float  # m
+    middle: NDArray[np.float64]  # (k, 2) m, points along its middle
+
+
+def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry) -> list[Ligament]:
+    """The places where a plate is thinner than THINNEST spacings of the nodes there, the thinnest first.
+
+    `faces` are the parts of the plate that its `cracks` leave.
+    """
+    sizes = np.unique(grid.delta)
+    if len(sizes) > MOST_SIZES:
+        sizes = np.exp2(np.unique(np.ceil(np.log2(sizes))))
+    gaps = list(_between(faces, cracks, THINNEST * float(sizes[-1])))
+    lines = shapely.get_parts(cracks)
+    tree = shapely.STRtree(lines)
+    for face in faces:
+        own = shapely.multilinestrings(lines[tree.query(face, predicate="intersects")])
+        for size in sizes:
+            gaps += _necks(face, own, THINNEST / 2 * float(size))
+    kept: list[Ligament] = []
+    for one in sorted(_thin(gaps, grid), key=lambda one: one.width / one.spacing):
+        if all(np.hypot(*np.subtract(one.place, other.place)) > one.spacing for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
+    """Those of the gaps that are too thin for the nodes in them."""
+    if not gaps:
+        return
+    middles, margin = np.concatenate([gap.middle for gap in gaps]), 2 * float(grid.delta.max())
+    low, high = middles.min(axis=0) - margin, middles.max(axis=0) + margin
+    near = ((grid.position >= low) & (grid.position <= high)).all(axis=1)
+    some = np.flatnonzero(near) if near.any() else np.arange(len(grid))
+    tree = tree_of(grid.position[some])
+    for gap in gaps:
+        delta = grid.delta[some[tree.query(gap.middle)[1]]]
+        coarsest = np.flatnonzero(delta == delta.max())
+        at = int(coarsest[len(coarsest) // 2])
+        if gap.width < THINNEST * delta[at] * (1 - 2 * EXACT):
+            x, y = gap.middle[at].tolist()
+            yield Ligament((x, y), gap.width, float(delta[at]))
+
+
+def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: float) -> Iterator[_Gap]:
+    """The gaps between two edges, holes or cracks that do not touch each other."""
+    lines = shapely.union_all([cracks, *(face.boundary for face in faces)])
+    edges = _connected(shapely.get_parts(lines))
+    whole = shapely.union_all(faces)
+    for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
+        line = shapely.shortest_line(edges[first], edges[second])
+        middle = line.interpolate(0.5, normalized=True)
+        if first < second and whole.contains(middle):
+            yield _Gap(float(line.length), shapely.get_coordinates(middle))
+
+
+def _connected(lines: NDArray[Any]) -> NDArray[Any]:
+    """Lines that touch each other put together."""
+    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))
+    return np.array([shapely.multilinestrings(lines[number == one]) for one in range(number.max() + 1)])
+
+
+def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:
+    """Where the middle of a disc in the face may be, off the cracks, in parts."""
+    middle = face.buffer(-radius, quad_segs=ROUND).difference(cracks.buffer(radius, quad_segs=ROUND))
+    return [part for part in parts(middle) if part.area > (EXACT * radius) ** 2]
+
+
+def _necks(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> Iterator[_Gap]:
+    """The necks of a face that a disc does not pass, if it or one of a few smaller ones gets to both sides of them."""
+    reached = partial(_reached, face, cracks)
+    radii = radius * (1 - EXACT) * np.linspace(0, 1, STAGES + 1)
+    stages = [[face], *(reached(some) for some in radii[1:].tolist())]
+    if not stages[-1]:
+        middle, rim = shapely.get_coordinates(shapely.maximum_inscribed_circle(face))
+        yield _Gap(2 * float(np.hypot(*(rim - middle))), middle[None])
+    spans = list(zip(radii[:-1].tolist(), radii[1:].tolist(), stages[:-1], stages[1:], strict=True))
+    while spans:
+        low, high, before, after = spans.pop()
+        if len(after) <= len(before):
+            continue
+        if high - low > EXACT * radius:
+            half = (low + high) / 2
+            between = reached(half)
+            spans += [(low, half, before, between), (half, high, between, after)]
+            continue
+        for parent in before:
+            rest = [child for child in after if parent.contains(child.representative_point())]
+            joined, rest = rest[:1], rest[1:]
+            while rest:
+                lines = shapely.shortest_line(shapely.union_all(joined), rest)
+                nearest = int(shapely.length(lines).argmin())
+                yield _Gap(low + high, shapely.get_coordinates(shapely.segmentize(lines[nearest], radius / 2)))
+                joined.append(rest.pop(nearest))

@@ -1,0 +1,82 @@
+"""The pieces that bonds make of a plate."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.grid.graphs import connected
+from pdmesh.model.cloud import Grid
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
+from pdmesh.model.trees import tree_of
+from pdmesh.model.visibility import Sight, cracks_of
+from pdmesh.scene.shapes import near, parts
+
+PAIRS = 2**20  # looked at together
+NEXT = 4  # nodes around one of a mesh
+SLIVER = 1e-3  # of a spacing squared: parts of a plate below are round-off
+
+
+def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
+    """The parts of a grid's plate that its pre-cracks leave."""
+    if not len(grid.cracks):
+        return list(parts(plate))
+    lines = shapely.union_all([plate.boundary, cracks_of(grid)])
+    least = SLIVER * float(grid.delta.min()) ** 2
+    shapely.prepare(plate)
+    faces = [face for face in parts(shapely.polygonize(shapely.get_parts(lines))) if face.area > least]
+    return [face for face in faces if plate.contains(face.representative_point())]
+
+
+def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
+    """The number (n,) of the piece that each node is in, from 0; those of a piece are joined by bonds.
+
+    A bond is as long as `reach` mean spacings of its nodes at most, as in the conservative mode, stays in the plate and
+    crosses no pre-crack.
+    """
+    neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
+    number, asked = _islands(grid, neighbours, reach)
+    sight, links = Sight(grid), [np.zeros((2, 0), dtype=np.int64)]
+    for some in np.array_split(asked, int(len(asked) * (2 * reach) ** 2 / PAIRS) + 1):
+        pairs = neighbours.pairs(some)
+        mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2
+        pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
+        seen = sight.inside(pairs) & ~sight.cut(pairs)
+        links.append(number[np.stack([pairs.source[seen], pairs.target[seen]])])
+    found = connected(len(grid), *np.concatenate(links, axis=1))[number]
+    there = np.zeros(len(grid), dtype=bool)
+    there[found] = True
+    return np.asarray((np.cumsum(there) - 1)[found], dtype=np.int64)
+
+
+def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pieces (n,) made of bonds that are sure to be there, and the rows whose bonds are to be looked at.
+
+    What is nearer than a spacing to an edge or a crack is left out, and so is a lattice's edge: no bond of the others
+    to the next nodes, of two spacings at most, leaves the plate or crosses a crack.
+    """
+    from scipy.ndimage import label
+
+    inner = ~(grid.border | near(grid.position, cracks_of(grid), grid.delta))
+    number, asked = np.arange(len(grid)), np.ones(len(grid), dtype=bool)
+    alone = np.ones(len(grid), dtype=bool)
+    for rows in neighbours.maps():
+        there = np.pad(rows >= 0, 1)
+        full = there[1:-1, 1:-1] & there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
+        alone[rows[there[1:-1, 1:-1]]] = False
+        full[full] = inner[rows[full]]
+        islands, count = label(full)
+        own, island = rows[full], islands[full]
+        first = np.zeros(count + 1, dtype=np.int64)
+        first[island[::-1]] = own[::-1]
+        number[own], asked[own] = first[island], False
+    some = np.flatnonzero(alone & inner)
+    if len(some) > NEXT:
+        length, place = tree_of(grid.position[some]).query(grid.position[some], NEXT + 1)
+        delta = grid.delta[some]
+        sure = length <= np.minimum(2 * np.minimum(delta[:, None], delta[place]), reach * delta[:, None])
+        piece = connected(len(some), np.repeat(np.arange(len(some)), sure.sum(axis=1)), place[sure])
+        largest = piece == np.bincount(piece).argmax()
+        number[some[largest]], asked[some[largest]] = some[largest][0], False
+    return number, np.flatnonzero(asked)

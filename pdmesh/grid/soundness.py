@@ -1,0 +1,154 @@
+"""Whether a grid is the plate that was drawn: whole where that is, held where it is loaded, nowhere too thin for it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.grid.ligaments import THINNEST, Ligament, ligaments
+from pdmesh.grid.pieces import faces_of, pieces
+from pdmesh.grid.supports import rows_of, unheld
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Settings
+from pdmesh.model.full_lattice import has_partial_cells
+from pdmesh.model.visibility import cracks_of, plate_of
+from pdmesh.scene.shapes import SceneError, near
+
+CRUMB = 9  # nodes; a piece of fewer that nothing acts on is only warned of
+ON = 1e-6  # of a spacing: what still counts as in a part
+MOST_SAID = 3  # ligaments that are named one by one
+
+
+class _Piece(NamedTuple):
+    """Nodes that bonds join."""
+
+    rows: NDArray[np.int64]
+    face: int  # of the plate, that it is in
+
+    def words(self, grid: Grid) -> str:
+        x, y = grid.position[self.rows].mean(axis=0)
+        return f"{len(self.rows)} node{'s' * (len(self.rows) > 1)} around ({x:.6g}, {y:.6g}) m"
+
+
+def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
+    """What to warn of in a grid whose nodes count from 1.
+
+    Raises SceneError where bonds do not join what the drawing does, or a part of it has no node.
+    """
+    plate = plate_of(grid)
+    if plate is None:
+        return ()
+    faces, cracks = faces_of(plate, grid), cracks_of(grid)
+    thin = ligaments(grid, faces, cracks)
+    found = _pieces(grid, settings, faces)
+    return (
+        *_loose(grid, settings, found, thin),
+        *_bare(grid, found, faces),
+        *_cut(grid, plate, found, faces),
+        *_unheld(grid, settings, found),
+        *_narrow(thin),
+    )
+
+
+def _pieces(grid: Grid, settings: Settings, faces: list[shapely.Polygon]) -> list[_Piece]:
+    """The pieces, the largest first."""
+    materials = [settings.material, *(region.material for region in settings.regions)]
+    partial = any(material is not None and has_partial_cells(material) for material in materials)
+    number = pieces(grid, settings.horizon.ratio + 0.5 * partial)
+    order = np.argsort(number, kind="stable")
+    rows = np.split(order, np.cumsum(np.bincount(number))[:-1])
+    inner = [some[grid.border[some].argmin()] for some in rows]  # edges may be those of several faces
+    face = shapely.STRtree(faces).nearest(shapely.points(grid.position[inner]))
+    found = [_Piece(some, int(at)) for some, at in zip(rows, face, strict=True)]
+    return sorted(found, key=lambda piece: -len(piece.rows))
+
+
+def _largest(found: list[_Piece]) -> dict[int, _Piece]:
+    """The largest piece of each part of the plate."""
+    largest: dict[int, _Piece] = {}
+    for piece in found:
+        largest.setdefault(piece.face, piece)
+    return largest
+
+
+def _loose(grid: Grid, settings: Settings, found: list[_Piece], thin: list[Ligament]) -> list[str]:
+    """Warns of crumbs, and raises SceneError for larger pieces, that the drawing joins to others."""
+    acted_on = np.zeros(len(grid), dtype=bool)
+    for condition in settings.conditions:
+        acted_on[rows_of(condition)] = True
+    largest = _largest(found)
+    warnings = []
+    for piece in found:
+        if piece is largest[piece.face]:
+            continue
+        said = f"found {piece.words(grid)} that no bond joins to the rest of the plate, {_where(grid, piece, thin)}"
+        if len(piece.rows) >= CRUMB or acted_on[piece.rows].any():
+            raise SceneError(f"plate: {said}")
+        warnings.append(f"warning: {said}")
+    return warnings
+
+
+def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
+    """Where a piece ought to be joined to the rest, and what would join it."""
+    nodes = shapely.multipoints(grid.position[piece.rows])
+    reach = THINNEST * float(grid.delta[piece.rows].max())
+    near_by = [one for one in thin if nodes.distance(shapely.Point(one.place)) <= reach]
+    if not near_by:
+        return "expected finer nodes there, or a gap or a crack that parts them"
+    (x, y), width, spacing = near_by[0]
+    return (
+        f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; expected"
+        f" {width / THINNEST:.2g} m there, or a gap or a crack that parts them"
+    )
+
+
+def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
+    """Warns of small parts of the plate without a node, and raises SceneError for larger ones."""
+    warnings = []
+    for number in sorted(set(range(len(faces))) - {piece.face for piece in found}):
+        face = faces[number]
+        x, y = shapely.get_coordinates(face.representative_point())[0]
+        part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {face.area:.3g} m^2"
+        if near(grid.position, face, ON * float(grid.delta.min())).any():
+            warnings.append(f"warning: found {part}, that touches another in a point where bonds join them")
+            continue
+        spacing = float(grid.delta[np.hypot(*(grid.position - (x, y)).T).argmin()])
+        said = f"found no node in {part}, expected some; nodes are {spacing:g} m apart there"
+        if face.area >= CRUMB * spacing**2:
+            raise SceneError(f"plate: {said}")
+        warnings.append(f"warning: {said}")
+    return warnings
+
+
+def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
+    """Says that cracks cut the plate, which may be meant."""
+    if len(faces) <= len(shapely.get_parts(plate)):
+        return []
+    return [
+        f"the cracks cut the plate into pieces: {'; '.join(piece.words(grid) for piece in _largest(found).values())}"
+    ]
+
+
+def _narrow(thin: list[Ligament]) -> list[str]:
+    """Warns of ligaments."""
+    said = [
+        f"warning: found {width:.2g} m of plate at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
+        f" {spacing:g} m, expected at least {THINNEST:g}: finer nodes there"
+        for (x, y), width, spacing in thin[:MOST_SAID]
+    ]
+    return said + [f"warning: found {len(thin) - MOST_SAID} more places as thin"] * (len(thin) > MOST_SAID)
+
+
+def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
+    """Warns of pieces with forces on them that nothing holds."""
+    number = np.zeros(len(grid), dtype=np.int64)
+    for at, piece in enumerate(found):
+        number[piece.rows] = at
+    return [
+        f"warning: found {force:.3g} N/m on {found[at].words(grid)} that nothing holds and nothing balances, expected a"
+        " fix, a move or an opposite load; they fly off or turn"
+        for at, force in unheld(grid, settings, number)
+    ]

@@ -1,0 +1,86 @@
+"""Whether what is held takes up the forces on a piece of a plate, so that it neither flies off nor turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Settings, Velocity
+
+UNBALANCED = 0.05  # of the forces on a piece: what is less may come from nodes that are not quite on edges
+NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all
+
+
+def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterator[tuple[int, float]]:
+    """The pieces with forces on them that neither balance nor find something that holds them, and how much, N/m.
+
+    `number` (n,) is the piece of each node; nodes' ids count from 1. Forces that follow time in different ways do not
+    balance each other.
+    """
+    loads = [condition for condition in settings.conditions if isinstance(condition, Load)]
+    loaded = [np.unique(number[rows_of(load)]) for load in loads]
+    for piece in np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *loaded])):
+        inside = number == piece
+        acted_on = np.concatenate([rows_of(condition) for condition in settings.conditions])
+        motions = _Motions(grid.position, grid.position[acted_on[inside[acted_on]]])
+        free = _free_motions(settings, motions, inside)
+        for profile in dict.fromkeys(load.profile for load in loads):
+            left, total = np.zeros(3), 0.0
+            for load in loads:
+                if load.profile == profile:
+                    rows = rows_of(load)
+                    force = np.where(inside[rows, None], _forces(load, grid), 0.0)
+                    left += np.einsum("ni,nij->j", force, motions.of(rows))
+                    total += float(np.hypot(*force.T).sum())
+            unbalanced = float(np.linalg.norm(free @ left))
+            if unbalanced > UNBALANCED * total:
+                yield int(piece), unbalanced
+                break
+
+
+def rows_of(condition: AnyCondition) -> NDArray[np.int64]:
+    """The rows of the nodes of a condition."""
+    return np.array(condition.nodes or (), dtype=np.int64) - 1
+
+
+class _Motions:
+    """Rigid motions: along x, along y, and a turn about the middle of `some` places (k, 2), that moves them as far."""
+
+    def __init__(self, position: NDArray[np.float64], some: NDArray[np.float64]) -> None:
+        self._position, self._middle = position, some.mean(axis=0)
+        self._size = float(np.ptp(some, axis=0).max()) / 2 or 1.0
+
+    def of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """How these nodes (k, 2, 3) go along x and y in each of them."""
+        turn = (self._position[rows] - self._middle) / self._size
+        motions = np.zeros((len(rows), 2, 3))
+        motions[:, 0, 0] = motions[:, 1, 1] = 1.0
+        motions[:, 0, 2], motions[:, 1, 2] = -turn[:, 1], turn[:, 0]
+        return motions
+
+
+def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The projection (3, 3) onto the rigid motions that nothing resists."""
+    resistance = np.zeros((3, 3))
+    for condition in settings.conditions:
+        if isinstance(condition, Displacement | Velocity | Acceleration):
+            rows = rows_of(condition)
+            for axis, value in enumerate((condition.x, condition.y)):
+                held = motions.of(rows[inside[rows]])[:, axis]
+                resistance += held.T @ held * (value is not None)
+    strength, ways = np.linalg.eigh(resistance)
+    free = ways[:, strength <= NOTHING * max(strength.max(), NOTHING)]
+    return np.asarray(free @ free.T)
+
+
+def _forces(load: Load, grid: Grid) -> NDArray[np.float64]:
+    """The force on each node (k, 2) of a load, N/m."""
+    rows = rows_of(load)
+    area = grid.delta[rows] ** 2 if grid.areas is None else grid.areas[rows]
+    if load.traction is None:
+        return np.asarray(area[:, None] * np.array(load.body_force))
+    share = area / area.sum() * load.length if load.length else area / (load.rows * grid.delta[rows])
+    return np.asarray(share[:, None] * np.array(load.traction))

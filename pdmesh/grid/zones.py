@@ -1,0 +1,90 @@
+"""Which spacing where: zones grown by the visibility principle, graded so that spacings change by one step.
+
+After F. Bobaru et al., Int. J. Numer. Meth. Engng 77 (2009) 852-877: what is refined is not the zone alone but all
+that the old, coarser horizon reaches from it. No node then sees a place that was to be finer than the next step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from pdmesh.scene.checks import limit_nodes
+from pdmesh.scene.plate import Refinement, Zone
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError, Surface, concave_points, grown, parts
+
+SLACK = 1e-6  # of a spacing, of a horizon: who is that near sees
+SLIVER = 1e-9  # of a spacing squared: parts of a level below are round-off
+
+
+@dataclass(frozen=True)
+class Level:
+    """The part of the plate whose nodes have this spacing."""
+
+    spacing: float  # m
+    shape: Surface
+
+
+def levels(scene: Scene) -> tuple[Level, ...]:
+    """The parts of the plate by spacing, the coarsest first; together they are the plate.
+
+    A level is the zones that ask for it and, grown by the horizon of the next coarser one, the finer levels and
+    the zones that are to be grown. Grown shapes end on lines of the coarser lattice.
+    """
+    zones = [*scene.zones, *(_zone(request, scene) for request in scene.refinements)]
+    steps = [round(float(np.log2(scene.spacing / zone.spacing))) for zone in zones]
+    finer: Surface = shapely.Polygon()
+    found: list[Level] = []
+    for step in range(max(steps, default=0), 0, -1):
+        asked = [zone for zone, its in zip(zones, steps, strict=True) if its == step]
+        for zone in asked:
+            limit_nodes(zone.shape.intersection(scene.shape), zone.spacing, f"zone '{zone.name}': spacing")
+        old = scene.spacing / 2 ** (step - 1)
+        to_grow = shapely.union_all([finer, *(zone.shape for zone in asked if zone.grown)]).intersection(scene.shape)
+        around = _reached(to_grow, scene, old) if not to_grow.is_empty else to_grow
+        here = shapely.union_all([around, *(zone.shape for zone in asked)]).intersection(scene.shape)
+        found.append(_level(old / 2, here, finer))
+        finer = here
+    found.append(_level(scene.spacing, scene.shape, finer))
+    return tuple(level for level in reversed(found) if not level.shape.is_empty)
+
+
+def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
+    left = [part for part in parts(shape.difference(finer)) if part.area > SLIVER * spacing**2]
+    return Level(spacing, shapely.union_all(left) if left else shapely.Polygon())
+
+
+def _zone(request: Refinement, scene: Scene) -> Zone:
+    """The zone within a distance of what is to be refined. Raises SceneError if the scene has none of it."""
+    target = {
+        "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
+        "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
+        "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
+    }[request.target]()
+    if target.is_empty:
+        raise SceneError(f"refine {request.target}: found none in the scene, expected at least one")
+    return Zone(f"around {request.target}", grown(target, request.distance), request.spacing or scene.finest)
+
+
+def _reached(shape: Surface, scene: Scene, spacing: float) -> Surface:
+    """The cells of the lattice of this spacing that are within its horizon of the shape."""
+    reach = scene.horizon * spacing * (1 + SLACK)
+    origin = np.array(scene.whole.bounds[:2])
+    low, high = np.reshape(shape.bounds, (2, 2))
+    first = np.floor((low - reach - origin) / spacing).astype(int)
+    last = np.ceil((high + reach - origin) / spacing).astype(int)
+    limit_nodes(shapely.box(*(first * spacing), *(last * spacing)), spacing, "zones: coarser spacing around them")
+    x, y = (origin[axis] + spacing * np.arange(first[axis], last[axis] + 1) for axis in (0, 1))
+    shapely.prepare(shape)
+    inset = SLACK * spacing
+    x0, y0 = np.meshgrid(x[:-1] + inset, y[:-1] + inset)
+    cells = shapely.box(x0, y0, x0 + spacing - 2 * inset, y0 + spacing - 2 * inset)
+    near = shapely.dwithin(shape, cells, reach)
+    runs = []
+    for row in range(len(y) - 1):
+        ends = np.flatnonzero(np.diff(np.concatenate([[False], near[row], [False]]).astype(int)))
+        runs += [shapely.box(x[start], y[row], x[stop], y[row + 1]) for start, stop in ends.reshape(-1, 2)]
+    return shapely.union_all(runs)

@@ -1,0 +1,67 @@
+"""What a solid of springs is like, 2D, per unit thickness: the constants of its bonds, its stiffness, its waves.
+
+A bond-based model has one Poisson's ratio, 1/3 in plane stress and 1/4 in plane strain, and C12 = C66. The constants
+of the micromodulus match the strain energy of a classical solid of that ratio: plane stress is eq. 7 and 8 of the
+thesis (9E/pi h^3 and 36E/pi h^3); plane strain after W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007)
+1250-1258. The critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput.
+Struct. 83 (2005) 1526-1535.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Material
+
+BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4}  # Poisson's ratio of bonds, by plane
+C11 = {"stress": 1.125, "strain": 1.2}  # over E, by plane
+C66 = {"stress": 0.375, "strain": 0.4}  # over E; C12 is the same
+STIFFNESS = {  # c(0) horizon^3 / E, by plane and micromodulus
+    ("stress", "constant"): 9 / np.pi,
+    ("stress", "conical"): 36 / np.pi,
+    ("strain", "constant"): 48 / (5 * np.pi),
+    ("strain", "conical"): 192 / (5 * np.pi),
+}
+SQUARED = {  # s_c^2 E horizon / G0, by plane and micromodulus
+    ("stress", "constant"): 4 * np.pi / 9,
+    ("stress", "conical"): 5 * np.pi / 9,
+    ("strain", "constant"): 5 * np.pi / 12,
+    ("strain", "conical"): 25 * np.pi / 48,
+}
+
+
+def micromodulus(material: Material, length: NDArray[np.float64], horizon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """c(xi), N/m^5 in 2D (force per area of both cells and unit stretch), for bonds of `length` <= `horizon`, m."""
+    c0 = STIFFNESS[material.plane, material.micromodulus] * material.E / horizon**3
+    if material.micromodulus == "constant":
+        return c0
+    return np.asarray(c0 * np.maximum(1 - length / horizon, 0.0))
+
+
+def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s_c at which a brittle bond of a family of this horizon (m) breaks, so that a crack costs G0."""
+    factor = SQUARED[material.plane, material.micromodulus]
+    return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
+
+
+def rayleigh_ratio(nu: float) -> float:
+    """Speed of Rayleigh waves over that of shear waves in plane strain, for the Poisson ratio `nu`.
+
+    The root below 1 of Rayleigh's equation, x = (c_R / c_s)^2 and k = (c_s / c_p)^2:
+    x^3 - 8 x^2 + (24 - 16 k) x - 16 (1 - k) = 0 (K. F. Graff, Wave Motion in Elastic Solids, 1975, 6.1).
+    """
+    k = (1 - 2 * nu) / (2 * (1 - nu))
+    roots = np.roots([1.0, -8.0, 24 - 16 * k, -16 * (1 - k)])
+    real = roots.real[np.abs(roots.imag) < 1e-9]
+    return float(np.sqrt(real[(real > 0) & (real < 1)].min()))
+
+
+def rayleigh_speed(E: float, rho: float, plane: str) -> float:
+    """Speed of Rayleigh waves, m/s, along the edge of a bond-based plate; E in Pa, rho in kg/m^3.
+
+    In plane stress the edge of a plate is that of plane strain with the Poisson ratio nu / (1 + nu).
+    """
+    nu = BONDS_NU[plane]
+    shear = np.sqrt(E / (2 * (1 + nu)) / rho)
+    return float(shear * rayleigh_ratio(nu / (1 + nu) if plane == "stress" else nu))

@@ -1,0 +1,99 @@
+"""What a full square lattice of bonds is like, next to the continuum it stands for.
+
+Sums over one family, exact for a uniform grid: stiffnesses, and the energy a straight crack costs. They depend on
+the ratio m = horizon / spacing and on the micromodulus profile alone.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.continuum import C11, C66, critical_stretch, micromodulus
+from pdmesh.model.document import Material
+from pdmesh.model.neighbours import ROUND_OFF
+
+
+class LatticeRatios(NamedTuple):
+    """Lattice over continuum, all 1 in the limit of many neighbours."""
+
+    c11: float
+    c12: float
+    c66: float
+    row: float  # energy of a crack between two rows, over G0
+    diagonal: float  # energy of a crack at 45 degrees, over G0
+
+
+class Calibration(NamedTuple):
+    """What makes the lattice's mean stiffness and fracture energy those of the material."""
+
+    stiffness: float  # times the micromodulus
+    stretch: float  # times the critical stretch
+
+
+def has_partial_cells(material: Material) -> bool:
+    """Whether cells count by their share within the horizon, and families reach half a spacing beyond it.
+
+    A conical micromodulus is 0 at the horizon, so that it hardly matters there, and cells count in full.
+    """
+    return material.micromodulus == "constant"
+
+
+def hu_beta(
+    length: NDArray[np.float64], horizon: NDArray[np.float64], delta: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Share of a neighbour's cell, of size `delta`, within the horizon: 1 up to horizon - delta/2, then linear.
+
+    W. Hu, Y. D. Ha, F. Bobaru, Comput. Methods Appl. Mech. Eng. 217-220 (2012) 247-261.
+    """
+    return np.clip((horizon + delta / 2 - length) / delta, 0.0, 1.0)
+
+
+def offsets(reach: float) -> NDArray[np.float64]:
+    """Neighbours (k, 2) of the origin in the lattice of spacing 1, up to |xi| = `reach`."""
+    steps = np.arange(-int(reach) - 1, int(reach) + 2)
+    x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    length = np.hypot(x, y)
+    near = (length > 0) & (length <= reach * (1 + ROUND_OFF))
+    return np.column_stack([x[near], y[near]]).astype(float)
+
+
+def full_family(ratio: float) -> int:
+    """Neighbours of a node of a full lattice within horizon / spacing = `ratio`: 28 for 3, 48 for 4."""
+    return len(offsets(ratio))
+
+
+@lru_cache
+def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_cells: bool) -> LatticeRatios:
+    """Stiffness and fracture energy of the lattice over those of the continuum.
+
+    With `partial_cells` the family reaches half a spacing beyond the horizon and Hu's beta weighs it; without,
+    it is |xi| <= horizon and each cell counts in full.
+    """
+    unit = Material(E=1.0, rho=1.0, G0=1.0)
+    material = msgspec.structs.replace(unit, micromodulus=micromodulus_profile, plane=plane)
+    xi = offsets(ratio + 0.5 if partial_cells else ratio)
+    length, horizon = np.hypot(*xi.T), np.full(len(xi), float(ratio))
+    c = micromodulus(material, length, horizon)
+    if partial_cells:
+        c = c * hu_beta(length, horizon, np.ones(len(xi)))
+    n_x, n_y = (xi / length[:, None]).T
+    c11, c66 = (0.5 * np.sum(c * length * term) for term in (n_x**4, (n_x * n_y) ** 2))
+    s0 = float(critical_stretch(material, np.array([ratio]))[0])
+    spent = c * s0**2 * length / 2
+    row = np.sum(spent * np.maximum(xi[:, 1], 0))
+    diagonal = np.sum(spent * np.maximum(xi.sum(axis=1), 0)) / np.sqrt(2)
+    found = c11 / C11[plane], c66 / C66[plane], c66 / C66[plane], row, diagonal
+    return LatticeRatios(*(float(value) for value in found))
+
+
+def calibration(ratio: float, material: Material, partial_cells: bool = True) -> Calibration:
+    """Factors for the lattice, with partial cells or without: the mean of its stiffnesses, and of the energies of a
+    crack along a row and at 45 degrees, become those of the material."""
+    found = lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells)
+    stiffness = 3 / (found.c11 + found.c12 + found.c66)
+    return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (found.row + found.diagonal)))))

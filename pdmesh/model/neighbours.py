@@ -1,0 +1,219 @@
+"""Who is within reach of whom, any rows of a grid at a time.
+
+Nodes of a lattice find each other by their offsets in it, and are found by others in a window around them; nodes on no
+lattice are found by a tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.trees import tree_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+ROUND_OFF = 1e-9  # of a horizon: |xi| = horizon belongs to the family
+ON_LATTICE = 1e-9  # of a spacing, and of its way from the first: how far a node may be from its place in a lattice
+OFF_PLACE = 1e-3  # of a spacing: more than any node is
+MOST_LATTICES = 16
+LEAST_NODES = 64  # of a lattice; fewer are found by the tree
+LEAST_FILLED = 0.1  # places of a lattice's rectangle that have a node
+WIDEST = 64  # spacings from a node to the end of a window; beyond, a tree looks at less
+PLACES = 2**21  # of windows that are looked at together
+ROWS = 4096  # looked at together: few enough to stay near the processor; whole blocks of the solver's fast kernel
+
+
+class Pairs(NamedTuple):
+    """Directed pairs of rows of the grid, sorted by source, then target."""
+
+    source: NDArray[np.int64]  # (b,) row of the node whose family it is
+    target: NDArray[np.int64]  # (b,) row of the neighbour
+    length: NDArray[np.float64]  # (b,) |xi|, m
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Nodes that are searched alike: those of a lattice, with a map of it, or any others, without."""
+
+    rows: NDArray[np.int64]
+    position: NDArray[np.float64]  # (k, 2) m
+    reach: float  # the largest, m
+    place: NDArray[np.int64]  # (k,) of each row in `map`
+    map: NDArray[np.int32]  # rows by place, -1 where there is no node; (0,) without a lattice
+    offsets: NDArray[np.int64]  # (o,) from a place to those within reach
+    width: int  # places in a row of the map
+    corner: NDArray[np.float64]  # (2,) of the first place, m
+    spacing: float  # m
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """To find them by place."""
+        return tree_of(self.position)
+
+    @cached_property
+    def filled(self) -> NDArray[np.int64]:
+        """(rows + 1, columns + 1) How many nodes the map has below and to the left of a place."""
+        table = np.zeros((len(self.map) // self.width + 1, self.width + 1), dtype=np.int64)
+        table[1:, 1:] = (self.map.reshape(-1, self.width) >= 0).cumsum(axis=0).cumsum(axis=1)
+        return table
+
+
+def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
+    """Those of the pairs (b,) that are marked."""
+    return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
+
+
+def row_chunks(nodes: int) -> Iterator[NDArray[np.int64]]:
+    """All rows of a grid of so many nodes, `ROWS` at a time."""
+    return (np.arange(first, min(first + ROWS, nodes)) for first in range(0, nodes, ROWS))
+
+
+class Neighbours:
+    """The neighbours of the nodes at `position` (n, 2), with spacings `delta` (n,), within their `reach` (n,); in m.
+
+    With `mutual`, whoever is seen sees back: a pair is one if either end reaches the other.
+    """
+
+    def __init__(
+        self,
+        position: NDArray[np.float64],
+        delta: NDArray[np.float64],
+        reach: NDArray[np.float64],
+        mutual: bool = False,
+    ) -> None:
+        self._position, self._reach, self._mutual = position, reach, mutual
+        self._groups = list(_groups(position, delta, reach))
+        self._group = np.zeros(len(position), dtype=np.int8)
+        self._index = np.zeros(len(position), dtype=np.int32)  # within its group
+        for number, group in enumerate(self._groups):
+            self._group[group.rows] = number
+            self._index[group.rows] = np.arange(len(group.rows))
+
+    def maps(self) -> Iterator[NDArray[np.int32]]:
+        """Each lattice as a map (lines, columns) of the rows of its nodes, -1 where there is none."""
+        return (group.map.reshape(-1, group.width) for group in self._groups if len(group.map))
+
+    def pairs(self, rows: NDArray[np.int64]) -> Pairs:
+        """Those of the nodes in `rows`, which increase."""
+        found = []
+        for number, group in enumerate(self._groups):
+            own = rows[self._group[rows] == number]
+            if not len(own):
+                continue
+            if len(group.map):
+                found.append(_by_offsets(group, own, self._index[own]))
+            for other in self._groups:
+                if other is not group or not len(group.map):
+                    found += self._others(own, other)
+        source, target = (np.concatenate(column) for column in zip(*found, strict=True))
+        key = source * len(self._position) + target
+        if (np.diff(key) < 0).any():
+            order = np.argsort(key, kind="stable")
+            source, target = source[order], target[order]
+        xi = self._position[target] - self._position[source]
+        return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
+
+    def _others(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        found = []
+        size = np.ceil(2 * np.log2(self._reach[own]))  # each node of an imported mesh may have a reach of its own
+        for alike in np.unique(size):
+            some = own[size == alike]
+            reach = float(self._reach[some].max())
+            radius = (max(reach, other.reach) if self._mutual else reach) * (1 + ROUND_OFF)
+            search = _by_window if len(other.map) and radius < WIDEST * other.spacing else _by_tree
+            source, target, length = search(some, self._position, other, radius)
+            limit = np.maximum(self._reach[source], self._reach[target]) if self._mutual else self._reach[source]
+            seen = (length <= limit * (1 + ROUND_OFF)) & (source != target)
+            found.append((source[seen], target[seen]))
+        return found
+
+
+def _by_tree(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
+    near = tree_of(position[own]).sparse_distance_matrix(other.tree, radius, output_type="ndarray")
+    return Pairs(own[near["i"]], other.rows[near["j"]], near["v"])
+
+
+def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
+    """Pairs at most about a `radius` apart, of any rows and those of a lattice, in the places around the rows'."""
+    size = np.array([other.width, len(other.map) // other.width])
+    side = int(radius / other.spacing) + 1
+    at = np.floor((position[own] - other.corner) / other.spacing).astype(np.int64)
+    low, high = np.clip(at - side, 0, size), np.clip(at + side + 2, 0, size)
+    table = other.filled
+    inside = table[high[:, 1], high[:, 0]] - table[low[:, 1], high[:, 0]] - table[high[:, 1], low[:, 0]]
+    some = np.flatnonzero(inside + table[low[:, 1], low[:, 0]] > 0)
+    steps = np.arange(-side, side + 2)
+    gap = np.maximum(np.maximum(-steps, steps - 1), 0)  # to the nearest point of the place that a row is in
+    y, x = np.nonzero(np.hypot(gap[:, None], gap) * other.spacing <= radius + OFF_PLACE * other.spacing)
+    sources, targets = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for few in np.array_split(some, len(some) * len(x) // PLACES + 1):
+        column, line = at[few, :1] + steps[x], at[few, 1:] + steps[y]
+        there = (column >= 0) & (column < size[0]) & (line >= 0) & (line < size[1])
+        found = np.where(there, other.map[np.where(there, line * other.width + column, 0)], -1)
+        row, place = np.nonzero(found >= 0)
+        sources.append(own[few[row]])
+        targets.append(found[row, place].astype(np.int64))
+    source, target = np.concatenate(sources), np.concatenate(targets)
+    xi = position[target] - position[source]
+    return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
+
+
+def _by_offsets(
+    group: _Group, own: NDArray[np.int64], index: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    target = group.map[group.place[index][:, None] + group.offsets]
+    there = target >= 0
+    return np.repeat(own, there.sum(axis=1)), target[there].astype(np.int64)
+
+
+def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: NDArray[np.float64]) -> list[_Group]:
+    left = np.arange(len(position))
+    groups: list[_Group] = []
+    alike = ((d, r) for d in np.unique(delta) for r in np.unique(reach[delta == d]))
+    for spacing, own_reach in islice(alike, MOST_LATTICES):
+        rest = left[(delta[left] == spacing) & (reach[left] == own_reach)]
+        while len(rest) >= LEAST_NODES and len(groups) < MOST_LATTICES:
+            place = (position[rest] - position[rest[0]]) / spacing
+            whole = np.rint(place)
+            on = (np.abs(place - whole) <= ON_LATTICE * (1 + np.abs(whole))).all(axis=1)
+            lattice = _lattice(position, rest[on], whole[on].astype(np.int64), spacing, own_reach)
+            if lattice is None:
+                break
+            groups.append(lattice)
+            rest = rest[~on]
+        taken = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
+        left = np.setdiff1d(left, taken, assume_unique=True)
+    if len(left):
+        nothing = np.zeros(0, dtype=np.int64)
+        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing, 0, np.zeros(2), 0.0
+        groups.append(_Group(left, position[left], float(reach[left].max()), *unmapped))
+    return groups
+
+
+def _lattice(
+    position: NDArray[np.float64], rows: NDArray[np.int64], place: NDArray[np.int64], spacing: float, reach: float
+) -> _Group | None:
+    """The lattice of these nodes; None if it has too few, too far apart, or two at one place."""
+    margin = int(reach / spacing * (1 + ROUND_OFF))
+    low, high = place.min(axis=0) - margin, place.max(axis=0) + margin
+    width, height = (int(side) for side in high - low + 1)
+    if len(rows) < LEAST_NODES or len(rows) < LEAST_FILLED * width * height:
+        return None
+    flat = (place[:, 1] - low[1]) * width + place[:, 0] - low[0]
+    lattice = np.full(width * height, -1, dtype=np.int32)
+    lattice[flat] = rows
+    if np.count_nonzero(lattice >= 0) < len(rows):
+        return None
+    steps = np.arange(-margin, margin + 1)
+    y, x = (side.ravel() for side in np.meshgrid(steps, steps, indexing="ij"))
+    near = (np.hypot(x, y) * spacing <= reach * (1 + ROUND_OFF)) & ((x != 0) | (y != 0))
+    corner = position[rows[0]] + (low - place[0]) * spacing
+    return _Group(rows, position[rows], reach, flat, lattice, y[near] * width + x[near], width, corner, spacing)

@@ -1,0 +1,95 @@
+"""Some of the nodes: by their ids, or in a box; and whether what conditions and regions say of them can be."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pdmesh.model.document import (
+    Acceleration,
+    AnyCondition,
+    Condition,
+    Displacement,
+    GridError,
+    Load,
+    Selection,
+    Settings,
+    Velocity,
+)
+
+SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
+
+
+class Cloud(Protocol):
+    """Nodes where they are, as a grid has them and as results do."""
+
+    @property
+    def ids(self) -> NDArray[np.int64]:
+        """(n,) unique."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(n, 2) m."""
+
+    @property
+    def delta(self) -> NDArray[np.float64]:
+        """(n,) spacing, m."""
+
+
+def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The rows (k,) of the nodes with these ids (k,), which must be there."""
+    order = np.argsort(cloud.ids)
+    return np.asarray(order[np.searchsorted(cloud.ids, ids, sorter=order)], dtype=np.int64)
+
+
+def in_box(cloud: Cloud, box: ArrayLike) -> NDArray[np.bool_]:
+    """Which nodes (n,) are in a box x0, y0, x1, y1, m, or on its edge."""
+    low, high = np.reshape(np.asarray(box, dtype=float), (2, 2))
+    slack = SLACK * cloud.delta[:, None]
+    return np.asarray(((cloud.position >= low - slack) & (cloud.position <= high + slack)).all(axis=1))
+
+
+def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
+    """Which nodes (n,) a condition or a region means: those of its ids or, where it has none, those in its box."""
+    if ids is not None:
+        return np.isin(cloud.ids, np.array(ids, dtype=np.int64))
+    assert box is not None
+    return in_box(cloud, box)
+
+
+def check(settings: Settings, cloud: Cloud, name: str) -> None:
+    """Raises GridError for a condition or a region, of the file called `name`, that means no node or nothing."""
+    for number, condition in enumerate(settings.conditions):
+        place = f"{name}: $.conditions[{number}]"
+        _check_selection(condition, cloud, place)
+        _check_condition(condition, place)
+    for number, region in enumerate(settings.regions):
+        _check_selection(region, cloud, f"{name}: $.regions[{number}]")
+
+
+def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
+    if (selection.nodes is None) == (selection.box is None):
+        raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
+    if selection.nodes is not None:
+        missing = np.setdiff1d(np.array(selection.nodes, dtype=np.int64), cloud.ids)
+        if len(missing):
+            raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
+        if not selection.nodes:
+            raise GridError(f"{place}.nodes: found none, expected at least one")
+    elif selection.box is not None and not in_box(cloud, selection.box).any():
+        raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
+
+
+def _check_condition(condition: AnyCondition, place: str) -> None:
+    if isinstance(condition, Load) and (condition.body_force is None) == (condition.traction is None):
+        raise GridError(f"{place}: found neither or both of body_force and traction, expected one of them")
+    if isinstance(condition, Displacement | Velocity | Acceleration) and condition.x is condition.y is None:
+        raise GridError(f"{place}: found neither x nor y, expected at least one of them")
+    if isinstance(condition, Condition):
+        times = [time for time, _ in condition.profile]
+        if any(not before < after for before, after in itertools.pairwise(times)):
+            raise GridError(f"{place}.profile: found times {times}, expected them to increase")

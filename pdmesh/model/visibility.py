@@ -1,0 +1,139 @@
+"""Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts.
+
+shapely is imported where there is one of them: a bare list of nodes is solved without.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import GridError
+from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.trees import tree_of
+
+if TYPE_CHECKING:
+    import shapely
+    from scipy.spatial import cKDTree
+
+SLACK = 1e-6  # of a spacing: a bond along an edge does not leave the plate, one at the tip of a crack is cut
+LOOKS = 24  # places along a bond where the nodes are asked whether it is inside the plate
+COVERED = 0.75  # spacings from the nearest node; the middle of a square of nodes is 0.707 away from them
+CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
+
+
+class Sight:
+    """What stands between the nodes of the grid called `name`. Raises GridError as `plate_of` does."""
+
+    def __init__(self, grid: Grid, name: str = "grid") -> None:
+        self._grid = grid
+        self._cracks = cracks_of(grid) if len(grid.cracks) else None
+        self._void = _void_around(plate_of(grid, name), grid)
+        if self._cracks is not None or self._void is not None:
+            import shapely
+
+            shapely.prepare([self._cracks, self._void])
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return tree_of(self._grid.position)
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without leaving the outline or meeting a hole.
+
+        Without an outline the nodes say where the plate is: a bond of a node marked as border or as near a hole must
+        not pass through a place that no node's cell covers.
+        """
+        return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
+        return np.zeros(len(pairs.source), dtype=bool) if self._cracks is None else self._meet(pairs, self._cracks)
+
+    def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
+        """Which pairs (b,) have a segment that meets the obstacle; (i, j) and (j, i) give the same answer."""
+        import shapely
+
+        met = np.zeros(len(pairs.source), dtype=bool)
+        if obstacle.is_empty or not len(met):
+            return met
+        position, farthest = self._grid.position, pairs.length.max() * (1 + ROUND_OFF)
+        starts = np.flatnonzero(np.diff(pairs.source, prepend=-1))
+        near = shapely.dwithin(obstacle, shapely.points(position[pairs.source[starts]]), farthest)
+        asked = np.flatnonzero(np.repeat(near, np.diff(starts, append=len(met))))
+        ends = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1)
+        met[asked] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
+        return met
+
+    def _uncovered(self, pairs: Pairs) -> NDArray[np.bool_]:
+        grid = self._grid
+        marked = grid.border | (grid.hole_id >= 0)
+        asked = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
+        void = np.zeros(len(pairs.source), dtype=bool)
+        if not len(asked):
+            return void
+        i, j = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1).T
+        widest = np.maximum(grid.delta[i], grid.delta[j])
+        for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
+            distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
+            void[asked] |= distance > COVERED * widest
+        return void
+
+
+def cracks_of(grid: Grid) -> shapely.Geometry:
+    """The pre-cracks of a grid as lines, a little longer, so that they cross the edges they end on."""
+    return _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
+
+
+def _lengthened(segments: NDArray[np.float64], by: float) -> shapely.Geometry:
+    """The segments (k, 2, 2) as lines, longer at both ends, m."""
+    import shapely
+
+    way = np.diff(segments, axis=1)
+    length = np.hypot(way[..., :1], way[..., 1:])
+    longer = by * way / np.where(length > 0, length, 1.0)
+    return shapely.multilinestrings(segments + longer * np.array([[-1.0], [1.0]]))
+
+
+def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
+    """The plate that a grid's outline and holes describe; None without an outline.
+
+    Raises GridError, beginning with `name`, for a ring that crosses itself or has no inside.
+    """
+    if not grid.outline:
+        return None
+    import shapely
+
+    rings: dict[str, list[shapely.Polygon]] = {}
+    for key, corners in (("outline", grid.outline), ("holes", grid.holes)):
+        rings[key] = [shapely.Polygon(ring) for ring in corners]
+        for number, ring in enumerate(rings[key]):
+            if not ring.is_valid or not ring.area > 0:
+                reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
+                )
+    holes = np.array(rings["holes"])
+    return shapely.union_all(  # a part of the plate may be in a hole of another
+        [part.difference(shapely.union_all(holes[~shapely.contains(holes, part)])) for part in rings["outline"]]
+    )
+
+
+def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry | None:
+    """What is not plate, as far as bonds get; empty where none can get there, None for a plate that is not drawn."""
+    if plate is None:
+        return None
+    import shapely
+
+    slack = SLACK * float(grid.delta.min())
+    if plate.convex_hull.area - plate.area < CONVEX * plate.area:
+        inside = plate.buffer(slack, join_style="mitre")
+        shapely.prepare(inside)
+        if shapely.contains_xy(inside, grid.position).all():
+            return shapely.Polygon()
+    around = shapely.box(*plate.bounds).buffer(float(grid.delta.max()))
+    return around.difference(plate).buffer(-slack, join_style="mitre")

@@ -1,0 +1,202 @@
+"""What a model holds, and what a scene will cost: the numbers behind `pdmesh info` and `pdmesh plan`."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
+from pdmesh.model import selection
+from pdmesh.model.cloud import Grid, grid_of
+from pdmesh.model.document import Document, Settings, settings_of
+from pdmesh.model.visibility import plate_of
+from pdmesh.say.families import count
+from pdmesh.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from pdsolve.estimate import Plan
+
+DEFAULT_MODE = "conservative"
+
+MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
+SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
+
+
+def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What the model called `name` holds, and what its run in a mode takes, for `pdmesh info`. Raises GridError."""
+    grid = grid_of(document, name)
+    selection.check(document, grid, name)
+    plate, at_hole = plate_of(grid, name), grid.hole_id >= 0
+    ratio = document.horizon.ratio
+    bonds, cut = count(grid, ratio)
+    run = run_of(grid, settings_of(document), name, mode)
+    low, high = grid.position.min(axis=0), grid.position.max(axis=0)
+    result: dict[str, Any] = {
+        "model": name,
+        "source": document.source,
+        "nodes": len(grid),
+        "nodes_by_spacing": nodes_by_spacing(grid),
+        "border_nodes": int(grid.border.sum()),
+        "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
+        "mode": mode,
+        **_run(bonds - cut, run),
+        "bonds_cut_by_cracks": cut,
+        "bounding_box": [*low.tolist(), *high.tolist()],
+        "area_of_nodes": float(grid.areas.sum()) if grid.areas is not None else float((grid.delta**2).sum()),
+        "area_of_shape": None if plate is None else float(plate.area),
+        "crack_segments": len(grid.cracks),
+        "horizon_ratio": ratio,
+        "time_step": document.run.time_step,
+        "steps": document.run.steps,
+        "area_rule": document.area_rule,
+        "material": _fields(document.material),
+        "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
+        "conditions": [_condition(condition, grid) for condition in document.conditions],
+    }
+    return result
+
+
+def nodes_by_spacing(grid: Grid) -> dict[str, int]:
+    """How many nodes there are of each spacing, m."""
+    return _by_spacing(*np.unique(np.round(grid.delta, 15), return_counts=True))
+
+
+def info_lines(result: dict[str, Any]) -> list[str]:
+    """What `info` found, for a reader."""
+    x0, y0, x1, y1 = result["bounding_box"]
+    lines = [
+        f"{result['model']}: {result['nodes']} nodes"
+        f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
+        f"x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m; area {result['area_of_nodes']:.10g} m^2"
+        + ("" if result["area_of_shape"] is None else f", of the shape {result['area_of_shape']:.10g} m^2"),
+        f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack segments",
+        _step_line(result["smallest_stable_step"], result["time_step"], result["steps"]),
+    ]
+    if result["memory_bytes"] is not None:
+        memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
+        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
+    if result["material"]:
+        lines.append("material: " + _words(result["material"]))
+    lines += [f"material '{region['name']}': " + _words(region) for region in result["regions"]]
+    return lines + [
+        f"{entry['kind']} '{entry.get('name', '')}': {entry['nodes']} nodes, "
+        + _words({key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")})
+        for entry in result["conditions"]
+    ]
+
+
+def plan_lines(result: dict[str, Any]) -> list[str]:
+    """What `plan` found, for a reader: the scene and its one-scale equivalent side by side."""
+    own, flat = result["scene"], result["one_scale"]
+    units = {"smallest_stable_step": "s", "time_step": "s", "steps": "", "memory_bytes": "B", "solve_seconds": "s"}
+    rows = [("", "this scene", "one scale")]
+    for spacing, number in own["nodes_by_spacing"].items():
+        rows.append((f"nodes of {spacing} m", str(number), str(flat["nodes_by_spacing"].get(spacing, 0))))
+    rows += [(key, str(own[key]), str(flat[key])) for key in ("nodes", "bonds")]
+    rows += [
+        (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
+    ]
+    return [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    return "?" if value is None else f"{value:.4g} {unit}".strip()
+
+
+def _step_line(stable: float | None, step: float | None, steps: int) -> str:
+    sure = "no material, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
+    return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
+
+
+def _words(fields: dict[str, Any]) -> str:
+    return ", ".join(
+        f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+        for name, value in fields.items()
+        if value is not None and name != "name"
+    )
+
+
+def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
+    """Counts by spacing; a mesh's many spacings as their range."""
+    if len(spacings) > 16:
+        return {f"{spacings[0]:g} to {spacings[-1]:g}": int(np.sum(counts))}
+    return {f"{spacing:g}": int(number) for spacing, number in zip(spacings, counts, strict=True)}
+
+
+def _fields(struct: Any) -> dict[str, Any]:
+    return {} if struct is None else {name: getattr(struct, name) for name in struct.__struct_fields__}
+
+
+def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
+    values = {"kind": condition.__struct_config__.tag} | _fields(condition)
+    values["nodes"] = int(selection.selected(grid, condition.nodes, condition.box).sum())
+    return {name: value for name, value in values.items() if value not in (None, (), "")}
+
+
+def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
+    """What a run of that would take; None where the solver would not have it, such as without a material."""
+    from pdsolve.estimate import plan
+    from pdsolve.model import Model, ModelError
+    from pdsolve.system import Options
+
+    if settings.material is None:
+        return None
+    with warnings.catch_warnings(), suppress(ModelError):
+        warnings.simplefilter("ignore")  # the solver warns when it solves
+        return plan(Model(grid, settings, name), Options(mode))
+    return None
+
+
+def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
+    grid, settings, _ = build_grid(scene)
+    own, flat = run_of(grid, settings, scene.source, mode), scene.one_scale()
+    counted, _ = count(grid, scene.horizon, sample=SAMPLE)
+    ratio = 1.0 if own is None else own.bonds / counted
+    return {
+        "source": scene.source,
+        "mode": mode,
+        "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
+        "one_scale": _one_scale(flat, settings, mode, ratio, counted / len(grid), own),
+    }
+
+
+def _one_scale(
+    flat: Scene, settings: Settings, mode: str, ratio: float, each: float, own: Plan | None
+) -> dict[str, Any]:
+    """The same of the scene on one scale, estimated: pairs within a horizon, times the `ratio` of bonds to those on
+    several scales; where there are too many nodes, `each` has as many pairs as there."""
+    nodes = round(flat.shape.area / flat.finest**2)
+    spacing = f"{flat.finest:g}"
+    if nodes < MOST_COUNTED:
+        placed = place_nodes(flat)
+        grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
+        nodes, each = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
+    bonds = round(ratio * each * nodes)
+    if own is None:
+        return _cost({spacing: nodes}, nodes, bonds, None)
+    from pdsolve.estimate import priced
+    from pdsolve.system import Options
+
+    steps = own.time_step, own.stable_time_step
+    return _cost({spacing: nodes}, nodes, bonds, priced(settings.run, Options(mode), nodes, bonds, steps))
+
+
+def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:
+    return {"nodes_by_spacing": spacings, "nodes": nodes} | _run(counted, run)
+
+
+def _run(counted: int, run: Plan | None) -> dict[str, Any]:
+    """What a run takes; where nobody knows, bonds are those within a horizon."""
+    return {
+        "bonds": counted if run is None else run.bonds,
+        "smallest_stable_step": None if run is None else run.stable_time_step,
+        "time_step": None if run is None else run.time_step,
+        "steps": None if run is None else run.steps,
+        "memory_bytes": None if run is None else run.memory,
+        "solve_seconds": None if run is None else run.wall_time,
+    }

@@ -1,0 +1,1 @@
+"""What an engineer says of a plate, before there are nodes."""

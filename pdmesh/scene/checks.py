@@ -1,0 +1,179 @@
+"""What makes a scene impossible, found before any node is made; each finding is one SceneError."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from pdmesh.model.document import LARGEST, MOST, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.scene.conditions import PlacedCondition, describe
+from pdmesh.scene.plate import Plate
+from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
+
+LARGE_PLATE, LARGEST_PLATE = 2.0, 20.0  # m; beyond, the numbers may be, or are taken for, millimetres
+SAY_UNIT = '"mm" (--unit mm) says that it is drawn in millimetres, "m" that metres are meant'
+MOST_NODES = 2e7
+EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
+MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
+MOST_ROWS = 1_000_000
+RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
+FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
+
+
+def check(scene: Plate) -> None:
+    """Raises SceneError naming the first part of the scene that makes no sense."""
+    _numbers(scene)
+    _spacings(scene)
+    _plate(scene)
+    _zones(scene)
+    _ = scene.slits  # raises for a crack that is not in the plate
+    for region in scene.regions:
+        if scene.whole.disjoint(region.shape):
+            raise SceneError(f"material '{region.region.name}': found outside the plate, expected inside")
+    for condition in scene.conditions:
+        _condition(condition, scene)
+
+
+def _numbers(scene: Plate) -> None:
+    """Whatever has no place: its kind, and whether it can be written down and computed with."""
+    if scene.material is not None:
+        _material(scene.material, "material")
+    for region in scene.regions:
+        _material(region.region.material, f"material '{region.region.name}'")
+    _described(scene.run, Run, "run")
+    if scene.units not in (None, "m"):
+        raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
+    _described(Settings(area_rule=scene.area_rule), Settings, "area rule")
+    if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
+        raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
+
+
+def _described(struct: Any, kind: type, place: str) -> None:
+    """Raises SceneError for what is not of a kind, or has a value that the grid file may not have."""
+    if not isinstance(struct, kind):
+        raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
+    try:
+        fields = msgspec.to_builtins(struct)
+        msgspec.convert(fields, kind)
+    except (msgspec.ValidationError, TypeError) as error:
+        raise SceneError(f"{place}: {error}") from None
+    for name, value in fields.items():
+        if isinstance(value, float | int) and not abs(value) <= MOST:
+            raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")
+
+
+def remarks(scene: Plate) -> tuple[str, ...]:
+    """What was made of a scene that its author may not have meant."""
+    x0, y0, x1, y1 = scene.shape.bounds
+    notes = [note for slit in scene.slits for note in slit.notes]
+    if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
+        notes.append(f"warning: found a plate of {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
+    return tuple(notes)
+
+
+def _spacings(scene: Plate) -> None:
+    spacings = {"spacing": scene.spacing} | {f"zone '{zone.name}': spacing": zone.spacing for zone in scene.zones}
+    for request in scene.refinements:
+        if request.target not in ("crack", "notch", "hole"):
+            raise SceneError(f"refine: found '{request.target}', expected crack, notch or hole")
+        spacings[f"refine {request.target}: distance"] = request.distance
+        spacings[f"refine {request.target}: spacing"] = 1.0 if request.spacing is None else request.spacing
+    for place, value in spacings.items():
+        if checked_spacing(value, place) > LARGEST:
+            raise SceneError(f"{place}: found {value:g} m, expected at most {LARGEST:g} m")
+    levels = {place: value for place, value in spacings.items() if place.endswith("spacing")}
+    if any(request.spacing is None for request in scene.refinements):
+        levels = {place: value for place, value in levels.items() if not place.startswith("refine")}
+    for place, value in levels.items():
+        steps = math.log2(scene.spacing) - math.log2(value)
+        if abs(steps - round(steps)) > 1e-6 or not 0 <= round(steps) <= MOST_STEPS:
+            raise SceneError(
+                f"{place}: found {value:g} m, expected the coarsest spacing, {scene.spacing:g} m, over a power of 2,"
+                f" at most {2**MOST_STEPS}"
+            )
+
+
+def _plate(scene: Plate) -> None:
+    if scene.shape.is_empty:
+        raise SceneError("outline: found nothing left by its holes and notches, expected a plate")
+    x0, y0, x1, y1 = scene.shape.bounds
+    width, height = x1 - x0, y1 - y0
+    if scene.spacing > max(width, height):
+        raise SceneError(f"spacing: found {scene.spacing:g} m, expected less than the plate's {width:g} x {height:g} m")
+    if max(width, height) > LARGEST_PLATE and scene.units != "m":
+        raise SceneError(
+            f"outline: found {width:g} x {height:g} m, expected metres, not millimetres, or the parameter Units:"
+            f" {SAY_UNIT}"
+        )
+    limit_nodes(scene.shape, scene.spacing, "spacing")
+    farthest = float(np.abs([x0, y0, x1, y1]).max())
+    if scene.finest < RESOLVED * farthest:
+        raise SceneError(
+            f"spacing: found {scene.finest:g} m in a plate {farthest:g} m from the origin, expected at least"
+            f" {RESOLVED * farthest:g} m: places are not known better"
+        )
+
+
+def limit_nodes(shape: Surface, spacing: float, place: str) -> None:
+    """Raises SceneError, beginning with `place`, for more nodes of a spacing (m) in a shape than can be made."""
+    x0, y0, x1, y1 = shape.bounds if not shape.is_empty else (0.0, 0.0, 0.0, 0.0)
+    for area, many in ((shape.area, MOST_NODES), ((x1 - x0) * (y1 - y0), EMPTY * MOST_NODES)):
+        side = math.sqrt(area) / spacing
+        if side * side > many:
+            raise SceneError(
+                f"{place}: found {spacing:g} m, about {side * side:.1g} nodes on {x1 - x0:g} x {y1 - y0:g} m, expected"
+                f" no more than {many:.0e}"
+            )
+
+
+def _zones(scene: Plate) -> None:
+    names = [zone.name for zone in scene.zones]
+    for zone in scene.zones:
+        if names.count(zone.name) > 1:
+            raise SceneError(f"zone '{zone.name}': found {names.count(zone.name)} of this name, expected one")
+        if not zone.shape.intersection(scene.whole).area > 0:
+            raise SceneError(f"zone '{zone.name}': found outside the plate, expected inside")
+        x0, y0, x1, y1 = zone.shape.bounds
+        if zone.spacing > max(x1 - x0, y1 - y0):
+            raise SceneError(
+                f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected less than its size"
+                f" {max(x1 - x0, y1 - y0):g} m"
+            )
+        limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
+
+
+def _material(material: Material, place: str) -> None:
+    _described(material, Material, place)
+    wave = math.sqrt(material.E / material.rho)
+    if wave > FASTEST_WAVE or material.rho < LIGHTEST:
+        raise SceneError(
+            f"{place}: found E = {material.E:g} and rho = {material.rho:g}, waves of {wave:.2g} m/s, expected Pa and"
+            " kg/m^3 (steel: 2e11 and 7800), not MPa and t/mm^3"
+        )
+
+
+def _condition(condition: PlacedCondition, scene: Plate) -> None:
+    action, place = condition.action, describe(condition.action)
+    rows = condition.place.rows
+    if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:
+        raise SceneError(f"{place}: rows: found {rows!r:.40}, expected a whole number of 1 to {MOST_ROWS}")
+    if isinstance(action, Load):
+        if (action.traction is None) == (action.body_force is None):
+            raise SceneError(f"{place}: found neither or both of traction and body force, expected one of them")
+        if action.traction is not None and isinstance(condition.place.shape, Surface):
+            raise SceneError(f"{place}: found a traction on a surface, expected a body force there, or a curve")
+        values = [*(action.traction or ()), *(action.body_force or ())]
+    else:
+        if action.x is None and action.y is None:
+            raise SceneError(f"{place}: found no component, expected x, y or both")
+        values = [value for value in (action.x, action.y) if value is not None]
+    values += [value for point in getattr(action, "profile", ()) for value in point]
+    if not (np.abs(values) <= MOST).all():
+        raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
+    if not isinstance(action, InitialVelocity) and not isinstance(action.breakable, bool):
+        raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
+    if condition.place.shape.distance(scene.shape) > rows * scene.spacing:
+        raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")

@@ -1,0 +1,122 @@
+"""What is done to a plate, where, and how it follows time; before there are nodes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.model.document import AnyCondition, Load, Point, Region
+from pdmesh.scene.shapes import Curve, SceneError, Surface, near
+
+MOST_SPACINGS = 32
+SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
+
+Profile = tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a condition acts: the rows of nodes along a curve, or the nodes in a surface."""
+
+    shape: Curve | Surface
+    rows: int = 1
+
+    def nodes(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which nodes (n,), at `position` (n, 2) with spacings `delta` (n,), are in this place; all in m."""
+        if isinstance(self.shape, Curve) and len(np.unique(delta)) > MOST_SPACINGS:  # a mesh, with no rows to speak of
+            return near(position, self.shape, self.rows * delta * (1 - SLACK))
+        if isinstance(self.shape, Surface):
+            slack = SLACK * float(delta.min())
+            return np.asarray(shapely.contains_xy(self.shape.buffer(slack, join_style="mitre"), position))
+        inside = np.zeros(len(position), dtype=bool)
+        for spacing in np.unique(delta):
+            some, slack = delta == spacing, SLACK * float(spacing)
+            strip = self.shape.buffer(self.rows * float(spacing) - 2 * slack, cap_style="flat", join_style="mitre")
+            beside = shapely.contains_xy(strip.buffer(slack), position[some])
+            inside[some] = beside & near(position[some], self.shape, self.rows * float(spacing) * (1 - SLACK))
+        return inside
+
+
+@dataclass(frozen=True)
+class PlacedCondition:
+    """A condition of the grid file, its nodes still to be found in `place`."""
+
+    place: Place
+    action: AnyCondition
+
+    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> AnyCondition:
+        """The condition with its nodes' ids, which count from 1. Raises SceneError if it finds no node."""
+        rows = np.flatnonzero(self.place.nodes(position, delta))
+        if not len(rows):
+            raise SceneError(f"{describe(self.action)}: found no node within {self.place.rows} rows, expected some")
+        found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
+        if isinstance(self.action, Load) and self.action.traction is not None:
+            found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+        return msgspec.structs.replace(self.action, **found)
+
+
+@dataclass(frozen=True)
+class MaterialRegion:
+    """A part of the plate made of another material; of several with a node, the last one has it."""
+
+    shape: Surface
+    region: Region
+
+    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> Region:
+        """The region with its nodes' ids. Raises SceneError if it finds no node."""
+        rows = np.flatnonzero(Place(self.shape).nodes(position, delta))
+        if not len(rows):
+            raise SceneError(f"material '{self.region.name}': found no node in its surface, expected some")
+        return msgspec.structs.replace(self.region, nodes=tuple((rows + 1).tolist()))
+
+
+def describe(action: AnyCondition) -> str:
+    """The kind and name of a condition, for a message."""
+    return f"{action.__struct_config__.tag} '{action.name}'"
+
+
+def ramp(duration: float) -> Profile:
+    """A profile that grows from 0 to 1 over `duration`, s, and stays."""
+    return ((0.0, 0.0), (float(duration), 1.0))
+
+
+def parse_profile(text: str, place: str) -> Profile:
+    """A profile from its words: ``constant``, ``ramp 1e-6`` (s), or a table ``0 0, 1e-6 1, 2e-6 0`` (s, factor).
+
+    Raises SceneError, beginning with `place`.
+    """
+    words = text.split()
+    try:
+        if words in ([], ["constant"]):
+            return ()
+        if words[0] == "ramp":
+            (duration,) = words[1:]
+            return checked_profile(ramp(float(duration)), place)
+        pairs = [part.split() for part in text.split(",")]
+        return checked_profile([(float(time), float(factor)) for time, factor in pairs], place)
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(
+            f"{place}: found '{text}', expected 'constant', 'ramp SECONDS' or a table 'TIME FACTOR, TIME FACTOR, ...'"
+        ) from None
+
+
+def checked_profile(points: Sequence[Point], place: str) -> Profile:
+    """The points (time in s, factor) of a profile, finite and in the order of time. Raises SceneError."""
+    try:
+        profile = tuple((float(time), float(factor)) for time, factor in points)
+    except (TypeError, ValueError):
+        raise SceneError(f"{place}: found {points!r:.80}, expected pairs (time in s, factor)") from None
+    if not np.isfinite(np.array(profile)).all():
+        raise SceneError(f"{place}: found {profile}, expected finite numbers")
+    for (before, _), (after, _) in itertools.pairwise(profile):
+        if not after > before:
+            raise SceneError(f"{place}: found time {after:g} s after {before:g} s, expected times that increase")
+    return profile

@@ -1,0 +1,116 @@
+"""What is said of a plate, and the shapes that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import shapely
+from shapely import MultiLineString, Polygon
+
+from pdmesh.model.document import Material, Run
+from pdmesh.scene.conditions import MaterialRegion, PlacedCondition
+from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
+from pdmesh.scene.slits import Crack, Slit, slits_of
+
+DEFAULT_RUN = Run()
+SIDES = {"left": (0, -1), "right": (0, 1), "bottom": (1, -1), "top": (1, 1)}  # axis, end
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A part of the plate whose nodes have at most this spacing; where zones overlap the finest counts.
+
+    Grown by the horizon of the nodes it replaces, so that none outside sees it, unless `grown` is False: then the
+    spacing changes where it is drawn.
+    """
+
+    name: str
+    shape: Surface
+    spacing: float  # m
+    grown: bool = True
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A zone without drawing: all that is within `distance` of the cracks, the notch roots or the holes."""
+
+    target: Literal["crack", "notch", "hole"]
+    distance: float  # m
+    spacing: float | None = None  # m; None: half the finest of the scene
+
+
+@dataclass(frozen=True)
+class Plate:
+    """Everything an engineer says about a plate, not checked yet; see Scene."""
+
+    outline: Shape
+    spacing: float  # m, of the coarsest nodes
+    material: Material | None = None
+    horizon: float = 3.0  # m = horizon / spacing of a node
+    run: Run = DEFAULT_RUN
+    area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
+    units: Literal["m"] | None = None  # "m": metres are meant, even where the plate is large
+    cutouts: tuple[Shape, ...] = ()  # holes and notches
+    zones: tuple[Zone, ...] = ()
+    refinements: tuple[Refinement, ...] = ()
+    cracks: tuple[Crack, ...] = ()
+    regions: tuple[MaterialRegion, ...] = ()
+    conditions: tuple[PlacedCondition, ...] = ()
+    source: str = ""  # file the scene comes from
+    drawing: str = ""  # its text
+    parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
+    notes: tuple[str, ...] = ()  # what there is to say of the file
+
+    def side(self, name: str, place: str = "side") -> Curve:
+        """The part of the plate's outline on its left, right, bottom or top. Raises SceneError."""
+        if name not in SIDES:
+            raise SceneError(f"{place}: found '{name}', expected one of {', '.join(SIDES)}, points or a shape")
+        axis, end = SIDES[name]
+        reach = self.shape.bounds[axis + (2 if end > 0 else 0)]
+        kept = []
+        for part in self.parts:
+            ring = shapely.get_coordinates(part.exterior)
+            on = np.abs(ring[:, axis] - reach) <= 1e-9 * self.finest + 1e-12 * abs(reach)
+            kept += [ring[i : i + 2] for i in range(len(ring) - 1) if on[i] and on[i + 1]]
+        if not kept:
+            raise SceneError(f"{place}: found no straight edge at the {name} of the plate, expected one")
+        merged = shapely.line_merge(MultiLineString(kept))
+        return merged if isinstance(merged, Curve) else MultiLineString(kept)
+
+    @cached_property
+    def whole(self) -> Surface:
+        """The plate without its holes and notches cut."""
+        return surface(self.outline, self.finest, "outline")
+
+    @cached_property
+    def shape(self) -> Surface:
+        """The plate as it is."""
+        if not self.cutouts:
+            return self.whole
+        cut = [surface(shape, self.finest, f"cutout {number + 1}") for number, shape in enumerate(self.cutouts)]
+        return self.whole.difference(shapely.union_all(cut))
+
+    @cached_property
+    def finest(self) -> float:
+        """The smallest spacing, m."""
+        smallest = min([self.spacing, *(zone.spacing for zone in self.zones)])
+        return min([smallest, *(request.spacing or smallest / 2 for request in self.refinements)])
+
+    @cached_property
+    def parts(self) -> tuple[Polygon, ...]:
+        """The connected parts of the plate."""
+        return parts(self.shape)
+
+    @cached_property
+    def holes(self) -> tuple[Polygon, ...]:
+        """The holes of all parts, from left to right; a node's hole_id counts them from 0."""
+        holes = [Polygon(ring) for part in self.parts for ring in part.interiors]
+        return tuple(sorted(holes, key=lambda hole: hole.bounds))
+
+    @cached_property
+    def slits(self) -> tuple[Slit, ...]:
+        """The cracks as they are in the plate, their ends on its edge where they were drawn to it."""
+        return slits_of(self.cracks, self.shape, self.spacing, self.finest)

@@ -1,0 +1,180 @@
+"""A scene: shapes with meaning, before any node exists; drawn in Gmsh or in a few lines of Python.
+
+    scene = (
+        Scene(box(0, 0, 0.1, 0.04), spacing=1e-3, material=Material(E=65e9, rho=2235, G0=204), horizon=4)
+        .crack([(0, 0.0205), (0.05, 0.0205)])
+        .zone(box(0.04, 0.01, 0.1, 0.03), spacing=5e-4)
+        .load("top", traction=(0, 12e6), rows=4)
+        .load("bottom", traction=(0, -12e6), rows=4)
+    )
+
+Frozen: every method returns a new scene. Lengths in metres, SI units throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+
+import msgspec
+from shapely import LineString
+
+from pdmesh.model.document import (
+    Acceleration,
+    AnyCondition,
+    Displacement,
+    InitialVelocity,
+    Load,
+    Material,
+    Point,
+    Region,
+    Velocity,
+)
+from pdmesh.scene import checks
+from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, Profile, checked_profile
+from pdmesh.scene.plate import Plate, Refinement, Zone
+from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
+from pdmesh.scene.slits import Crack
+
+Where: TypeAlias = str | Curve | Surface | Circle | Points
+Components: TypeAlias = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Scene(Plate):
+    """Everything an engineer says about a plate. Raises SceneError where the parts contradict each other."""
+
+    def __post_init__(self) -> None:
+        checks.check(self)
+
+    def hole(self, shape: Shape) -> Scene:
+        """With a hole in it."""
+        place = f"hole {len(self.cutouts) + 1}"
+        if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
+            raise SceneError(f"{place}: found outside the plate, expected inside")
+        return replace(self, cutouts=(*self.cutouts, shape))
+
+    def notch(self, shape: Shape) -> Scene:
+        """With a notch cut from its edge."""
+        place = f"notch {len(self.cutouts) + 1}"
+        cut = surface(shape, self.finest, place)
+        if cut.disjoint(self.whole.boundary):
+            raise SceneError(f"{place}: found no point of the plate's edge in it, expected some (else it is a hole)")
+        if not cut.intersection(self.whole).area > 0:
+            raise SceneError(f"{place}: found outside the plate, expected a shape that cuts from its edge")
+        return replace(self, cutouts=(*self.cutouts, shape))
+
+    def crack(self, points: LineString | Points, name: str = "") -> Scene:
+        """With a pre-crack along a polyline."""
+        name = name or f"{len(self.cracks) + 1}"
+        line = polyline(points, f"crack '{name}'")
+        if not isinstance(line, LineString):
+            raise SceneError(f"crack '{name}': found several lines, expected one polyline")
+        return replace(self, cracks=(*self.cracks, Crack(name, line)))
+
+    def zone(self, shape: Shape, spacing: float, name: str = "", grown: bool = True) -> Scene:
+        """With nodes of at most this spacing (m) in the shape; see Zone."""
+        name = name or f"{len(self.zones) + 1}"
+        return replace(self, zones=(*self.zones, Zone(name, surface(shape, spacing, f"zone '{name}'"), spacing, grown)))
+
+    def refine(self, target: Literal["crack", "notch", "hole"], distance: float, spacing: float | None = None) -> Scene:
+        """With finer nodes within `distance` (m) of all cracks, notch roots or holes; see Refinement."""
+        return replace(self, refinements=(*self.refinements, Refinement(target, distance, spacing)))
+
+    def region(self, shape: Shape, material: Material, name: str = "") -> Scene:
+        """With another material in the shape."""
+        name = name or f"{len(self.regions) + 1}"
+        area = surface(shape, self.finest, f"material '{name}'")
+        return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
+
+    def load(
+        self,
+        where: Where,
+        traction: Point | None = None,
+        body_force: Point | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+    ) -> Scene:
+        """With a traction (Pa) on a curve, or a body force (N/m^3) there or in a surface.
+
+        `where` is "left", "right", "bottom" or "top" (of the plate's outline), points of a curve, or a shape. A
+        curve means its `rows` nearest rows of nodes. `profile` holds points (time in s, factor).
+        """
+        values = {"traction": traction, "body_force": body_force}
+        return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
+
+    def fix(
+        self,
+        where: Where,
+        x: float | None = 0.0,
+        y: float | None = 0.0,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+    ) -> Scene:
+        """With displacements (m) held; None leaves a component free. For the rest see `load`."""
+        return self._with(Displacement, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+
+    def move(
+        self,
+        where: Where,
+        velocity: Components | None = None,
+        acceleration: Components | None = None,
+        initial_velocity: Components | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+    ) -> Scene:
+        """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s).
+
+        None leaves a component free. For the rest see `load`; an initial velocity has no profile.
+        """
+        given: list[tuple[type[AnyCondition], Components | None]] = [
+            (Velocity, velocity),
+            (Acceleration, acceleration),
+            (InitialVelocity, initial_velocity),
+        ]
+        chosen = [(kind, value) for kind, value in given if value is not None]
+        if len(chosen) != 1:
+            raise SceneError(
+                f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
+            )
+        ((kind, (x, y)),) = chosen
+        if kind is InitialVelocity:
+            if profile or breakable:
+                raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
+            return self._with(kind, {"x": x or 0.0, "y": y or 0.0}, where, rows, name)
+        return self._with(kind, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+
+    def _with(
+        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
+    ) -> Scene:
+        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        place = f"{kind.__struct_config__.tag} '{name}'"
+        if "profile" in more:
+            more["profile"] = checked_profile(more["profile"], f"{place}: profile")
+        try:
+            action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
+        except msgspec.ValidationError as error:
+            raise SceneError(f"{place}: {error}") from None
+        condition = PlacedCondition(Place(self._place(where, place), rows), action)
+        return replace(self, conditions=(*self.conditions, condition))
+
+    def _place(self, where: Where, place: str) -> Curve | Surface:
+        if isinstance(where, str):
+            return self.side(where, place)
+        if isinstance(where, Circle | Surface):
+            return surface(where, self.finest, place)
+        return polyline(where, place)
+
+    def adapt(self, how: Literal["none", "hybrid"] = "hybrid") -> Scene:
+        """To be solved with peridynamics where bonds may break and a compact lattice elsewhere, or everywhere alike."""
+        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
+
+    def one_scale(self) -> Scene:
+        """The same plate with the finest spacing everywhere."""
+        return replace(self, spacing=self.finest, zones=(), refinements=())

@@ -1,0 +1,110 @@
+"""Cracks as they are in the plate. An end that overshoots the edge is cut off there; one that misses it by no more than
+the chords of a curved edge are off is put onto it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import LineString
+
+from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
+
+EDGE = 1e-6  # finest spacings: what counts as on the edge
+OVERSHOOT = 0.25  # of its length: how much of a crack may be outside at an end
+MISSED = 2 * CHORD_TOLERANCE  # coarsest spacings: how far an end inside may be from the edge that it was drawn to
+ALONG = 1.0  # coarsest spacings that a crack may stay as near as that to an edge
+
+
+@dataclass(frozen=True)
+class Crack:
+    """A pre-crack as it is drawn: a polyline no bond may cross. `Scene.slits` has it as it is in the plate."""
+
+    name: str
+    line: LineString
+
+
+class Slit(NamedTuple):
+    """A crack in the plate, and what was done to its ends."""
+
+    name: str
+    line: LineString
+    notes: tuple[str, ...]
+
+
+class _Around(NamedTuple):
+    """What a crack is in."""
+
+    plate: Surface
+    inside: Surface  # the plate and its edge, a little beyond
+    beside: shapely.Geometry  # what is near to its edge
+    coarsest: float  # spacing, m
+    finest: float  # m
+
+
+def slits_of(cracks: Sequence[Crack], plate: Surface, coarsest: float, finest: float) -> tuple[Slit, ...]:
+    """The cracks as they are in a plate with these spacings, m. Raises SceneError for one outside, or along an edge."""
+    if not cracks:
+        return ()
+    inside, edge = plate.buffer(EDGE * finest, join_style="mitre"), plate.boundary
+    shapely.prepare([inside, edge])
+    lines = np.array([crack.line for crack in cracks])
+    clear = shapely.covers(inside, lines) & ~shapely.dwithin(edge, lines, MISSED * coarsest)
+    around = _Around(plate, inside, edge if clear.all() else edge.buffer(MISSED * coarsest), coarsest, finest)
+    return tuple(
+        Slit(crack.name, crack.line, ()) if free else _slit(crack, around)
+        for crack, free in zip(cracks, clear.tolist(), strict=True)
+    )
+
+
+def _slit(crack: Crack, around: _Around) -> Slit:
+    """The slit of a crack with an end outside the plate or near to its edge."""
+    edge, on, missed = around.plate.boundary, EDGE * around.finest, MISSED * around.coarsest
+    line = shapely.remove_repeated_points(crack.line)
+    along = max(shapely.get_parts(line.intersection(around.beside)), key=lambda part: float(part.length), default=line)
+    if along.length > min(ALONG * around.coarsest, line.length / 2):
+        (x0, y0), (x1, y1) = shapely.get_coordinates(along)[[0, -1]]
+        raise SceneError(
+            f"crack '{crack.name}': found along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m,"
+            " expected inside the plate"
+        )
+    points = shapely.get_coordinates(line if around.inside.covers(line) else _trimmed(crack, around))
+    for end, before in ((0, 1), (-1, -2)):
+        if on < edge.distance(shapely.Point(points[end])) <= missed:
+            points[end] = _on_edge(points[end], points[before], edge, missed)
+    return Slit(crack.name, LineString(points), _notes(crack, points, on))
+
+
+def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str, ...]:
+    drawn = shapely.get_coordinates(crack.line)
+    return tuple(
+        f"crack '{crack.name}': its end at ({drawn[end][0]:.7g}, {drawn[end][1]:.7g}) m is put onto the plate's edge,"
+        f" at ({points[end][0]:.7g}, {points[end][1]:.7g}) m"
+        for end in (0, -1)
+        if np.hypot(*(points[end] - drawn[end])) > slack
+    )
+
+
+def _trimmed(crack: Crack, around: _Around) -> LineString:
+    """The crack without its ends outside. Raises SceneError if more than those are."""
+    line, longest = crack.line, OVERSHOOT * crack.line.length
+    ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
+    kept = [part for part in shapely.get_parts(line.intersection(around.plate)) if part.length > 0]
+    for part in shapely.get_parts(line.difference(around.inside)):
+        if part.length > longest or shapely.distance(part, ends).min() > 0 or len(kept) != 1:
+            x, y = shapely.get_coordinates(part)[-1]
+            raise SceneError(
+                f"crack '{crack.name}': found ({x:g}, {y:g}) m outside the plate, expected all of it inside, but for"
+                f" ends of at most {longest:g} m"
+            )
+    return kept[0]
+
+
+def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:
+    """The place of the edge (2,), m, that the end of a crack is to be moved to: straight on, or the nearest."""
+    ahead = LineString([end, end + 2 * missed * (end - before) / np.hypot(*(end - before))]).intersection(edge)
+    return shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), edge if ahead.is_empty else ahead))[-1]

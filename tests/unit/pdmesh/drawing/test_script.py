@@ -1,0 +1,96 @@
+"""Scenes written in Python files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pdmesh import SceneError
+from pdmesh.drawing.script import read_script, script_parameters
+
+TEXT = """
+from pdmesh import Scene, box
+
+spacing = 1e-3  # m: between nodes
+rows = 2  # of loaded nodes
+kind = "top"
+shift: float = -1e-3  # m: down
+twice = spacing * 2
+both = (1, 2)
+
+scene = Scene(box(0, 0, 0.04, 0.02 + shift), spacing).load(kind, traction=(0, 1e6), rows=rows)
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "plate.py"
+    path.write_text(TEXT, encoding="utf-8")
+    return path
+
+
+def test_a_file_that_defines_scene(path: Path) -> None:
+    scene = read_script(path)
+    assert (scene.spacing, scene.shape.area) == (1e-3, pytest.approx(0.04 * 0.019))
+    assert (scene.source, scene.drawing) == ("plate.py", TEXT)
+
+
+def test_constants_are_parameters(path: Path) -> None:
+    assert [(it.name, it.value, it.unit, it.meaning) for it in script_parameters(path)] == [
+        ("spacing", 1e-3, "m", "between nodes"),
+        ("rows", 2, "", "of loaded nodes"),
+        ("kind", "top", "", ""),
+        ("shift", -1e-3, "m", "down"),
+    ]
+
+
+def test_constants_can_be_set(path: Path) -> None:
+    scene = read_script(path, [("spacing", "5e-4"), ("rows", "3"), ("kind", "left"), ("shift", "0")])
+    assert scene.spacing == 5e-4
+    assert scene.shape.area == pytest.approx(0.04 * 0.02)
+    assert scene.conditions[0].place.rows == 3
+    assert scene.conditions[0].place.shape.length == pytest.approx(0.02)
+    assert dict(scene.parameters) == {"spacing": 5e-4, "rows": 3, "kind": "left", "shift": 0}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("scene = 5\n", "scene: found a int, expected a file that defines scene"),
+        ("x = 1\n", "scene: found none"),
+        ("scene = (\n", "line 1: '\\(' was never closed"),
+        ("import nowhere_at_all\n", "line 1: ModuleNotFoundError"),
+        ("x = 1\nraise SystemExit(0)\n", "line 2: SystemExit"),
+        (TEXT.replace("0.04, 0.02", "40, 20"), "line 11: outline: found 40 x 19.999 m, expected metres"),
+        (TEXT.replace("rows=rows", "row=rows"), "line 11: TypeError: .*unexpected keyword argument 'row'"),
+    ],
+)
+def test_bad_files(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.py"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=message) as caught:
+        read_script(path)
+    assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        (("spacin", "1"), "parameter 'spacin' is not in the drawing, expected one such as 'spacing'"),
+        (("spacing", "x"), "parameter 'spacing': found 'x', expected a finite number"),
+        (("spacing", "nan"), "found 'nan', expected a finite number"),
+        (("rows", "1.5"), "found '1.5', expected a whole number"),
+    ],
+)
+def test_bad_assignments(assignment: tuple[str, str], message: str, path: Path) -> None:
+    with pytest.raises(SceneError, match=message):
+        read_script(path, [assignment])
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="cannot be read"):
+        read_script(tmp_path / "missing.py")
+    (tmp_path / "binary.py").write_bytes(b"\xff\x00")
+    with pytest.raises(SceneError, match="expected Python"):
+        read_script(tmp_path / "binary.py")

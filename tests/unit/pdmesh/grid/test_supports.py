@@ -1,0 +1,70 @@
+"""Loads that nothing holds or balances are warned of, others are not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+
+from pdmesh import Scene, box
+from pdmesh.grid import soundness
+from pdmesh.grid.lattice import build_grid
+
+
+def loose(scene: Scene) -> list[str]:
+    """What is said of parts that nothing holds."""
+    return [note for note in soundness.remarks(*build_grid(scene)[:2]) if "nothing holds" in note]
+
+
+FREE: dict[str, tuple[Callable[[Scene], Scene], str]] = {
+    "pulled at one end": (lambda plate: plate.load("top", traction=(0, 1e6)), "4e[+]04 N/m on 861 nodes"),
+    "a couple": (
+        lambda plate: plate.load("top", traction=(1e6, 0)).load("bottom", traction=(-1e6, 0)),
+        "N/m on 861 nodes around .* fly off or turn",
+    ),
+    "held across the load": (lambda plate: plate.load("top", traction=(1e6, 0)).fix("bottom", x=None), "N/m on 861"),
+    "hung up at a node": (
+        lambda plate: plate.load("right", traction=(0, 1e6)).fix(box(-1e-4, -1e-4, 1e-4, 1e-4)),
+        "N/m on 861",
+    ),
+    "opposite loads that follow time differently": (
+        lambda plate: plate.load("top", (0, 1e6), profile=((0, 0), (1e-6, 1))).load("bottom", (0, -1e6)),
+        "N/m on 861",
+    ),
+    "the half that is not held": (
+        lambda plate: plate.crack([(0, 0.0105), (0.04, 0.0105)]).load("top", traction=(0, 1e6)).fix("bottom"),
+        r"on 410 nodes around \(0.02, 0.0155\) m",
+    ),
+    "a weight": (lambda plate: plate.load(box(0, 0, 0.04, 0.02), body_force=(0, -1e6)), "800 N/m on 861"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_what_nothing_holds_is_warned_of(name: str, plate: Scene) -> None:
+    make, message = FREE[name]
+    warnings = loose(make(plate))
+    assert len(warnings) == 1
+    assert warnings[0].startswith("warning: found ")
+    assert re.search(message, warnings[0])
+
+
+HELD: dict[str, Callable[[Scene], Scene]] = {
+    "pulled at both ends": lambda plate: plate.load("top", traction=(0, 1e6)).load("bottom", traction=(0, -1e6)),
+    "clamped": lambda plate: plate.load("right", traction=(1e6, 1e6)).fix("left"),
+    "on rollers": lambda plate: plate.load("top", traction=(0, 1e6)).fix("bottom", x=None),
+    "pushed by what moves": lambda plate: plate.load("top", traction=(0, 1e6)).move("bottom", velocity=(None, 1.0)),
+    "a weight on a table": lambda plate: plate.load(box(0, 0, 0.04, 0.02), body_force=(0, -1e6)).fix("bottom"),
+    "thrown": lambda plate: plate.move(box(0, 0, 0.04, 0.02), initial_velocity=(1, 0)),
+    "both halves pulled": lambda plate: plate.crack([(0, 0.0105), (0.04, 0.0105)]).fix("top").fix("bottom"),
+    "pulled across a fine and a coarse end": lambda plate: (
+        plate.zone(box(0, 0, 0.02, 0.02), 5e-4)
+        .load("left", traction=(-1e6, 0), rows=4)
+        .load("right", traction=(1e6, 0), rows=4)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_no_false_alarm_about_supports(name: str, plate: Scene) -> None:
+    assert loose(HELD[name](plate)) == []

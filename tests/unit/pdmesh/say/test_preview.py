@@ -1,0 +1,68 @@
+"""Pictures: what is drawn, not how it looks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pdmesh import Circle, Material, Scene, SceneError
+from pdmesh.grid.lattice import build_grid
+from pdmesh.model.cloud import document_of
+from pdmesh.say.preview import draw, save
+
+
+@pytest.fixture
+def scene(plate: Scene) -> Scene:
+    plate = plate.hole(Circle(0.03, 0.01, 0.003)).crack([(0, 0.01), (0.012, 0.01)]).refine("crack", 1e-3)
+    return plate.load("top", traction=(0, 1e6), rows=2).region(
+        Circle(0.03, 0.01, 0.005), Material(1e9, 1e3, 1.0), "ring"
+    )
+
+
+def labels(scene: Scene, with_bonds: bool = False) -> list[str]:
+    grid, settings, _ = build_grid(scene)
+    figure = draw(document_of(grid, settings), "plate.json", with_bonds)
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_everything_has_its_entry(scene: Scene) -> None:
+    grid, settings, _ = build_grid(scene)
+    fine = int((grid.delta == 5e-4).sum())
+    assert labels(scene) == [
+        f"0.5 mm: {fine} nodes",
+        f"1 mm: {len(grid) - fine} nodes",
+        f"at a hole: {int((grid.hole_id >= 0).sum())} nodes",
+        f"load 'top': {len(settings.conditions[0].nodes or ())} nodes",
+        f"material 'ring': {len(settings.regions[0].nodes or ())} nodes",
+        "crack",
+    ]
+
+
+def test_bonds_around_a_crack(scene: Scene) -> None:
+    intact, cut, *_ = labels(scene, with_bonds=True)
+    assert intact.endswith(" bonds")
+    assert cut.endswith(" bonds cut by a crack")
+    assert int(cut.split()[0]) > 50
+
+
+def test_bonds_without_a_crack_or_hole(plate: Scene) -> None:
+    assert labels(plate, with_bonds=True)[0].endswith(" bonds")
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
+def test_pictures_are_files_with_the_same_bytes(suffix: str, magic: bytes, scene: Scene, tmp_path: Path) -> None:
+    grid, settings, _ = build_grid(scene)
+    figure = draw(document_of(grid, settings), "plate.json")
+    save(figure, tmp_path / f"a{suffix}")
+    assert (tmp_path / f"a{suffix}").read_bytes().startswith(magic)
+    if suffix == ".png":
+        save(figure, tmp_path / f"b{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+
+def test_unknown_suffix(plate: Scene, tmp_path: Path) -> None:
+    grid, settings, _ = build_grid(plate)
+    with pytest.raises(SceneError, match=r"found suffix '\.doc', expected one of \."):
+        save(draw(document_of(grid, settings), "plate.json"), tmp_path / "a.doc")
+    assert not list(tmp_path.iterdir())
