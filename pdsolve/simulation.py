@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
-from pdsolve.adapt import Adapt
+from pdsolve.adapt import Adapt, zone_back, zone_moved
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
@@ -60,7 +60,7 @@ def simulate(
     """
     with writing_to(output):
         system, state = prepare(model, options)
-        advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
+        advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 
 
@@ -84,7 +84,12 @@ def _run(
         cracks = system.model.grid.cracks
         return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
 
-    return _finish(Notes(system, state, None, adapt is not None), new, output, watch, adapt)
+    return _finish(Notes(system, state, None, _changes(system, adapt)), new, output, watch, adapt)
+
+
+def _changes(system: System, adapt: Adapt | None) -> bool:
+    """Whether nodes may be born and die."""
+    return adapt is not None or system.hybrid is not None
 
 
 def resume(
@@ -127,11 +132,11 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         before = before[before <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
         past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids))
-        if (adapt is not None) != ("ids" in kept):
+        if _changes(system, adapt) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
-        if adapt is not None:
-            system, state = adapt.back(system, kept)
+        if _changes(system, adapt):
+            system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
@@ -140,7 +145,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         restore(system, state, step, kept, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
-    notes = Notes(system, state, past, adapt is not None)
+    notes = Notes(system, state, past, _changes(system, adapt))
     return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
 
 
@@ -176,13 +181,13 @@ def _give_back_memory() -> None:
 def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
     run, step = notes.system.model.settings.run, notes.written
-    interrupted = done = False
+    interrupted, done, looked = False, False, step
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
         books = notes.last
         balance = books.balance(notes.system.initial_energy)
-        fine = notes.system.hybrid.told() if notes.system.hybrid else None
+        fine = None if notes.system.hybrid is None else notes.system.hybrid.told()
         return watch is not None and watch(Progress(step, run.steps, books.broken, balance, fine))
 
     writer.stop = asked
@@ -198,8 +203,14 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         system.stepper.march(notes.state, step + 1, min(ends) + 1)
         step = min(ends)
         writer.look()
-        interrupted = asked()
-        if step in ends[2:]:
+        noted = step in ends[2:]
+        interrupted = asked() and (noted or system.hybrid is None)
+        if noted:
+            change = zone_moved(system) if system.hybrid is not None else None
+            if change is not None:
+                notes.follow(looked, change)
+                system = notes.system
+            looked = step
             notes.take(step)
             done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
@@ -241,7 +252,7 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
         "time_step": system.time_step,
         "stable_time_step": system.bound,
         "initial_energy": system.initial_energy,
-        "model": system.model.to_json(),
+        "model": system.asked.to_json(),
     }
 
 
@@ -264,7 +275,7 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(system.initial_energy),
         "stopped": system.model.settings.run.until if stopped_early else None,
-        **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid else {}),
+        **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
     }
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptive.energy import books
-from pdsolve.adaptive.fields import show
-from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.energy import held
 from pdsolve.adaptive.march import march
-from pdsolve.adaptive.system import areas_of, counts, hybrid_of
+from pdsolve.adaptive.precracks import begin_coarse
+from pdsolve.adaptive.regrid import refine
+from pdsolve.adaptive.shown import Shown
+from pdsolve.adaptive.system import hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -67,8 +68,18 @@ class System:
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
-    hybrid: Hybrid | None = None  # the operator, where it keeps books of its own
+    whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
+
+    @property
+    def asked(self) -> Model:
+        """The model that is solved, with all that is done to it."""
+        return self.whole or self.model
+
+    @property
+    def hybrid(self) -> Shown | None:
+        """The operator, where it is one with a fine zone and books of its own."""
+        return self.operator if isinstance(self.operator, Shown) else None
 
     @property
     def threads(self) -> int:
@@ -118,25 +129,33 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
-    settle(march, books, show)
-    hybrid, state, bound = hybrid_of(model, options.mode, options.precision, step_of)
-    family, count = counts(hybrid)
+    settle(march, refine, held, begin_coarse)
+    shown, bound = hybrid_of(model, options.mode, options.precision, step_of)
+    state = shown.state()
     system = System(
-        model=model,
+        model=shown.model,
         options=options._replace(threads=1),
         scheme=scheme,
-        operator=hybrid,
-        stepper=hybrid,
-        drive=hybrid.drive,
-        area=areas_of(hybrid.plate),
-        family=family,
-        count=count,
-        time_step=hybrid.ground.dt,
+        operator=shown,
+        stepper=shown,
+        drive=shown.hybrid.drive,
+        area=shown.area,
+        family=shown.counts[1],
+        count=shown.counts[0],
+        time_step=shown.hybrid.ground.dt,
         bound=bound,
-        initial_energy=hybrid.books()[0],
-        hybrid=hybrid,
+        initial_energy=shown.books()[0],
+        whole=model,
     )
     return Prepared(system, state)
+
+
+def moved(system: System, shown: Shown) -> System:
+    """The system of other nodes of the same plate."""
+    count, family = shown.counts
+    return replace(
+        system, model=shown.model, operator=shown, stepper=shown, area=shown.area, family=family, count=count
+    )
 
 
 def step_of(model: Model, bound: float) -> float:

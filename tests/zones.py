@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from plates import plate, square_grid
 
-from pdmesh.model.document import Material
-from pdsolve.adaptive.arrays import PIECES, Ground, Zone, ground_of, zone_of
-from pdsolve.adaptive.energy import books
-from pdsolve.adaptive.family import fine_springs
-from pdsolve.adaptive.lattice import COARSE, FINE, FREE, coarse_place, fine_place, lattice_of
-from pdsolve.adaptive.march import march
-from pdsolve.adaptive.precracks import begin_bits, begin_coarse, begin_lack, lengthened
-from pdsolve.conditions import Profiles
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Material, Run
+from pdsolve.adaptive.arrays import PIECES, Ground, Zone
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
+from pdsolve.adaptive.system import hybrid_of
+from pdsolve.model import ModelWarning
+from pdsolve.system import step_of
 
 H = 1e-3  # m
-NO_PROFILES = Profiles(np.zeros(1, dtype=np.int64), np.zeros(0), np.zeros(0))
 _fine = getattr(fine_place, "py_func", fine_place)
 _coarse = getattr(coarse_place, "py_func", coarse_place)
 
@@ -28,9 +30,22 @@ Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 class Zoned(NamedTuple):
     """A plate, and where its nodes that move are."""
 
-    ground: Ground
-    zone: Zone
-    material: Material
+    hybrid: Hybrid
+
+    @property
+    def ground(self) -> Ground:
+        """What stays."""
+        return self.hybrid.ground
+
+    @property
+    def zone(self) -> Zone:
+        """What changes."""
+        return self.hybrid.zone
+
+    @property
+    def c11(self) -> float:
+        """Of the material, N/m^2."""
+        return float(self.ground.cell[0].max() + self.ground.cell[1].max())
 
     def lattices(self) -> Iterable[tuple[Any, NDArray[np.int64], NDArray[np.float64]]]:
         """Fine and coarse nodes, the places (k,) of those that move, and where they are (k, 2), m."""
@@ -51,10 +66,12 @@ class Zoned(NamedTuple):
         self.march(1, 1)
 
     def march(self, first: int, last: int) -> None:
-        """Take steps, an even number of times from one buffer of displacements to the other."""
-        now = 0
-        _, _, now = march(self.ground, self.zone, NO_PROFILES, now, first, last, False, 0)
-        if now == 1:
+        """Take steps; none with last = first, which computes the forces."""
+        if first == last:
+            self.hybrid.renew()
+        self.hybrid.march(first, last)
+        if self.hybrid.now == 1:
+            self.hybrid.now = 0
             for nodes in (self.zone.fine, self.zone.coarse):
                 nodes.u[0] = nodes.u[1]
 
@@ -65,9 +82,7 @@ class Zoned(NamedTuple):
 
     def energy(self) -> float:
         """Kinetic and strain energy, J/m."""
-        out = np.zeros(4)
-        books(self.ground, self.zone, 0, out)
-        return float(out[0] + out[1])
+        return float(self.hybrid.motion()[0] + sum(part.sum() for part in self.hybrid.held()))
 
     def conserved(self) -> float:
         """The energy that leapfrog conserves where forces are linear, J/m: that of the velocities half a step before
@@ -83,6 +98,19 @@ class Zoned(NamedTuple):
         return int(self.zone.number[PIECES])
 
 
+def rectangle(columns: int, rows: int, delta: float, cracks: Any = ()) -> Grid:
+    """Nodes on the edges of a plate of so many spacings, half and quarter cells there; `cracks` in spacings."""
+    share_x, share_y = np.ones(columns + 1), np.ones(rows + 1)
+    share_x[[0, -1]] = share_y[[0, -1]] = 0.5
+    corners = delta * np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)], dtype=float)
+    return dataclasses.replace(
+        square_grid(columns + 1, rows + 1, delta),
+        areas=delta**2 * np.outer(share_y, share_x).ravel(),
+        outline=(corners,),
+        cracks=delta * np.array(cracks, dtype=float).reshape(-1, 4),
+    )
+
+
 def zoned(
     columns: int,
     rows: int,
@@ -94,18 +122,22 @@ def zoned(
 ) -> Zoned:
     """A plate of `columns` by `rows` fine spacings, whose cells are fine where `fine(x, y)` of their columns and rows
     is true; steps of `step` times h sqrt(rho / E), `cracks` in spacings."""
-    at = lattice_of(columns, rows)
-    springs = fine_springs(material, ratio, H)
-    ground = ground_of(at, springs, H, material.rho, step * H * (material.rho / material.E) ** 0.5)
-    ground = ground._replace(cracks=lengthened(np.array(list(cracks), dtype=float).reshape(-1, 4)))
-    zone = zone_of(at, len(springs.dx), at.places // 16)
-    begin_bits(ground, zone.bits)
-    begin_coarse(ground)
-    begin_lack(ground, zone.bits)
+    run = Run(time_step=step * H * (material.rho / material.E) ** 0.5, adapt="hybrid")
+    grid = rectangle(columns, rows, H, list(cracks))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        shown, _ = hybrid_of(plate(grid, ratio, material=material, run=run), "conservative", "float64", step_of)
+    hybrid = shown.hybrid
+    at = hybrid.plate.at
     cell = np.arange(at.cells)
-    wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (zone.cells == COARSE)
-    zone.cells[wanted] = FINE
-    new = np.flatnonzero(wanted)
-    zone.new[: len(new)] = new
-    march(ground, zone, NO_PROFILES, 0, 1, 0, False, len(new))
-    return Zoned(ground, zone, material)
+    wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
+    hybrid.zone.cells[hybrid.zone.cells == FINE] = COARSE
+    hybrid.zone.cells[wanted] = FINE
+    return again(hybrid)
+
+
+def again(hybrid: Hybrid) -> Zoned:
+    """The same plate numbered anew, once its cells were changed by hand; at rest."""
+    hybrid.number()
+    hybrid.renew()
+    return Zoned(hybrid)

@@ -7,20 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptive.family import Springs, Stretches, coarse_springs, stretches
-from pdsolve.adaptive.lattice import AROUND, COARSE, VOID, Lattice
+from pdsolve.adaptive.family import Stretches
+from pdsolve.adaptive.lattice import Lattice
 from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.blocks.layout import aligned
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
+RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
 KAPPA = 0.7  # of the critical stretch: likewise within `AHEAD` of a coarse bond that is stretched more
 
 PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
-ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, FINE_CELLS, REGRIDS, KNOWN, ENTRIES, HOT = range(12)
+ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 
@@ -36,16 +36,22 @@ class Ground(NamedTuple):
     ways: NDArray[np.int64]  # (k,)
     coarse_dx: NDArray[np.int64]  # (8,)
     coarse_dy: NDArray[np.int64]
-    coarse_table: NDArray[np.float64]  # (8, 8)
+    coarse_table: NDArray[np.float64]  # (8, 8) of the first material
     coarse_ways: NDArray[np.int64]  # (8,)
     cut: Stretches
     reach: int  # h, of the family along an axis
-    c11: float
-    e_limit: float  # e of the critical stretch
-    e_hot: float  # e of a coarse bond beside which cells become fine
-    cell_mass: float  # rho h^2, kg/m
+    varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
     dt: float  # s
-    lack: NDArray[np.float64]  # (2, n) what a node of a full lattice holds over what this one does, less 1
+    mass: NDArray[np.float64]  # (n,) of the cells of fine nodes, kg/m; 0 where there is none
+    material: NDArray[np.uint8]  # (n,)
+    springs: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
+    bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
+    least: NDArray[np.float64]  # (3,) the least of each
+    own: NDArray[np.int32]  # (n,) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
+    own_springs: NDArray[np.float64]  # (., k)
+    own_peak: NDArray[np.float64]  # (., k) e
+    own_limit: NDArray[np.float64]
+    cell: NDArray[np.float64]  # (3, c) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
     lasting: NDArray[np.bool_]  # (n,) nodes whose bonds do not break
     coarse_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
     edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
@@ -67,6 +73,7 @@ class Nodes(NamedTuple):
         np.int32
     ]  # (n / 16,) row of `own`; below 0 where all is as in the table, -2 less the row if it has one
     own: NDArray[np.float64]  # (., k, 16) stiffnesses
+    edge: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
     touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
 
@@ -116,18 +123,18 @@ class Zone(NamedTuple):
     spare: Pieces
     border: Border
     breaks: Breaks
+    stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
+    stirs: NDArray[np.int64]  # (n,) those, in order
     loads: Entries
     holds: Entries
     mark: NDArray[np.bool_]  # (n,) scratch
     new: NDArray[np.int64]  # scratch: cells that are to be fine
-    dirty: NDArray[np.int64]  # scratch: fine nodes, in order
-    dirty_coarse: NDArray[np.int64]
     number: NDArray[np.int64]
     total: NDArray[np.float64]
     s: NDArray[np.float64]  # scratch of the vector code
 
 
-def nodes_of(places: int, springs: int, entries: int) -> Nodes:
+def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> Nodes:
     """Idle nodes, with room for `entries` rows of stiffnesses; what is never touched takes no memory."""
     rows = places // ROW
 
@@ -144,6 +151,7 @@ def nodes_of(places: int, springs: int, entries: int) -> Nodes:
         rows=np.zeros(rows, dtype=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
         own=zeros(entries, springs, ROW),
+        edge=zeros(entries if varied else 0, springs, ROW),
         touched=np.zeros(rows, dtype=np.bool_),
         wide=np.zeros(rows, dtype=np.uint8),
     )
@@ -157,50 +165,8 @@ def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return room[first : first + wanted].view(np.float64).reshape(shape)
 
 
-def ground_of(at: Lattice, springs: Springs, h: float, rho: float, dt: float, kappa: float = KAPPA) -> Ground:
-    """A plate without pre-cracks, its surfaces not corrected."""
-    coarse = coarse_springs(springs, h)
-
-    def e_of(stretch: float) -> float:
-        return stretch * (stretch + 2)
-
-    return Ground(
-        at=at,
-        h=h,
-        dx=springs.dx,
-        dy=springs.dy,
-        table=aligned(springs.table),
-        ways=springs.dy * at.stride + springs.dx,
-        coarse_dx=coarse.dx,
-        coarse_dy=coarse.dy,
-        coarse_table=aligned(coarse.table),
-        coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
-        cut=stretches(springs),
-        reach=int(np.abs(springs.dx).max()),
-        c11=springs.c11,
-        e_limit=e_of(springs.limit),
-        e_hot=e_of(kappa * springs.limit),
-        cell_mass=rho * h * h,
-        dt=dt,
-        lack=np.zeros((2, at.places)),
-        lasting=np.zeros(at.places, dtype=np.bool_),
-        coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
-        edge_cut=np.zeros((2, at.coarse_places)),
-        cut_cells=np.zeros(at.cells, dtype=np.bool_),
-        cracks=np.zeros((0, 4)),
-    )
-
-
-def _coarse_cells(at: Lattice) -> NDArray[np.uint8]:
-    """A plate of coarse cells, with nothing around."""
-    cells = np.full(at.cells, VOID, dtype=np.uint8)
-    inner = cells.reshape(-1, at.cell_stride)[AROUND:-AROUND, AROUND:-AROUND]
-    inner[:] = COARSE
-    return cells
-
-
-def zone_of(at: Lattice, springs: int, rows: int) -> Zone:
-    """A plate all coarse, with room for `rows` rows of fine nodes."""
+def zone_of(at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False) -> Zone:
+    """A plate of these cells (c,), its nodes still idle, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 
@@ -209,21 +175,21 @@ def zone_of(at: Lattice, springs: int, rows: int) -> Zone:
 
     events, nodes = ROW * rows * springs, ROW * rows
     return Zone(
-        cells=_coarse_cells(at),
+        cells=cells,
         bits=np.zeros(at.places, dtype=np.uint64),
-        fine=nodes_of(at.places, springs, rows),
+        fine=nodes_of(at.places, springs, rows, varied),
         coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW),
         pieces=pieces(),
         spare=pieces(),
         border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes)),
         breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        stirred=np.zeros(at.places, dtype=np.bool_),
+        stirs=np.zeros(at.places, dtype=np.int64),
         loads=nothing,
         holds=nothing,
         mark=np.zeros(at.places, dtype=np.bool_),
         new=np.zeros(at.cells, dtype=np.int64),
-        dirty=np.zeros(at.places, dtype=np.int64),
-        dirty_coarse=np.zeros(at.coarse_places, dtype=np.int64),
-        number=np.zeros(12, dtype=np.int64),
+        number=np.zeros(11, dtype=np.int64),
         total=np.zeros(5),
         s=_aligned_zeros((3 * ROW,)),
     )
@@ -238,7 +204,7 @@ def grown(zone: Zone) -> Zone:
         return more
 
     return zone._replace(
-        fine=zone.fine._replace(own=_aligned_twice(zone.fine.own)),
+        fine=zone.fine._replace(own=_aligned_twice(zone.fine.own), edge=_aligned_twice(zone.fine.edge)),
         pieces=Pieces(*map(twice, zone.pieces)),
         spare=Pieces(*map(twice, zone.spare)),
         border=Border(*map(twice, zone.border)),

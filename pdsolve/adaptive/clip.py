@@ -6,12 +6,14 @@ under a linear field it pulls as the whole bond does. After A. V. Shapeev, Multi
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from pdsolve.adaptive.arrays import ENTRIES, PIECES
-from pdsolve.adaptive.lattice import FINE, FREE, IDLE, VOID, cell_place, fine_column, fine_place, fine_row, inside
+from pdsolve.adaptive.lattice import FINE, FREE, IDLE, VOID, cell_place, fine_column, fine_place, fine_row
 from pdsolve.adaptive.nodes import end_on
-from pdsolve.adaptive.precracks import has_bond, stiffness
+from pdsolve.adaptive.precracks import has_bond, peak_and_limit, stiffness
+from pdsolve.laws.bilinear import intact_share
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
 
@@ -54,15 +56,54 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     fine, some = zone.fine, is_active(zone.fine.kind, row)
     if not some:
         return
+    if ground.varied and fine.entry[row] == -1:
+        _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
     entry = own_entry(fine.entry, zone.number, row)
     own, same = fine.own[entry], True
     for lane in range(ROW):
-        if zone.mark[row * ROW + lane]:
-            _set_lane(ground, zone.cells, zone.bits, fine.kind, row * ROW + lane, own, lane)
+        p = row * ROW + lane
+        if zone.mark[p]:
+            _set_lane(ground, zone.cells, zone.bits, fine.kind, p, own, lane)
+            if ground.varied and zone.stirred[p]:
+                _soften(ground, p, own, fine.edge[entry], lane)
     for k in range(len(ground.dx)):
         for lane in range(ROW):
             same &= own[k, lane] == ground.table[k, 5]
     fine.entry[row] = -2 - entry if same else entry
+
+
+@njit(**INNER)
+def _begin_edges(ground, edge, row):  # type: ignore[no-untyped-def]
+    """Nothing happens to the bonds of a row before they are stretched to their peaks."""
+    for k in range(len(ground.dx)):
+        for lane in range(ROW):
+            p = row * ROW + lane
+            j = p + ground.ways[k]
+            lasts = ground.lasting[p] or ground.lasting[j]
+            edge[k, lane] = np.inf if lasts else peak_and_limit(ground, p, k)[0]
+
+
+@njit(**INNER)
+def stretch_of(e):  # type: ignore[no-untyped-def]
+    """The stretch that an e is of."""
+    return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(**INNER)
+def share_of(e, peak, limit):  # type: ignore[no-untyped-def]
+    """Share of its stiffness that a bond has kept which was stretched to e."""
+    if e <= peak:
+        return 1.0
+    return intact_share(stretch_of(e), stretch_of(peak), stretch_of(limit))
+
+
+@njit(**INNER)
+def _soften(ground, p, own, edge, lane):  # type: ignore[no-untyped-def]
+    """What bonds have lost already."""
+    for k in range(len(ground.dx)):
+        peak, limit = peak_and_limit(ground, p, k)
+        if own[k, lane] > 0 and peak < edge[k, lane] < limit:
+            own[k, lane] *= share_of(edge[k, lane], peak, limit)
 
 
 @njit(**INNER)
@@ -82,9 +123,9 @@ def _set_lane(ground, cells, bits, kind, p, own, lane):  # type: ignore[no-untyp
     deep = kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
     for k in range(2 * half):
         own[k, lane] = 0.0
-        if active and inside(at, ix + ground.dx[k], iy + ground.dy[k]) and has_bond(bits, ground.ways, half, p, k):
+        if active and has_bond(bits, ground.ways, half, p, k):
             part = 1.0 if deep else whole_part(ground, cells, ix, iy, k)
-            own[k, lane] = stiffness(ground, p, ix, iy, k) * part
+            own[k, lane] = stiffness(ground, p, k) * part
 
 
 @njit(**INNER)
@@ -108,7 +149,7 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
         return count
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
     for k in range(half):
-        if not inside(at, ix + ground.dx[k], iy + ground.dy[k]) or not has_bond(bits, ground.ways, half, p, k):
+        if not has_bond(bits, ground.ways, half, p, k):
             continue
         first = cut.first[place, k]
         part = 0.5 if first[1] != first[2] else 1.0

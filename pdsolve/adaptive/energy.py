@@ -105,27 +105,21 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def books(ground, zone, now, out):  # type: ignore[no-untyped-def]
-    """Kinetic and strain energy, J/m, and momentum, N s/m, into out (4,); velocities are those of the same time."""
-    fine, coarse = zone.fine, zone.coarse
-    out[:] = 0
+def held(ground, zone, now, fine_held_, coarse_held_):  # type: ignore[no-untyped-def]
+    """Energy that is held, J/m, by fine (n,) and coarse nodes (q,); of pieces half at either end."""
+    fine, coarse, pieces = zone.fine, zone.coarse, zone.pieces
     for row in fine.rows[: zone.number[ROWS]]:
         for p in range(row * ROW, row * ROW + ROW):
-            if fine.kind[p] != IDLE:
-                out[1] += fine_held(ground, fine, fine.u[now], p)
-            _add_motion(fine, p, out)
+            fine_held_[p] = fine_held(ground, fine, fine.u[now], p) if fine.kind[p] != IDLE else 0.0
     for row in coarse.rows[: zone.number[COARSE_ROWS]]:
         for q in range(row * ROW, row * ROW + ROW):
-            if coarse.kind[q] == FREE:
-                out[1] += coarse_held(ground, coarse, coarse.u[now], q)
-            _add_motion(coarse, q, out)
+            coarse_held_[q] = coarse_held(ground, coarse, coarse.u[now], q) if coarse.kind[q] == FREE else 0.0
     for n in range(zone.number[PIECES]):
-        out[1] += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
-
-
-@njit(**INNER)
-def _add_motion(nodes, p, out):  # type: ignore[no-untyped-def]
-    if nodes.kind[p] == FREE:
-        out[0] += kinetic(nodes, p)
-        out[2] += nodes.mass[p] * nodes.v[0, p]
-        out[3] += nodes.mass[p] * nodes.v[1, p]
+        half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
+        for which in range(2):
+            a, b, w = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1], pieces.value[n, which]
+            if b < 0:
+                fine_held_[a] += half
+            else:
+                coarse_held_[a] += (1 - w) * half
+                coarse_held_[b] += w * half

@@ -8,7 +8,7 @@ included, of the fine lattice itself, C11 = sum c |xi| h^2 n_x^4 / 2, C66 = sum 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ class Springs(NamedTuple):
     dx: NDArray[np.int64]  # (k,) spacings to the neighbour
     dy: NDArray[np.int64]
     table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
+    peak: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
     limit: float  # stretch at which a bond breaks
     c11: float  # N/m^2
     c66: float
@@ -48,9 +49,9 @@ def fine_springs(material: Material, ratio: float, h: float) -> Springs:
     n_x, n_y = (xi / length[:, None]).T
     stiffness = c / length  # of a lattice of spacing 1 and horizon `ratio`, which has the same springs
     c11, c66 = (float(0.5 * np.sum(c * length * term)) for term in (n_x**4, (n_x * n_y) ** 2))
-    stretch = limits(material, factors.stretch * critical_stretch(material, np.array([ratio * h]))).limit
+    stretch = limits(material, factors.stretch * critical_stretch(material, np.array([ratio * h])))
     dx, dy = np.round(xi.T).astype(np.int64)
-    return Springs(dx, dy, _table(xi * h, stiffness), float(stretch[0]), c11, c66)
+    return Springs(dx, dy, _table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
 
 
 def coarse_springs(fine: Springs, h: float) -> Springs:
@@ -58,7 +59,7 @@ def coarse_springs(fine: Springs, h: float) -> Springs:
     dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
     stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
     table = _table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
-    return Springs(dx, dy, table, fine.limit, fine.c11, fine.c66)
+    return fine._replace(dx=dx, dy=dy, table=table)
 
 
 def _table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -66,6 +67,11 @@ def _table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[n
     table = np.zeros((len(xi), 8))
     table[:, :6] = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, stiffness])
     return table
+
+
+def e_of(stretch: Any) -> Any:
+    """e of a stretch."""
+    return stretch * (stretch + 2)
 
 
 class Stretches(NamedTuple):

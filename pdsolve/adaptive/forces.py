@@ -21,13 +21,25 @@ from pdsolve.adaptive.arrays import (
     PIECES,
     PROFILE,
     ROWS,
+    STIRS,
     VALUE,
     WORK,
 )
-from pdsolve.adaptive.clip import own_entry
+from pdsolve.adaptive.clip import own_entry, share_of, stretch_of
 from pdsolve.adaptive.energy import place_of, strain_e
-from pdsolve.adaptive.rows import sum_green, sum_green_own, sum_own, sum_own_wide, sum_whole, sum_whole_wide
+from pdsolve.adaptive.precracks import peak_and_limit
+from pdsolve.adaptive.rows import (
+    sum_edges,
+    sum_edges_wide,
+    sum_green,
+    sum_green_own,
+    sum_own,
+    sum_own_wide,
+    sum_whole,
+    sum_whole_wide,
+)
 from pdsolve.conditions import factor_at
+from pdsolve.laws.bilinear import spent_share
 from pdsolve.operators.blocks.kernel import INNER, across
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.vectors import kick_and_drift
@@ -79,6 +91,37 @@ def _sum_far(ground, fine, u, row, lane0, count, s):  # type: ignore[no-untyped-
 
 
 @njit(**INNER)
+def _soften_on(ground, zone, entry, k, lane, e, peak, limit):  # type: ignore[no-untyped-def]
+    """Soften a bond that is stretched to e, further than ever, and book what it spends."""
+    own, edge = zone.fine.own, zone.fine.edge
+    past, now = edge[entry, k, lane], min(e, limit)
+    peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
+    whole = own[entry, k, lane] / share_of(past, peak, limit)
+    spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
+    spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
+    zone.total[DISSIPATED] += whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4
+    own[entry, k, lane] = whole * share_of(now, peak, limit)
+    edge[entry, k, lane] = now
+
+
+@njit(**INNER)
+def _stir(zone, p):  # type: ignore[no-untyped-def]
+    """Note a node one of whose bonds has softened or broken."""
+    if not zone.stirred[p]:
+        zone.stirred[p] = True
+        zone.stirs[zone.number[STIRS]] = p
+        zone.number[STIRS] += 1
+
+
+@njit(**INNER)
+def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
+    """Note a bond that breaks."""
+    n = zone.number[BREAKS]
+    zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
+    zone.number[BREAKS] += 1
+
+
+@njit(**INNER)
 def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped-def]
     """Take out the bonds of some lanes that are over their limit, and book what they spent; returns whether any was."""
     fine, half, some = zone.fine, len(ground.ways) // 2, False
@@ -91,51 +134,63 @@ def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped
                 continue
             eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
             e = strain_e(ground.table, k, eta_x, eta_y)
-            if e <= ground.e_limit:
+            peak, limit = peak_and_limit(ground, p, k)
+            if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):
                 continue
             some = True
+            _stir(zone, p)
             if entry < 0:
                 entry = own_entry(fine.entry, zone.number, row)
                 fine.entry[row] = entry
+            if peak < limit:
+                _soften_on(ground, zone, entry, k, lane, e, peak, limit)
+                if e <= limit:
+                    continue
             fine.own[entry, k, lane] = 0.0
             if k < half:
                 zone.bits[p] &= ~(np.uint64(1) << np.uint64(k))
-            eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
-            eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
-            before = strain_e(ground.table, k, eta_x, eta_y)
-            spent = e / (np.sqrt(1 + e) + 1) * (before / (np.sqrt(1 + before) + 1))
-            zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
-            n = zone.number[BREAKS]
-            zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
-            zone.number[BREAKS] += 1
+            if peak == limit:
+                eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
+                eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
+                spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
+                zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
+            _note(zone, step, p, k)
     return some
+
+
+@njit(forceinline=True, **INNER)
+def _sum_wide(ground, fine, u, entry, at, p, s):  # type: ignore[no-untyped-def]
+    """Forces on some lanes, |e| up to WIDE."""
+    table, ways, slots = ground.table, ground.ways, len(ground.ways)
+    if entry < 0:
+        return sum_whole_wide(u, table, ways, fine.own, slots, at, p, ground.least[0], s)
+    if ground.varied:
+        return sum_edges_wide(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+    return sum_own_wide(u, table, ways, fine.own, slots, at, p, ground.least[0], s)
 
 
 @njit(forceinline=True, **INNER)
 def _sum_row(ground, zone, u, row, lane, step, s):  # type: ignore[no-untyped-def]
     """Forces on some lanes of a fine row, from `lane` on."""
     fine, p, slots, entry = zone.fine, row * ROW + lane, len(ground.ways), zone.fine.entry[row]
-    table, ways, own, limit = ground.table, ground.ways, fine.own, ground.e_limit
+    table, ways, own, limit = ground.table, ground.ways, fine.own, ground.least[0]
     at, found = entry * slots * ROW + lane, 1
     if fine.wide[row] == 0:
-        if entry >= 0:
-            found = sum_own(u, table, ways, own, slots, at, p, limit, s)
-        else:
+        if entry < 0:
             found = sum_whole(u, table, ways, own, slots, at, p, limit, s)
+        elif ground.varied:
+            found = sum_edges(u, table, ways, own, fine.edge, slots, at, p, 0.0, s)
+        else:
+            found = sum_own(u, table, ways, own, slots, at, p, limit, s)
     if found & 1:
         fine.wide[row] = 1
-        if entry >= 0:
-            found = sum_own_wide(u, table, ways, own, slots, at, p, limit, s)
-        else:
-            found = sum_whole_wide(u, table, ways, own, slots, at, p, limit, s)
+        found = _sum_wide(ground, fine, u, entry, at, p, s)
     if found > 0:
         if found & 2:
             _break(ground, zone, u, row, lane, across(s), step)
         entry = fine.entry[row]
         at = entry * slots * ROW + lane
-        found = 1
-        if entry >= 0:
-            found = sum_own_wide(u, table, ways, own, slots, at, p, limit, s)
+        found = _sum_wide(ground, fine, u, entry, at, p, s)
         if found & 1:
             _sum_far(ground, fine, u, row, lane, across(s), s)
 
@@ -178,7 +233,7 @@ def _sweep_coarse(ground, coarse, count, now, dt, ends, s):  # type: ignore[no-u
     """The same for coarse rows; notes those with a hot bond."""
     wide = across(s)
     u, after = coarse.u[now], coarse.u[1 - now]
-    table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.e_hot
+    table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.least[2]
     for n in range(count):
         row, hot = coarse.rows[n], 0
         entry = coarse.entry[row]

@@ -83,16 +83,3 @@ def coarse_row(at, q):  # type: ignore[no-untyped-def]
 def cell_place(at, x, y):  # type: ignore[no-untyped-def]
     """c"""
     return (y + AROUND) * at.cell_stride + AROUND + x
-
-
-@njit(forceinline=True, **INNER)
-def inside(at, ix, iy):  # type: ignore[no-untyped-def]
-    """Whether a fine node is one of the plate."""
-    return 0 <= ix <= at.nx and 0 <= iy <= at.ny
-
-
-@njit(forceinline=True, **INNER)
-def share(at, ix, iy):  # type: ignore[no-untyped-def]
-    """Area of a fine node over h^2: half on an edge, a quarter in a corner."""
-    part = 0.5 if ix == 0 or ix == at.nx else 1.0
-    return part / 2 if iy == 0 or iy == at.ny else part

@@ -34,19 +34,20 @@ def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def kind_of(at, cells, ix, iy):  # type: ignore[no-untyped-def]
-    """Of a fine node."""
-    if touches(at, cells, ix, iy, FINE) == 0:
+def kind_of(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
+    """Of a fine node, whose cell has this mass."""
+    if mass == 0 or touches(at, cells, ix, iy, FINE) == 0:
         return IDLE
     return BORDER if touches(at, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
-def set_fine(at, cell_mass, cells, fine, p):  # type: ignore[no-untyped-def]
-    """Kind and mass of a fine node."""
+def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
+    """Kind and mass of a fine node, whose whole cell has `mass`."""
     ix, iy = fine_column(at, p), fine_row(at, p)
-    fine.kind[p] = kind_of(at, cells, ix, iy)
-    fine.mass[p] = cell_mass / 4 * touches(at, cells, ix, iy, FINE)
+    fine.kind[p] = kind_of(at, cells, ix, iy, mass)
+    here, there = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
+    fine.mass[p] = mass * here / (here + there) if here > 0 else 0.0
     fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
@@ -87,16 +88,16 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     mass, entry, lane = 0.0, q // ROW, q % ROW
     for sy in (-1, 0):
         for sx in (-1, 0):
-            mass += ground.cell_mass * (cells[cell_place(at, x + sx, y + sy)] == COARSE)
+            c = cell_place(at, x + sx, y + sy)
+            mass += ground.cell[2, c] * (cells[c] == COARSE)
     coarse.kind[q] = FREE if mass > 0 else IDLE
     for k in range(8):
-        coarse.own[entry, k, lane] = ground.coarse_table[k, 5] * part_of(ground, cells, q, x, y, k)
+        coarse.own[entry, k, lane] = spring_of(ground, cells, q, x, y, k)
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
-                if 0 <= ix <= at.nx and 0 <= iy <= at.ny:
-                    mass += _passed_on(at, ground.edge_cut, coarse.kind, fine, fine_place(at, ix, iy), q)
+                mass += _passed_on(at, ground.edge_cut, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
     coarse.light[q] = 1 / mass if mass > 0 else 0.0
 
@@ -112,20 +113,20 @@ def _passed_on(at, edge_cut, kind, fine, p, q):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def part_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
-    """How much of coarse spring k a node has: half for each coarse cell along an edge; none where a pre-crack cuts."""
+def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+    """Stiffness of coarse spring k of a node: half of each coarse cell's along an edge; 0 where a pre-crack cuts it."""
     at = ground.at
     dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
     one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
     if (ground.coarse_bits[one] >> which) & 1:
         return 0.0
+    x0, y0 = x + min(dx, 0), y + min(dy, 0)
+    c = cell_place(at, x0, y0)
     if dx != 0 and dy != 0:
-        return 1.0 if cells[cell_place(at, x + min(dx, 0), y + min(dy, 0))] == COARSE else 0.0
-    if dy == 0:
-        x0 = x + min(dx, 0)
-        return 0.5 * ((cells[cell_place(at, x0, y)] == COARSE) + (cells[cell_place(at, x0, y - 1)] == COARSE))
-    y0 = y + min(dy, 0)
-    return 0.5 * ((cells[cell_place(at, x, y0)] == COARSE) + (cells[cell_place(at, x - 1, y0)] == COARSE))
+        return ground.cell[1, c] if cells[c] == COARSE else 0.0
+    other = c - at.cell_stride if dy == 0 else c - 1
+    found = 0.5 * ground.cell[0, c] if cells[c] == COARSE else 0.0
+    return found + (0.5 * ground.cell[0, other] if cells[other] == COARSE else 0.0)
 
 
 @njit(**INNER)

@@ -8,19 +8,20 @@ from numba import njit
 from pdsolve.adaptive.arrays import (
     BORDERS,
     COARSE_ROWS,
-    FINE_CELLS,
     HOLDS,
+    KNOWN,
     LOADS,
     PIECES,
     PLACE,
     REFINEMENT,
     REGRIDS,
     ROWS,
+    STIRS,
 )
 from pdsolve.adaptive.clip import put_pieces, set_row
 from pdsolve.adaptive.energy import copy_border_node, energy_of
+from pdsolve.adaptive.forces import follow
 from pdsolve.adaptive.lattice import (
-    AROUND,
     BORDER,
     COARSE,
     FINE,
@@ -28,25 +29,11 @@ from pdsolve.adaptive.lattice import (
     cell_place,
     coarse_place,
     fine_column,
-    fine_place,
     fine_row,
 )
 from pdsolve.adaptive.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_coarse_row, set_fine
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
-
-SORTING = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
-
-@njit(**INNER)
-def begin_coarse_nodes(ground, zone):  # type: ignore[no-untyped-def]
-    """Make all coarse nodes what the cells say."""
-    at = ground.at
-    for y in range(at.ny // 2 + 1):
-        for x in range(at.nx // 2 + 1):
-            set_coarse(ground, zone.cells, zone.fine, zone.coarse, coarse_place(at, x, y))
-        for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
-            set_coarse_row(zone.coarse, row, ground.coarse_table)
 
 
 @njit(**INNER)
@@ -70,59 +57,13 @@ def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped
     return count
 
 
-@njit(**INNER)
-def _mark_around(at, reach, marks, dirty, c, mark, count):  # type: ignore[no-untyped-def]
-    """Mark the fine nodes within reach of a cell; or list those that are marked, and unmark them."""
-    x, y = c % at.cell_stride - AROUND, c // at.cell_stride - AROUND
-    for iy in range(max(0, 2 * y - reach), min(at.ny, 2 * y + 2 + reach) + 1):
-        for ix in range(max(0, 2 * x - reach), min(at.nx, 2 * x + 2 + reach) + 1):
-            p = fine_place(at, ix, iy)
-            if not mark and marks[p]:
-                dirty[count] = p
-                count += 1
-            marks[p] = mark
-    return count
-
-
-@njit(**SORTING)
-def _find_dirty(at, reach, marks, dirty, dirty_coarse, new):  # type: ignore[no-untyped-def]
-    """List what the new cells concern, in order: fine nodes within reach, coarse nodes at corners; returns how many."""
-    count, coarse = 0, 0
-    for c in new:
-        _mark_around(at, reach, marks, dirty, c, True, 0)
-    for c in new:
-        count = _mark_around(at, reach, marks, dirty, c, False, count)
-        corner = coarse_place(at, c % at.cell_stride - AROUND, c // at.cell_stride - AROUND)
-        if coarse > len(dirty_coarse) - 4:
-            coarse = _unique(dirty_coarse, coarse)
-        for q in (corner, corner + 1, corner + at.coarse_stride, corner + at.coarse_stride + 1):
-            dirty_coarse[coarse] = q
-            coarse += 1
-    dirty[:count].sort()
-    return count, _unique(dirty_coarse, coarse)
-
-
-@njit(**SORTING)
-def _unique(values, count):  # type: ignore[no-untyped-def]
-    """Sort the first values and drop those that are there twice."""
-    values[:count].sort()
-    kept = 0
-    for n in range(count):
-        if kept == 0 or values[kept - 1] != values[n]:
-            values[kept] = values[n]
-            kept += 1
-    return kept
-
-
-@njit(**SORTING)
-def refine(ground, zone, count, now):  # type: ignore[no-untyped-def]
-    """Make the first `count` cells of `zone.new`, which are marked as fine, fine; displacements are those of `now`.
+@njit(cache=True, nogil=True, error_model="numpy")
+def refine(ground, zone, new, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
+    """Make cells (.,) fine, which are marked so, at displacements `now`; `dirty` are the nodes that concerns, in order.
 
     New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
     """
-    new = zone.new[:count]
-    fines, coarses = _find_dirty(ground.at, ground.reach + 2, zone.mark, zone.dirty, zone.dirty_coarse, new)
-    dirty, dirty_coarse = zone.dirty[:fines], zone.dirty_coarse[:coarses]
+    follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.number[BORDERS])
     for p in dirty:
         zone.mark[p] = True
     for c in new:
@@ -136,9 +77,9 @@ def refine(ground, zone, count, now):  # type: ignore[no-untyped-def]
     zone.total[REFINEMENT] += energy_of(ground, zone, now, dirty, dirty_coarse) - before
     for p in dirty:
         zone.mark[p] = False
-    zone.number[FINE_CELLS] += count
     zone.number[REGRIDS] += 1
-    number(ground, zone)
+    zone.number[KNOWN] = zone.number[STIRS]
+    _number(ground, zone)
 
 
 @njit(**INNER)
@@ -146,7 +87,7 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
     """Kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
-        set_fine(ground.at, ground.cell_mass, zone.cells, fine, p)
+        set_fine(ground.at, ground.mass[p], zone.cells, fine, p)
     for q in dirty_coarse:
         set_coarse(ground, zone.cells, fine, coarse, q)
     for p in dirty:
@@ -216,7 +157,7 @@ def _list_coarse(at, coarse):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def number(ground, zone):  # type: ignore[no-untyped-def]
+def _number(ground, zone):  # type: ignore[no-untyped-def]
     """List rows and border nodes anew, and what acts on whom."""
     fine, coarse = zone.fine, zone.coarse
     fine.touched[:] = False

@@ -26,9 +26,9 @@ FY = ROW  # where the sums along y begin in s
 class _Sum:
     """The loop over the springs of some lanes."""
 
-    def __init__(self, code: Code, kinds: Any, values: Any, own: bool) -> None:
-        self._code, self._own = code, own
-        u, self._table, self._ways, self._weights, _ = kinds[:5]
+    def __init__(self, code: Code, kinds: Any, values: Any, own: bool, edges: Any) -> None:
+        self._code, self._own, self._edges = code, own, edges
+        u = kinds[0]
         self._u = [code.data(u, values[0], axis) for axis in (0, 1)]
         self._table, self._ways, self._weights = (
             code.data(kind, value) for kind, value in zip(kinds[1:4], values[1:4], strict=True)
@@ -45,7 +45,8 @@ class _Sum:
         builder.position_at_end(head)
         slot = builder.phi(INT)
         slot.add_incoming(INT(0), began)
-        sums = [code.merge([(code.same(0.0), began)]) for _ in range(4)]
+        starts = (0.0, 0.0, -1.0, 0.0)  # an e is above -1
+        sums = [code.merge([(code.same(start), began)]) for start in starts]
         builder.cbranch(builder.icmp_signed("<", slot, self._slots), add, leave)
         builder.position_at_end(add)
         after = self._added(slot, sums, factors)
@@ -81,28 +82,35 @@ class _Sum:
             stiffness = code.load(self._weights, builder.add(self._at, builder.mul(slot, INT(ROW))))
             none = code.each(lambda one, zero: builder.fcmp_ordered("==", one, zero), stiffness, code.same(0.0))
             e = code.choose(none, code.same(0.0), e)
+        over = e
+        if self._edges is not None:
+            over = code.sub(e, code.load(self._edges, builder.add(self._at, builder.mul(slot, INT(ROW)))))
         fx, fy, top, size = sums
         pull = code.mul(code.mul(stiffness, e), code.polynomial(factors, e))
         return [
             code.fma(pull, code.add(xi_x, eta_x), fx),
             code.fma(pull, code.add(xi_y, eta_y), fy),
-            code.most(top, e),
+            code.most(top, over),
             code.most(size, code.magnitude(e)),
         ]
 
 
-def _signature(u: Any, table: Any, ways: Any, weights: Any, s: Any) -> Any:
-    numbers = (types.int64,) * 3
-    return types.int64(u, table, ways, weights, *numbers, types.float64, s)
+def _signature(*arrays: Any) -> Any:
+    *before, s = arrays
+    return types.int64(*before, *(types.int64,) * 3, types.float64, s)
 
 
-def _generator(own: bool, which: int | None) -> Any:
-    """Code with the polynomial of this number, or with Green's strain; with stiffnesses of the lanes' own, or not."""
+def _generator(own: bool, which: int | None, varied: bool = False) -> Any:
+    """Code with the polynomial of this number, or with Green's strain; with stiffnesses of the lanes' own, or not; with
+    edges of bonds, or one limit."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, values: Any) -> Any:
-        code = Code(context, builder, signature.args[0].dtype)
-        loop = _Sum(code, signature.args, values, own)
-        kept = code.data(signature.args[8], values[8])
+        kinds, values = list(signature.args), list(values)
+        code, edges = Code(context, builder, kinds[0].dtype), None
+        if varied:
+            edges = code.data(kinds.pop(4), values.pop(4))
+        loop = _Sum(code, kinds, values, own, edges)
+        kept = code.data(kinds[8], values[8])
         if which is None:
             return loop.run(None, (0.5,), kept)
         return loop.run((NARROW, WIDE)[which], code.coefficients[which], kept)
@@ -132,6 +140,18 @@ def sum_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type
 def sum_own_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same, |e| up to WIDE."""
     return _signature(u, table, ways, weights, s), _generator(True, 1)
+
+
+@intrinsic
+def sum_edges(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """The same with edges (., k, 16) of bonds: 2 where an e is more than `limit` above its own."""
+    return _signature(u, table, ways, weights, edges, s), _generator(True, 0, True)
+
+
+@intrinsic
+def sum_edges_wide(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """The same, |e| up to WIDE."""
+    return _signature(u, table, ways, weights, edges, s), _generator(True, 1, True)
 
 
 @intrinsic

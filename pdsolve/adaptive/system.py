@@ -8,92 +8,136 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve import conditions
-from pdsolve.adaptive.arrays import TIPS, VALUE, Entries, Ground, Zone, ground_of, zone_of
-from pdsolve.adaptive.family import fine_springs
+from pdsolve.adaptive.arrays import KAPPA, VALUE, Entries, Ground, zone_of
+from pdsolve.adaptive.family import Springs, coarse_springs, e_of, fine_springs, stretches
 from pdsolve.adaptive.hybrid import Hybrid
-from pdsolve.adaptive.lattice import AROUND, COARSE, FINE
-from pdsolve.adaptive.plate import Plate, plate_of
-from pdsolve.adaptive.precracks import begin_bits, begin_coarse, begin_lack, lengthened, stiffest
+from pdsolve.adaptive.irregular import Irregular, irregular
+from pdsolve.adaptive.lattice import AROUND, BELOW, FINE, LEFT
+from pdsolve.adaptive.plate import Plate, cells_of, plate_of
+from pdsolve.adaptive.precracks import begin_coarse, lengthened
+from pdsolve.adaptive.shown import Shown
 from pdsolve.conditions import Drive, drive, initial_velocity, unbreakable
 from pdsolve.model import Model
-from pdsolve.state import State
+from pdsolve.operators.blocks.layout import aligned
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def hybrid_of(
-    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float]
-) -> tuple[Hybrid, State, float]:
-    """The run, its state and the surely stable step, s; `step_of` chooses the step.
+def hybrid_of(model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float]) -> tuple[Shown, float]:
+    """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
 
     Raises ModelError for what cannot be solved so.
     """
     plate = plate_of(model, mode, precision)
-    material = model.settings.material
-    assert material is not None
-    springs = fine_springs(material, model.settings.horizon.ratio, plate.h)
-    ground = ground_of(plate.at, springs, plate.h, material.rho, 0.0)._replace(cracks=lengthened(plate.cracks))
-    bits = np.zeros(plate.at.places, dtype=np.uint64)
-    begin_bits(ground, bits)
+    springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
+    found = irregular(plate, springs)
+    bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
+    ground = ground_of(plate, springs, found, step_of(model, bound))
     begin_coarse(ground)
-    begin_lack(ground, bits)
-    ground.lasting[plate.place] = unbreakable(model)
-    most = stiffest(ground, bits)
-    bound = float(np.sqrt(2 * material.rho * plate.h**2 / most))
-    ground = ground._replace(dt=step_of(model, bound))
-    area = areas_of(plate)
+    bits, cut = bits_of(plate, ground, found)
+    cells = cells_of(plate, ground.reach)
+    area = plate.area * plate.h**2
     driven = drive(model, area, True, np.float64)
-    zone = _zone(plate, ground)._replace(
+    rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied)._replace(
         bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
-    stiffness = np.full(len(model.grid), most / plate.h**2)
-    hybrid, nodes = Hybrid(plate, ground, zone, driven, stiffness), len(model.grid)
+    hybrid = Hybrid(plate, ground, zone, driven)
     hybrid.start(initial_velocity(model))
-    state = State(np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros((nodes, 2)), np.zeros(nodes), np.zeros(nodes))
-    hybrid.energies(state)
-    return hybrid, state, bound
+    return Shown(hybrid, cut), bound
 
 
-def areas_of(plate: Plate) -> NDArray[np.float64]:
-    """Areas (n,) of the fine lattice's nodes, m^2: halves on edges."""
-    row, column = np.divmod(plate.place, plate.at.stride)
-    ends = [np.isin(index - index.min(), (0, np.ptp(index))) for index in (row, column)]
-    return np.asarray(plate.h**2 * np.where(ends[0], 0.5, 1.0) * np.where(ends[1], 0.5, 1.0))
+def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> Ground:
+    """What stays, with steps of `dt`, s; what pre-cracks cut of the coarse lattice is still to be noted."""
+    at, model, h = plate.at, plate.model, plate.h
+    first = springs[0]
+    coarse = coarse_springs(first, h)
+    bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(KAPPA * one.peak)] for one in springs])
+    mass, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
+    mass[plate.place] = model.rho * plate.area * h**2
+    material[plate.place] = model.material_of
+    own = np.full(at.places, -1, dtype=np.int32)
+    own[plate.place[found.node]] = np.arange(len(found.node))
+    lasting = np.zeros(at.places, dtype=np.bool_)
+    lasting[plate.place] = unbreakable(model)
+    return Ground(
+        at=at,
+        h=h,
+        dx=first.dx,
+        dy=first.dy,
+        table=aligned(first.table),
+        ways=first.dy * at.stride + first.dx,
+        coarse_dx=coarse.dx,
+        coarse_dy=coarse.dy,
+        coarse_table=aligned(coarse.table),
+        coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
+        cut=stretches(first),
+        reach=int(np.abs(first.dx).max()),
+        varied=len(springs) > 1 or first.peak < first.limit,
+        dt=dt,
+        mass=mass,
+        material=material,
+        springs=np.array([one.table[:, 5] for one in springs]),
+        bounds=bounds,
+        least=bounds.min(axis=0),
+        own=own,
+        own_springs=found.springs,
+        own_peak=found.peak,
+        own_limit=found.limit,
+        cell=_cells(plate, springs),
+        lasting=lasting,
+        coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
+        edge_cut=np.zeros((2, at.coarse_places)),
+        cut_cells=np.zeros(at.cells, dtype=np.bool_),
+        cracks=lengthened(plate.cracks),
+    )
 
 
-def counts(hybrid: Hybrid) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Bonds (n,) of each node of the fine lattice, those that pre-cracks cut included; and without them."""
-    plate, ground = hybrid.plate, hybrid.ground
-    row, column = np.divmod(plate.place, plate.at.stride)
-    row, column, half = row - row.min(), column - column.min(), len(ground.dx) // 2
-    family, count = (np.zeros(len(row), dtype=np.int64) for _ in range(2))
-    for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True)):
-        family += (row + dy >= 0) & (row + dy <= plate.at.ny) & (column + dx >= 0) & (column + dx <= plate.at.nx)
-        owner = plate.place if k < half else plate.place + ground.ways[k]
-        count += (hybrid.zone.bits[owner] >> np.uint64(k % half)) & np.uint64(1) != 0
-    return family, count
+def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
+    """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, by the area they have there."""
+    at, rho = plate.at, np.array([material.rho for material in plate.model.materials])
+    each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
+    material = np.zeros(at.places, dtype=np.int64)
+    material[plate.place] = plate.model.material_of
+    field = material.reshape(-1, at.stride)
+    found = np.zeros((at.ny // 2, at.nx // 2, 3))
+    for y, part_y in enumerate((0.25, 0.5, 0.25)):
+        for x, part_x in enumerate((0.25, 0.5, 0.25)):
+            here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+            found += part_x * part_y * each[field[here]]
+    if len(springs) == 1:
+        found[:] = each[0]  # not but for round-off
+    around = ((AROUND, AROUND), (AROUND, AROUND), (0, 0))
+    return np.ascontiguousarray(np.pad(found, around).reshape(at.cells, 3).T)
 
 
-def tips_of(plate: Plate) -> NDArray[np.float64]:
-    """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
-    ends = plate.cracks.reshape(-1, 2)
-    inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)
-    alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
-    return ends[inner & alone]
+def bits_of(plate: Plate, ground: Ground, found: Irregular) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """Bonds at the start, a bit for each of the first half of a family, of all places; and how many pre-cracks cut of
+    each node (n,)."""
+    half = len(ground.ways) // 2
+    bits = np.zeros(plate.at.places, dtype=np.uint64)
+    bits[plate.place] = np.uint64((1 << half) - 1)
+    own = np.zeros(len(found.node), dtype=np.uint64)
+    for k in range(half):
+        own |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
+    bits[plate.place[found.node]] = own
+    cut = np.zeros(len(plate.place), dtype=np.int64)
+    cut[found.node] = found.family - np.count_nonzero(found.springs, axis=1)
+    return bits, cut
 
 
-def _zone(plate: Plate, ground: Ground) -> Zone:
-    """Fine around the tips of pre-cracks, with room for more."""
-    at = plate.at
-    cells = np.arange(at.cells)
-    x, y = cells % at.cell_stride - AROUND, cells // at.cell_stride - AROUND
-    near = np.zeros(at.cells, dtype=bool)
-    for tip_x, tip_y in tips_of(plate):
-        away = np.maximum(np.abs(np.array([tip_x - 2 * x - 1, tip_y - 2 * y - 1])) - 1, 0)
-        near |= np.hypot(*away) < TIPS
-    zone = zone_of(at, len(ground.ways), ROOM + 6 * int(near.sum()))
-    zone.cells[near & (zone.cells == COARSE)] = FINE
-    return zone
+def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
+    """The same as `stiffest` says, over density, of nodes at edges and of those in a full lattice."""
+    rho = plate.model.rho
+    usual = np.ones(len(rho), dtype=bool)
+    usual[found.node] = False
+    inside = []
+    for number, one in enumerate(springs):
+        if (usual & (plate.model.material_of == number)).any():
+            x, y, inverse, k = one.table[:, 0], one.table[:, 1], one.table[:, 4], one.table[:, 5] / plate.h**2
+            a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
+            inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / plate.model.materials[number].rho)
+    return np.concatenate([inside, found.stiffest / rho[found.node]])
 
 
 def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:

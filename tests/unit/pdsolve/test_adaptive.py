@@ -31,31 +31,25 @@ def cracked(**changes: Any) -> Grid:
     return dataclasses.replace(square_grid(41, 25), cracks=1e-3 * np.array([[0, 11.5, 12.5, 11.5]]), **changes)
 
 
-def holed() -> Grid:
-    """The same with a node missing."""
+def off_lattice() -> Grid:
+    """The same with a node out of line."""
     grid = square_grid(41, 25)
-    columns = {name: np.delete(getattr(grid, name), 500, axis=0) for name in ("ids", "position", "delta", "border")}
-    return dataclasses.replace(grid, **columns, hole_id=np.delete(grid.hole_id, 500))
+    grid.position[500] += 1e-4
+    return grid
 
 
-REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=GLASS)
+REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(GLASS, micromodulus="constant"))
 PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
-RING = 1e-3 * np.array([(-0.5, 0), (40, 0), (40, 24), (-0.5, 24)])
-TRIANGLE = 1e-3 * np.array([(0, 0), (40, 0), (40, 24), (3, 5), (0, 24)])
 
 
 @pytest.mark.parametrize(
     ("model", "words"),
     [
-        (plate(cracked(), 4, material=msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)), "law: found bilinear"),
-        (plate(cracked(), 4, regions=(REGION,)), "regions: found 1, expected 0"),
+        (plate(cracked(), 4, regions=(REGION,)), r"regions\[0\].material.micromodulus: found constant"),
+        (plate(off_lattice(), 4), "nodes that are on no lattice"),
         (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\]: found an acceleration"),
         (plate(cracked(), 8), "ratio: found 8, expected at most 6"),
         (plate(cracked(), 4, area_rule="square"), "area_rule: found square"),
-        (plate(square_grid(40, 25), 4), "nodes: found 39 by 24 spacings, expected even numbers"),
-        (plate(holed(), 4), "nodes that are no full rectangle"),
-        (plate(cracked(outline=(RING,)), 4), "off the plate's edge"),
-        (plate(cracked(outline=(TRIANGLE,)), 4), "outline: found corners inside its box"),
         (plate(dataclasses.replace(cracked(), cracks=1e-3 * np.array([[0.0, 3, 9, 3]])), 4), "found a node on it"),
         (plate(dataclasses.replace(cracked(), delta=np.linspace(1e-3, 2e-3, 1025)), 4), "found several spacings"),
     ],
