@@ -219,8 +219,8 @@ class Shown:
         source, target = (
             np.concatenate([self._row_of[one], other]) for one, other in zip((fine, target), ends, strict=True)
         )
-        pair = np.unique(source * len(self.places) + target)
-        return np.divmod(pair, len(self.places))
+        order = np.lexsort((target, source))
+        return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""
