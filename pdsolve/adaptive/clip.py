@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptive.arrays import ENTRIES, PIECES
-from pdsolve.adaptive.lattice import FINE, FREE, IDLE, VOID, cell_place, fine_column, fine_place, fine_row
+from pdsolve.adaptive.lattice import EMPTY, FINE, FREE, IDLE, VOID, cell_place, fine_column, fine_place, fine_row
 from pdsolve.adaptive.nodes import end_on
 from pdsolve.adaptive.precracks import has_bond, peak_and_limit, stiffness
 from pdsolve.laws.bilinear import intact_share
@@ -28,15 +28,30 @@ def whole_part(ground, cells, ix, iy, k):  # type: ignore[no-untyped-def]
     x, y, first = ix >> 1, iy >> 1, cut.first[ix % 2 + 2 * (iy % 2), k]
     sides, whole = 0, 0
     for side in range(2):
-        if first[side] == first[side + 1]:
+        if not _counts(at, cells, cut, x, y, first, side):
             continue
-        fine, void = True, True
+        fine = True
         for n in range(first[side], first[side + 1]):
-            found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
-            fine, void = fine and found == FINE, void and found == VOID
-        sides += not void
+            fine = fine and _is_passed(at, cells, cut, x, y, n)
+        sides += 1
         whole += fine
     return whole / sides if sides > 0 else 0.0
+
+
+@njit(forceinline=True, **INNER)
+def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
+    """Whether stretch n of a bond is one in which it is a bond."""
+    found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
+    return found in (FINE, EMPTY)
+
+
+@njit(**INNER)
+def _counts(at, cells, cut, x, y, first, side):  # type: ignore[no-untyped-def]
+    """Whether there is any of the plate on this side of a bond, and it has one."""
+    for n in range(first[side], first[side + 1]):
+        if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] < VOID:
+            return True
+    return False
 
 
 @njit(**INNER)
@@ -152,15 +167,17 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
         if not has_bond(bits, ground.ways, half, p, k):
             continue
         first = cut.first[place, k]
-        part = 0.5 if first[1] != first[2] else 1.0
+        sides = _counts(at, cells, cut, x, y, first, 0) + _counts(at, cells, cut, x, y, first, 1)
         for side in range(2):
+            if not _counts(at, cells, cut, x, y, first, side):
+                continue
             n, last = first[side], first[side + 1]
             while n < last:
-                if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] != FINE:
+                if not _is_passed(at, cells, cut, x, y, n):
                     n += 1
                     continue
                 begin = n
-                while n < last and cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] == FINE:
+                while n < last and _is_passed(at, cells, cut, x, y, n):
                     n += 1
                 if begin == first[side] and n == last:
                     continue
@@ -171,7 +188,7 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
                 value, length = pieces.value[count], t1 - t0
                 value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
                 value[4] = ground.table[k, 4] / length**2
-                value[5] = part * ground.table[k, 5] / length
+                value[5] = stiffness(ground, p, k) / (sides * length)
                 value[6] = 0.0 if ground.lasting[p] or ground.lasting[p + ground.ways[k]] else 1.0
                 count += 1
     return count

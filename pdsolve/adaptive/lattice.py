@@ -18,7 +18,7 @@ LEFT = ROW  # idle places before each row of nodes
 BELOW = 8  # idle rows of fine nodes below and above
 BELOW_COARSE = 2  # of coarse ones
 AROUND = 6  # cells around the plate that are void
-COARSE, FINE, VOID = 0, 1, 2  # cells
+COARSE, FINE, VOID, EMPTY = range(4)  # cells; empty ones have none of the plate, as void ones, but bonds pass through
 IDLE, FREE, BORDER = 0, 1, 2  # nodes
 
 

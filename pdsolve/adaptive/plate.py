@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pdmesh.model.document import Acceleration
 from pdsolve.adaptive.arrays import RING, TIPS
-from pdsolve.adaptive.lattice import AROUND, BELOW, COARSE, FINE, LEFT, VOID, Lattice, lattice_of
+from pdsolve.adaptive.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.model import Model, ModelError
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
@@ -130,7 +130,7 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
     if (some & ~good).any():
         away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
-        cells[(away <= reach + 1) & ~some] = FINE
+        cells[(away <= reach + 1) & ~some & ~good] = EMPTY
     rows, columns = np.indices(cells.shape)
     for tip_x, tip_y in tips_of(plate).tolist():
         near = np.hypot(*(np.maximum(np.abs(np.array([tip_x - 2 * columns - 1, tip_y - 2 * rows - 1])) - 1, 0))) < TIPS
