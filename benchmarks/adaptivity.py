@@ -1,9 +1,9 @@
 """What a fine zone that moves costs, and what it is off by: python -m benchmarks.adaptivity [--finer] [--repeat N].
 
 Kalthoff and Winkler's plate of steel and Duran's of glass, uniform and hybrid on one lattice, one thread each. Cost:
-CPU time of the loop, both in turn, the least of N. Error: the mean distance of the crack's path from those of uniform runs,
-over the length of the path, and the time of the first bond, for four steps, as a crack is known no better than runs
-that differ by the step alone differ from each other. And all shipped scenes, once. Writes docs/adaptivity.md.
+CPU time of the loop, both in turn, the least of N. Error: the mean distance of the crack's path from those of uniform
+runs, over the length of the path, and the time of the first bond, for four steps, as a crack is known no better than
+runs that differ by the step alone differ from each other. And all shipped scenes, once. Writes docs/adaptivity.md.
 """
 
 from __future__ import annotations

@@ -7,18 +7,21 @@ import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
 from pdmesh.model.cloud import Grid
-from pdmesh.model.document import Material, Run
+from pdmesh.model.document import Material, Run, Velocity
+from pdsolve.adapt import zone_moved
 from pdsolve.adaptive.arrays import PIECES, Ground, Zone
 from pdsolve.adaptive.hybrid import Hybrid
 from pdsolve.adaptive.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
 from pdsolve.adaptive.system import hybrid_of
-from pdsolve.model import ModelWarning
-from pdsolve.system import step_of
+from pdsolve.measures import Ledger, books
+from pdsolve.model import Model, ModelWarning
+from pdsolve.system import Options, prepare, step_of
 
 H = 1e-3  # m
 _fine = getattr(fine_place, "py_func", fine_place)
@@ -141,3 +144,38 @@ def again(hybrid: Hybrid) -> Zoned:
     hybrid.number()
     hybrid.renew()
     return Zoned(hybrid)
+
+
+STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")
+
+
+def struck(adapt: str, steps: int = 170, law: str = "brittle") -> Model:
+    """Kalthoff and Winkler's plate of steel, 2 mm between nodes; its bonds may soften."""
+    grid = rectangle(50, 100, 2e-3, [(0, 37.5, 25, 37.5), (0, 62.5, 25, 62.5)])
+    impact = Velocity(box=(-1.0, 75e-3, 1e-4, 125e-3), x=16.5)
+    material = msgspec.structs.replace(STEEL, law=law, kr=1.638, keep_G0=True) if law == "bilinear" else STEEL
+    run = Run(steps=steps, every=34, ledger=17, adapt=adapt)
+    return plate(grid, 4, material=material, conditions=(impact,), run=run)
+
+
+class Solved(NamedTuple):
+    """What a run came to."""
+
+    first: int  # step of the first broken bond; the last step without one
+    books: Ledger
+    balance: float
+
+
+def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved]:
+    """A model solved with a fine zone that moves, and with the fine lattice everywhere."""
+    found, steps = [], steps or model.settings.run.steps
+    for adapt in ("hybrid", "none"):
+        run = msgspec.structs.replace(model.settings.run, adapt=adapt)
+        settings = msgspec.structs.replace(model.settings, run=run)
+        problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
+        problem.march(1, steps + 1)
+        change = zone_moved(problem.system) if adapt == "hybrid" else None
+        system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+        broken, ledger = system.operator.broken(), books(system, state, steps)
+        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance(system.initial_energy)))
+    return found[0], found[1]

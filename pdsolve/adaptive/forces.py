@@ -121,6 +121,13 @@ def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
     zone.number[BREAKS] += 1
 
 
+@njit(forceinline=True, **INNER)
+def _ends(p, j, lane0, count):  # type: ignore[no-untyped-def]
+    """For how many of its two ends what a bond spends is booked at node p: velocities of lanes before are new ones."""
+    first = p // ROW * ROW + lane0
+    return (j >= first) + (j >= first + count)
+
+
 @njit(**INNER)
 def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped-def]
     """Take out the bonds of some lanes that are over their limit, and book what they spent; returns whether any was."""
@@ -153,7 +160,7 @@ def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped
                 eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
                 eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
                 spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-                zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
+                zone.total[DISSIPATED] += _ends(p, j, lane0, count) * stiffness / ground.table[k, 4] * spent / 4
             _note(zone, step, p, k)
     return some
 

@@ -188,8 +188,10 @@ class Hybrid:
             ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
         ):
             places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-            kept |= {f"{name}_u": nodes.u[self.now][:, places], f"{name}_v": nodes.v[:, places]}
-            kept |= {f"{name}_f": nodes.f[:, places], f"{name}_wide": nodes.wide[nodes.rows[:rows]]}
+            there = nodes.kind[places] != IDLE
+            for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
+                kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
+            kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
         if self.ground.varied:
             entry = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
             own = np.where(entry < 0, -2 - entry, entry)

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import msgspec
 import numpy as np
 import pytest
 from plates import plate
-from zones import again, rectangle
+from zones import STEEL, again, rectangle, struck
 
-from pdmesh.model.document import Displacement, Load, Material, Run, Velocity
+from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.adapt import zone_moved
 from pdsolve.adaptive.hybrid import Hybrid
 from pdsolve.adaptive.lattice import COARSE, FINE
 from pdsolve.measures import books
 from pdsolve.model import Model
-from pdsolve.results import Results
-from pdsolve.simulation import resume, simulate
 from pdsolve.system import Options, Prepared, prepare
-
-STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")
-
-
-def struck(adapt: str, steps: int = 170, every: int = 34) -> Model:
-    """Kalthoff and Winkler's plate of steel, 2 mm between nodes."""
-    grid = rectangle(50, 100, 2e-3, [(0, 37.5, 25, 37.5), (0, 62.5, 25, 62.5)])
-    impact = Velocity(box=(-1.0, 75e-3, 1e-4, 125e-3), x=16.5)
-    return plate(grid, 4, material=STEEL, conditions=(impact,), run=Run(steps=steps, every=every, adapt=adapt))
 
 
 def pulled(adapt: str) -> Model:
@@ -123,23 +109,3 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067
     assert found["hybrid"][2] == found["none"][2]
     assert hybrid(problem).told().clipped_stretch < 0.7  # 0.58; 1.01 if faces were to follow the next coarse node alone
-
-
-def test_a_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    """Stopped once it has begun to crack, and resumed: the same tables as without a stop."""
-    paths = [tmp_path / "whole.sqlite", tmp_path / "parts.sqlite"]
-    calls = []
-
-    def stop(progress: Any) -> bool:
-        calls.append(progress)
-        return progress.step >= 100
-
-    simulate(struck("hybrid"), paths[0], Options()).close()
-    simulate(struck("hybrid"), paths[1], Options(), stop).close()
-    assert calls[-1].fine.fine_share > 0
-    with resume(paths[1]) as parts, Results.open(paths[0]) as whole:
-        assert parts.summary()["steps"] == 170
-        assert parts.summary()["broken_bonds"] == whole.summary()["broken_bonds"] > 0
-        for name in ("ux", "vy", "energy", "damage"):
-            assert np.array_equal(parts.field(name, 170), whole.field(name, 170))
-        assert parts.summary()["energy"] == whole.summary()["energy"]
