@@ -98,7 +98,8 @@ class Shown:
         plate, zone = self.hybrid.plate, self.hybrid.zone
         part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
         whole = plate.area[plate.row[self._fine]] * plate.h**2
-        found = np.bincount(self._at_fine, part * whole, minlength=len(self.places))
+        found = np.zeros(len(self.places))
+        found[self._at_fine] = part * whole
         y, x = np.divmod(self._coarse, plate.at.coarse_stride)
         corner = (y - BELOW_COARSE + AROUND) * plate.at.cell_stride + AROUND + x - LEFT
         around = sum((zone.cells[corner - dy * plate.at.cell_stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))

@@ -15,14 +15,17 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh import Scene, SceneError, box
+from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.drawing.sources import build, read_scene
 from pdmesh.drawing.units import UNITS
 from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Acceleration, Region, Run, write_file
+from pdmesh.model.document import Acceleration, Region, Run, read_file, write_file
 from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
 from pdsolve.adaptive.plate import plate_of
 from pdsolve.model import Model, ModelError
 
+GEOMETRIES = Path(__file__).parents[3] / "geometries"
 HYBRID = Run(adapt="hybrid", steps=20)
 
 
@@ -97,6 +100,20 @@ def test_scenes_and_drawings_may_ask_for_it() -> None:
         assert run(Parameters({"Peridynamics/Run/Adapt": word}, UNITS["m"])).adapt == word
     with pytest.raises(SceneError, match="found 'static', expected one of none, hybrid"):
         run(Parameters({"Peridynamics/Run/Adapt": "static"}, UNITS["m"]))
+
+
+def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
+    """One lattice of the finest spacing, which the model keeps; a mesh is refused."""
+    path = tmp_path / "plate.json"
+    assert build_command(["build", str(GEOMETRIES / "soda_lime.geo"), "--adapt", "hybrid", "-o", str(path), "-q"]) == 0
+    document = read_file(path)
+    assert (document.run.adapt, len(document.nodes), document.parameters["--adapt"]) == ("hybrid", 4141, "hybrid")
+    again = read_scene(path)
+    assert again.run.adapt == "hybrid"
+    mesh = tmp_path / "plate.msh"
+    mesh.write_text("")
+    with pytest.raises(SceneError, match="--adapt: found a mesh, expected a drawing"):
+        build(mesh, [("--adapt", "hybrid")])
 
 
 def test_the_command_says_how_much_is_fine(tmp_path: Path) -> None:
