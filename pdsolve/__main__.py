@@ -42,7 +42,9 @@ def parser() -> argparse.ArgumentParser:
         choices=("none", "hybrid"),
         help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
     )
-    program.add_argument("--threads", type=int, metavar="N", help="threads to use (default: all)")
+    program.add_argument(
+        "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
+    )
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(

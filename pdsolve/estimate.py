@@ -15,23 +15,24 @@ from pdmesh.model.document import Run
 from pdsolve.checks import advise
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
-from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of
-from pdsolve.threads import cores
+from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of, threads_of
 
 DEFAULT = Options()
 
-# Peak of the whole process, bytes: at least, and for each node
-MEMORY = {"thesis": (205e6, 1230.0), "conservative": (188e6, 1190.0)}
+# Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
+# each node
+MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
-# Seconds: of a bond and step on one thread, breaking included; of an entry of the ledger and of a frame, each at least,
-# and for each bond or node; of the beginning
-BOND = {"float64": 0.85e-9, "float32": 0.50e-9}
+# Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
+# the ledger and of a frame, each at least, and for each bond or node; of the beginning
+BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
+NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
-SHARED = 0.8  # of more threads' work that another thread takes over
-LEDGER, LEDGER_BOND = 1.0e-3, 4e-9
+SHARED = 0.5  # of more threads' work that another thread takes over
+LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
-BEGIN, BEGIN_NODE = 0.03, 6e-6
-PRODUCTS, ROUNDS, REFERENCE = 4096, 200, 0.84e-6  # s of so many products where that was measured
+BEGIN, BEGIN_NODE = 0.06, 3e-6
+PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
 class Plan(NamedTuple):
@@ -67,10 +68,10 @@ def priced(run: Run, options: Options, nodes: int, bonds: int, steps: tuple[floa
     """The same, for so many nodes and bonds; `steps` are that of the run and the one that is surely stable, s."""
     least, each = MEMORY[options.mode]
     memory = least + each * nodes + (0 if paired else LISTED * bonds)
-    threads = options.threads or cores()
-    update = (BOND[options.precision] if paired else LISTED_BOND) / (1 + SHARED * (threads - 1))
+    threads = threads_of(options, nodes, paired)
+    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if paired else bonds * LISTED_BOND
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
-    seconds = run.steps * bonds * update
+    seconds = run.steps * update / (1 + SHARED * (threads - 1))
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
     seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
     return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds)
