@@ -43,6 +43,7 @@ class Case(NamedTuple):
     assignments: tuple[tuple[str, str], ...]
     duration: float  # s
     box: tuple[float, float, float, float]  # where its path is compared, m
+    turns: bool  # whether the angle of its path means something
     finer: bool  # whether it is one for which one has to wait
 
 
@@ -54,6 +55,7 @@ CASES = (
             (("spacing", str(h)),),
             86e-6,
             (0.05, 0.1262, 1.0, 0.185),
+            True,
             h < 5e-4,
         )
         for h in (5e-4, 2.5e-4)
@@ -64,6 +66,7 @@ CASES = (
         (("Zones/fine/Spacing", "2.5e-4"), ("Zones/coarse/Spacing", "5e-4")),
         40e-6,
         (0.0505, -1.0, 0.068, 1.0),
+        False,
         False,
     ),
 )
@@ -177,7 +180,7 @@ def compared(case: Case, repeat: int) -> str:
             off = np.mean([distance(found, other) for other in others])
             lines.append(
                 f"| {'uniform' if adapt == 'none' else adapt} | {found.share:g} | {1e6 * found.first:.2f} |"
-                f" {angle(found):.1f} | {100 * off:.1f} | {found.dissipated:.4g} | {100 * found.balance:+.2f} |"
+                f" {f'{angle(found):.1f}' if case.turns else '-'} | {100 * off:.1f} | {found.dissipated:.4g} | {100 * found.balance:+.2f} |"
                 f" {100 * found.fine:.1f} | {found.clipped:.2f} |"
             )
     return "\n".join([*lines, ""])

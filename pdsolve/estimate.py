@@ -48,9 +48,10 @@ class Plan(NamedTuple):
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
-    """What solving the model would take. Raises ModelError."""
+    """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme = scheme_of(model, options)
-    if law_of(model) in PAIRS:
+    moves = model.settings.run.adapt == "hybrid"
+    if law_of(model) in PAIRS and not moves:
         survey = Survey(scheme.fill(model), scheme.symmetric)
         for _ in survey.parts():
             pass
@@ -58,8 +59,9 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system
-        count, bound, step = system.count, system.bound, system.time_step
+        model, count, bound, step = system.model, system.count, system.bound, system.time_step
     advise(model, count, scheme.partial_cells, scheme.symmetric)
+    options = options._replace(threads=1) if moves else options
     paired = law_of(model) in PAIRS
     return priced(model.settings.run, options, len(model.grid), int(count.sum()), (step, bound), paired)
 

@@ -291,11 +291,14 @@ def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignore[no-untyped-def]
     """Add the loads of `time`, and the work of loads since the last step: by the mean of both times."""
+    last, now, then = -1, 0.0, 0.0
     for n in range(count):
         on, e = loads.on[n, 0], loads.on[n, 1]
         axis, profile, value = loads.what[e, AXIS], loads.what[e, PROFILE], loads.part[n] * loads.value[e, VALUE]
-        after = value * factor_at(profiles, profile, time)
-        before = value * factor_at(profiles, profile, time - dt)
+        if profile != last:
+            last = profile
+            now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
+        after, before = value * now, value * then
         if on >= 0:
             fine.f[axis, on] += after
             total[WORK] += (before + after) / 2 * dt * fine.v[axis, on]
