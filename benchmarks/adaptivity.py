@@ -178,9 +178,10 @@ def compared(case: Case, repeat: int) -> str:
         for found in founds:
             others = [other for other in runs["none"] if other is not found]
             off = np.mean([distance(found, other) for other in others])
+            turned = f"{angle(found):.1f}" if case.turns else "-"
             lines.append(
                 f"| {'uniform' if adapt == 'none' else adapt} | {found.share:g} | {1e6 * found.first:.2f} |"
-                f" {f'{angle(found):.1f}' if case.turns else '-'} | {100 * off:.1f} | {found.dissipated:.4g} | {100 * found.balance:+.2f} |"
+                f" {turned} | {100 * off:.1f} | {found.dissipated:.4g} | {100 * found.balance:+.2f} |"
                 f" {100 * found.fine:.1f} | {found.clipped:.2f} |"
             )
     return "\n".join([*lines, ""])
