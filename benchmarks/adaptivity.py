@@ -243,7 +243,8 @@ after the last look (ledger or frame) before which they did. `pdmesh build` lays
 everywhere and moves cracks, by half a spacing at most, where they would meet a node, and says so.
 
 **What it refuses**, in one line: imported meshes and other nodes on no lattice, several spacings, the thesis mode,
-single precision, held accelerations, materials of different micromoduli. It runs on one thread.
+single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on
+one thread.
 
 **When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; and where a
 plate is so small that 12 h around a tip, or what is around its holes, is most of it. A run stops where a clipped bond

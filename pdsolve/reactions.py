@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.document import InitialVelocity, Selection
+from pdmesh.model.document import Absorb, InitialVelocity, Selection
 from pdsolve.conditions import factor_now
 from pdsolve.state import State
 from pdsolve.system import System
@@ -36,11 +36,11 @@ class Reaction(NamedTuple):
 
 
 def grips(system: System) -> tuple[Grip, ...]:
-    """All conditions but initial velocities, in the model's order, which is that of the profiles of `Drive`."""
+    """All conditions that act with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
         Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
         for number, condition in enumerate(system.asked.settings.conditions)
-        if not isinstance(condition, InitialVelocity)
+        if not isinstance(condition, InitialVelocity | Absorb)
     )
 
 

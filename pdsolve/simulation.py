@@ -22,8 +22,11 @@ from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
+from pdsolve.starts import started
 from pdsolve.state import State
-from pdsolve.system import Options, System, prepare
+from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.system import Options, Stepper, System, prepare
 from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -38,6 +41,7 @@ class Progress(NamedTuple):
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
     fine: Told | None = None  # of a fine zone that moves
+    going: Going | None = None  # of a load step that is being solved
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -59,7 +63,7 @@ def simulate(
     ResultsError.
     """
     with writing_to(output):
-        system, state = prepare(model, options)
+        system, state = started(prepare(model, options))
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 
@@ -121,7 +125,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         model = model_of(results.model(), str(output))
-        system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
+        system, state = started(prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(
@@ -161,7 +165,7 @@ def _finish(
                 writer.write(notes.frame(0, whole=True, state=True))
             status = _march(notes, writer, watch, adapt)
         except BaseException as error:
-            ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
+            ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise
         last = writer.done()
@@ -190,6 +194,13 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         fine = None if notes.system.hybrid is None else notes.system.hybrid.told()
         return watch is not None and watch(Progress(step, run.steps, books.broken, balance, fine))
 
+    def going(now: Going) -> None:
+        """Show how far a load step is; it is lost where the run is to stop meanwhile."""
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.last.balance(0.0), None, now)):
+            raise KeyboardInterrupt
+
+    if isinstance(notes.system.stepper, LoadSteps):
+        notes.system.stepper.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         looks = run.steps
@@ -206,12 +217,8 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         noted = step in ends[2:]
         interrupted = asked() and (noted or system.hybrid is None)
         if noted:
-            change = zone_moved(system) if system.hybrid is not None else None
-            if change is not None:
-                notes.follow(looked, change)
-                system = notes.system
-            looked = step
-            notes.take(step)
+            _take(notes, looked, step)
+            system, looked = notes.system, step
             done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
@@ -222,6 +229,14 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     balance, spent = found.balance(system.initial_energy), found.dissipated
     closing(system.model, balance, spent, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
+
+
+def _take(notes: Notes, before: int, step: int) -> None:
+    """Note what there is to note of this step, and how a fine zone has moved since the step `before`."""
+    change = zone_moved(notes.system) if notes.system.hybrid is not None else None
+    if change is not None:
+        notes.follow(before, change)
+    notes.take(step)
 
 
 def _next(step: int, interval: int) -> int:
@@ -276,7 +291,15 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "balance": books.balance(system.initial_energy),
         "stopped": system.model.settings.run.until if stopped_early else None,
         **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
+        **_rested(system.stepper),
     }
+
+
+def _rested(stepper: Stepper) -> dict[str, Any]:
+    """How each load step came to rest."""
+    if not isinstance(stepper, LoadSteps):
+        return {}
+    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}
 
 
 __all__ = [
@@ -285,6 +308,7 @@ __all__ = [
     "Progress",
     "ResultsError",
     "System",
+    "UnsettledError",
     "UnstableError",
     "prepare",
     "resume",

@@ -20,8 +20,10 @@ from pdsolve.adaptive.system import hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
-from pdsolve.conditions import Drive, drive, initial_acceleration, initial_velocity
+from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity
+from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
+from pdsolve.loading import in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
@@ -31,6 +33,10 @@ from pdsolve.operators.operator import Operator
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.newton import Newton
+from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
 from pdsolve.threads import cores, crew
@@ -134,6 +140,8 @@ def prepare(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
+    if model.settings.run.solver == "static":
+        return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
 
 
@@ -201,12 +209,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         work=np.zeros(nodes),
     )
     stepper: Stepper
-    if isinstance(operator, InBlocks):
-        state = operator.place(state)
+    state, damped = operator.place(state), damping(model)
+    if isinstance(operator, InBlocks) and not damped.any():
         stepper = VerletBlocks(operator, driven, rho, step)
         driven = stepper.drive
     else:
-        stepper = Verlet(operator, driven, rho, step)
+        stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     system = System(
         model,
@@ -224,6 +232,28 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
+
+
+def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
+    """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
+    filling = lasting.filling()
+    operator, survey = _operator(model, options, scheme, filling)
+    area, nodes = filling.area, len(model.grid)
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
+    state = operator.place(State(*np.zeros((3, nodes, 2)), *np.zeros((2, nodes))))
+    method: Method
+    if static.method == "relaxation":
+        method = Relaxation(operator, static.tolerance, static.iterations)
+    else:
+        free = 2 * nodes - len(driven.holds.node)
+        method = Newton(operator, area, static.tolerance, static.iterations, free)
+    breakable = lasting.breakable() if breaks else None
+    stepper = LoadSteps(model, operator, driven, area, method, breakable)
+    step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
+    counts = survey.family, survey.count
+    return Prepared(System(model, options, scheme, operator, stepper, driven, area, *counts, step, bound, 0.0), state)
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

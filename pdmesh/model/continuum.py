@@ -45,6 +45,11 @@ def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArra
     return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
 
 
+def pressure_speed(material: Material) -> float:
+    """Speed of P waves in a bond-based plate, m/s."""
+    return float(np.sqrt(C11[material.plane] * material.E / material.rho))
+
+
 def rayleigh_ratio(nu: float) -> float:
     """Speed of Rayleigh waves over that of shear waves in plane strain, for the Poisson ratio `nu`.
 

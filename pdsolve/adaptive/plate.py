@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pdmesh.model.document import Acceleration
+from pdmesh.model.document import Absorb, Acceleration
 from pdsolve.adaptive.arrays import RING, TIPS
 from pdsolve.adaptive.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.model import Model, ModelError
@@ -39,6 +39,9 @@ def plate_of(model: Model, mode: str, precision: str) -> Plate:
         ("mode", mode, "conservative"),
         ("precision", precision, "float64"),
         ("$.area_rule", settings.area_rule or "cells", "cells"),
+        ("$.run.solver", settings.run.solver, "explicit"),
+        ("$.run.start", settings.run.start, "unloaded"),
+        ("$.run.damping", f"{settings.run.damping:g}", "0"),
     ):
         if found != expected:
             raise _refused(model, place, f"{found}", f"{expected}")
@@ -49,8 +52,9 @@ def plate_of(model: Model, mode: str, precision: str) -> Plate:
             place = f"$.regions[{number - 1}].material.micromodulus"
             raise _refused(model, place, material.micromodulus, f"{model.materials[0].micromodulus}, as elsewhere")
     for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, Acceleration):
-            raise _refused(model, f"$.conditions[{number}]", "an acceleration", "a load, a displacement or a velocity")
+        if isinstance(condition, Acceleration | Absorb):
+            kind = str(condition.__struct_config__.tag)
+            raise _refused(model, f"$.conditions[{number}]", kind, "a load, a displacement or a velocity")
     if (grid.delta != grid.delta[0]).any():
         raise _refused(
             model, "$.nodes", "several spacings", "one, the finest, as pdmesh build --adapt hybrid makes of its zones"

@@ -49,6 +49,8 @@ def test_every_scene_and_option_it_names_exists() -> None:
             "--probe",
             "--fields",
             "--adapt",
+            "--static",
+            "--float",
         )
 
 

@@ -20,7 +20,7 @@ from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.drawing.sources import build, read_scene
 from pdmesh.drawing.units import UNITS
 from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Acceleration, Region, Run, read_file, write_file
+from pdmesh.model.document import Absorb, Acceleration, Region, Run, read_file, write_file
 from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
 from pdsolve.adaptive.plate import plate_of
 from pdsolve.model import Model, ModelError
@@ -42,6 +42,7 @@ def off_lattice() -> Grid:
 
 
 REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(GLASS, micromodulus="constant"))
+EDGE = Absorb(box=(0.0, 0.0, 0.01, 0.01))
 PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
 
 
@@ -49,8 +50,12 @@ PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
     ("model", "words"),
     [
         (plate(cracked(), 4, regions=(REGION,)), r"regions\[0\].material.micromodulus: found constant"),
+        (plate(cracked(), 4, conditions=(EDGE,)), r"conditions\[0\]: found absorb"),
+        (plate(cracked(), 4, run=Run(damping=1e3)), r"run\.damping: found 1000, expected 0"),
+        (plate(cracked(), 4, run=Run(solver="static")), r"run\.solver: found static, expected explicit"),
+        (plate(cracked(), 4, run=Run(start="static")), r"run\.start: found static, expected unloaded"),
         (plate(off_lattice(), 4), "nodes that are on no lattice"),
-        (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\]: found an acceleration"),
+        (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\]: found acceleration"),
         (plate(cracked(), 8), "ratio: found 8, expected at most 6"),
         (plate(cracked(), 4, area_rule="square"), "area_rule: found square"),
         (plate(dataclasses.replace(cracked(), cracks=1e-3 * np.array([[0.0, 3, 9, 3]])), 4), "found a node on it"),
