@@ -39,6 +39,11 @@ def parser() -> argparse.ArgumentParser:
         "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
     )
     program.add_argument(
+        "--adapt",
+        choices=("none", "hybrid"),
+        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
+    )
+    program.add_argument(
         "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
     )
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
@@ -105,7 +110,7 @@ def _solve(args: argparse.Namespace) -> int:
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in (*kept, "static", "float") if getattr(args, name)]
+            given = [name for name in (*kept, "static", "float", "adapt") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path = args.model
@@ -162,6 +167,8 @@ def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     """The flags that stand for settings, as assignments."""
     flags = [] if args.every is None else [("run.every", args.every)]
+    if args.adapt is not None:
+        flags.append(("run.adapt", f'"{args.adapt}"'))
     if args.fields is not None:
         flags.append(("run.fields", args.fields))
     if args.probe:
@@ -199,7 +206,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
-    return [
+    lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,{how}",
@@ -207,6 +214,13 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
     ]
+    fine = summary.get("hybrid")
+    if fine is not None:
+        lines.append(
+            f"hybrid: {fine['fine_share']:.1%} of the plate is fine; clipped bonds were stretched to"
+            f" {fine['clipped_stretch']:.2f} of what breaks one; refining made {fine['refinement']:+.3g} J/m"
+        )
+    return lines
 
 
 class _Watch:
@@ -240,6 +254,8 @@ class _Watch:
 
     def _show(self, progress: Progress) -> bool:
         told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
+        if progress.fine is not None:
+            told += f", fine {progress.fine.fine_share:.1%}, clipped stretch {progress.fine.clipped_stretch:.2f}"
         if progress.going is not None:
             told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:

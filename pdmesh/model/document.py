@@ -154,6 +154,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = get_args(Column)  # what a frame holds
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
+    adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
     solver: Literal["explicit", "static"] = "explicit"  # static: a load step is a step and a frame
