@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 4, 3, 2
+SCHEMA_VERSION, WITHOUT_REFINEMENT, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 5, 4, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 

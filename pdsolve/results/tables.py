@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from pdsolve.results.checksums import KEYS, Checksum, Row, is_whole, record, select, select_schema
 from pdsolve.results.errors import DamagedError, EmptyError, ResultsError, explained
-from pdsolve.results.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES, WITHOUT_CHECKSUMS, WITHOUT_EPOCHS
+from pdsolve.results.schema import (
+    APPLICATION_ID,
+    SCHEMA_VERSION,
+    TABLES,
+    WITHOUT_CHECKSUMS,
+    WITHOUT_EPOCHS,
+    WITHOUT_REFINEMENT,
+)
 
 
 class Tables:
@@ -39,7 +46,7 @@ class Tables:
                 raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
             if found != APPLICATION_ID:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, SCHEMA_VERSION):
+            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, WITHOUT_REFINEMENT, SCHEMA_VERSION):
                 raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
             if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
                 self.damaged("schema")
