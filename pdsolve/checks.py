@@ -334,7 +334,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
     """Warns at the end of a run whose energy does not add up though its operator is `symmetric`.
 
-    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds.
+    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds, and into damping.
     """
     if spent < 0:
         _warn(

@@ -74,26 +74,29 @@ def initial_velocity(model: Model) -> NDArray[np.float64]:
     return velocity
 
 
+def refuse_layers(model: Model) -> None:
+    """Raises ModelError for a layer that absorbs waves and leaves no node for them to come from."""
+    for number, condition in enumerate(model.settings.conditions):
+        if isinstance(condition, Absorb) and len(model.selected(condition)) == len(model.grid):
+            raise ModelError(f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge")
+
+
 def damping(model: Model) -> NDArray[np.float64]:
     """Force against motion over mass and velocity (n,), 1/s: that of the run, and of layers that absorb waves.
 
     In a layer of depth L it is K (c / L) (d / L), c being the speed of P waves and d how far a node is from those that
     are not in the layer: of waves shorter than L, exp(-K / 2) comes back from its end, and little from its beginning.
-    Of several layers the most counts. Raises ModelError.
+    Of several layers the most counts.
     """
     found = np.full(len(model.grid), model.settings.run.damping)
     speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of]
-    for number, condition in enumerate(model.settings.conditions):
+    for condition in model.settings.conditions:
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
             rest = np.delete(model.grid.position, rows, axis=0)
-            if not len(rest):
-                raise ModelError(
-                    f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge"
-                )
             depth = tree_of(rest).query(model.grid.position[rows])[0]
-            whole = depth.max(initial=0.0)
-            layer = ABSORBED * speed[rows] / whole * depth / whole
+            whole = condition.depth or depth.max(initial=0.0)
+            layer = ABSORBED * speed[rows] / whole * np.minimum(depth / whole, 1.0)
             found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
     return found
 
@@ -151,9 +154,8 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
 def put_loads(drive: Drive, time: float) -> None:
     """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
     loads, profiles = drive.loads, drive.profiles
-    factors = np.array([factor_now(profiles, number, time) for number in range(len(profiles.start) - 1)])
     drive.force[:] = 0
-    np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors[loads.profile])
+    np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors_at(profiles, time)[loads.profile])
 
 
 def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -196,13 +198,16 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
 factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks seldom: compiling it would take longer
 
 
+def factors_at(profiles: Profiles, time: float) -> NDArray[np.float64]:
+    """The factors of all profiles at `time`, s."""
+    return np.array([factor_now(profiles, number, time) for number in range(len(profiles.start) - 1)])
+
+
 def factors(condition: Condition, times: Sequence[float]) -> list[float]:
     """A condition's factors at these times, s."""
-    points = condition.profile or ((0.0, 1.0),)
-    alone = Profiles(
-        np.array([0, len(points)]), *(np.array(column, dtype=float) for column in zip(*points, strict=True))
-    )
-    return [float(factor_now(alone, 0, time)) for time in times]
+    at, factor = np.array(condition.profile or ((0.0, 1.0),), dtype=float).T
+    found: list[float] = np.interp(times, at, factor).tolist()
+    return found
 
 
 @njit

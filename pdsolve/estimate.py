@@ -65,10 +65,12 @@ class Plan(NamedTuple):
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme, settings = scheme_of(model, options), model.settings
-    if settings.run.start == "static":
-        still(model, options, scheme)  # says what is wrong with it
-    moves = settings.run.adapt == "hybrid"
-    if law_of(model) in PAIRS and not moves and settings.run.solver != "static":
+    paired, moves = law_of(model) in PAIRS, settings.run.adapt == "hybrid"
+    prepared = still(model, options, scheme).system if settings.run.start == "static" else None
+    if prepared is not None and not moves:
+        count, bound = prepared.count, prepared.bound
+        step = step_of(model, bound)
+    elif paired and not moves and settings.run.solver != "static":
         survey = Survey(scheme.fill(model), scheme.symmetric)
         for _ in survey.parts():
             pass
@@ -80,7 +82,6 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    paired = law_of(model) in PAIRS
     return priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
 
 
@@ -96,7 +97,7 @@ def priced(
     memory = least + each * nodes + (0 if paired else LISTED * bonds)
     threads = threads_of(options, nodes, paired)
     update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if paired else bonds * LISTED_BOND
-    if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
+    if paired and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
         update *= DAMPED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
     seconds = run.steps * update / (1 + SHARED * (threads - 1))

@@ -46,7 +46,7 @@ class Lasting:
 
     def __init__(self, filling: Filling) -> None:
         self._filling = filling
-        self._columns: list[tuple[NDArray[Any], ...]] = []
+        self._columns: dict[int, tuple[NDArray[Any], ...]] = {}  # by first row, as parts may be filled again
 
     def filling(self) -> Filling:
         """The same bonds, without a limit."""
@@ -54,7 +54,7 @@ class Lasting:
 
     def breakable(self) -> Breakable | None:
         """Those that have one, of all parts that were filled; None if there is none."""
-        columns = [np.concatenate(column) for column in zip(*self._columns, strict=True)]
+        columns = [np.concatenate(column) for column in zip(*self._columns.values(), strict=True)]
         columns.append(np.ones(len(columns[0]), dtype=bool))
         return Breakable(*columns) if len(columns[0]) else None
 
@@ -65,6 +65,6 @@ class Lasting:
         source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))[which] + part.first
         target = bonds.neighbour[which].astype(np.int64)
         peak, softens = bonds.peak[which], bonds.peak[which] < bonds.limit[which]
-        self._columns.append((source, target, bonds.xi[which], bonds.stiffness[which], peak, softens))
+        self._columns[part.first] = (source, target, bonds.xi[which], bonds.stiffness[which], peak, softens)
         for_ever = np.full(len(bonds.limit), np.inf)
         return part._replace(bonds=bonds._replace(peak=for_ever, limit=for_ever))

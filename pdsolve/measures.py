@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.graphs import connected
 from pdsolve.state import Broken, State
 from pdsolve.system import System
 
@@ -35,7 +36,7 @@ class Ledger(NamedTuple):
     time: float  # s
     kinetic: float
     strain: float
-    dissipated: float  # spent on softening and breaking bonds
+    dissipated: float  # spent on softening and breaking bonds, and on damping
     work: float  # done by loads and by holding components of the motion
     momentum_x: float
     momentum_y: float
@@ -104,13 +105,8 @@ def fields(
 
 def pieces(system: System) -> int:
     """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
-    from scipy.sparse import coo_array  # slow to import, and few runs ask
-    from scipy.sparse.csgraph import connected_components
-
     sound = damage(system) <= CRACKED
     source, target = system.operator.bonds()
     whole = sound[source] & sound[target]
-    nodes = len(sound)
-    graph = coo_array((np.ones(int(whole.sum()), dtype=bool), (source[whole], target[whole])), (nodes, nodes))
-    _, part = connected_components(graph, directed=False)
-    return int((np.bincount(part) > PIECE * nodes).sum())
+    part = connected(len(sound), source[whole], target[whole])
+    return int((np.bincount(part) > PIECE * len(sound)).sum())

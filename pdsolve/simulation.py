@@ -125,7 +125,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         model = model_of(results.model(), str(output))
-        system, state = started(prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))))
+        system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(

@@ -20,7 +20,7 @@ from pdsolve.adaptive.system import hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
-from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity
+from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import in_load_steps
@@ -131,6 +131,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
+    refuse_layers(model)
     return scheme
 
 
@@ -249,7 +250,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     else:
         free = 2 * nodes - len(driven.holds.node)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
-    breakable = lasting.breakable() if breaks else None
+    breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count

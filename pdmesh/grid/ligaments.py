@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.grid.graphs import connected
 from pdmesh.model.cloud import Grid
+from pdmesh.model.graphs import connected
 from pdmesh.model.trees import tree_of
 from pdmesh.scene.shapes import parts
 

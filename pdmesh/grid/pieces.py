@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.grid.graphs import connected
 from pdmesh.model.cloud import Grid
+from pdmesh.model.graphs import connected
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
 from pdmesh.model.trees import tree_of
 from pdmesh.model.visibility import Sight, cracks_of

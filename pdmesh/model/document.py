@@ -128,6 +128,8 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
 class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
     """A layer along an edge in which waves die out: the more, the farther a node is from those that are not in it."""
 
+    depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
+
 
 AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
 

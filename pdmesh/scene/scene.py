@@ -168,7 +168,7 @@ class Scene(Plate):
         if not 0 < width <= LARGEST:
             raise SceneError(f"absorb '{name}': width: found {width:g} m, expected more than 0 m")
         layer = self._place(where, f"absorb '{name}'").buffer(width, cap_style="flat", join_style="mitre")
-        return self._with(Absorb, {}, layer, 1, name)
+        return self._with(Absorb, {"depth": width}, layer, 1, name)
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any

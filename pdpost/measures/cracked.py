@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.trees import tree_of
 from pdsolve.results import Lives, Results
 
 LINKED = 1.5  # spacings between two nodes of a crack
@@ -66,9 +67,7 @@ def _inherit(
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
     if len(born) and len(died):
         reach = half[born] + half[died].max()
-        from scipy.spatial import cKDTree  # here, as few results need it
-
-        near = cKDTree(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
+        near = tree_of(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
         count = np.array([len(rows) for rows in near])
         one = np.repeat(born, count)
         other = died[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]

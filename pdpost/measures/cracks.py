@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.graphs import connected
 from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, pre_crack_tips
 from pdpost.measures.regions import grown
 from pdpost.measures.segments import distances
@@ -140,8 +139,7 @@ def clusters(position: NDArray[np.float64], delta: NDArray[np.float64], link: fl
     near = tree.query_pairs(reach, output_type="ndarray")
     far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
     near = near[far <= (link + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)]
-    graph = coo_matrix((np.ones(len(near), dtype=np.int8), near.T), (len(position),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return connected(len(position), *near.T)
 
 
 def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:

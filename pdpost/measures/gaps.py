@@ -40,8 +40,7 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
     nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
     if nodes[0] == nodes[1]:
         raise ResultsError(f"--gap: found node {nodes[0]} nearest to both places, expected two nodes")
-    known = results.nodes()
-    first, second = (known.position[known.ids == node][0] for node in nodes)
+    first, second = (np.array(end[0].place) for end in ends)
     times = [end[0].time for end in ends]
     time = times[0][np.isin(times[0], times[1])]
     u = [np.column_stack([part.value[np.isin(part.time, time)] for part in end]) for end in ends]

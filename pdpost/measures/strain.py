@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Material, Region
 from pdmesh.model.selection import selected
+from pdmesh.model.trees import tree_of
 from pdpost.reading.embedded import read
 from pdpost.reading.stored import vector
 from pdsolve.results import Families, Nodes, Results
@@ -145,9 +146,7 @@ def stiffness(results: Results, step: int) -> tuple[NDArray[np.float64], str]:
     for region in model.regions:
         modulus[selected(nodes, region.nodes, region.box)] = region.material.E
     if results.epoch(step):
-        from scipy.spatial import cKDTree  # here, as few results need it
-
-        modulus = modulus[cKDTree(nodes.position).query(results.nodes(step).position)[1]]
+        modulus = modulus[tree_of(nodes.position).query(results.nodes(step).position)[1]]
     return modulus, model.material.plane
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import DISPLACEMENT, Drive, factor_now, put_loads
+from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.lasting import Breakable
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.operator import Operator
@@ -63,6 +63,8 @@ class LoadSteps:
         self.rested: list[Rested] = []
         self.watch: Callable[[Going], None] | None = None
         self._warned, self._loose = False, cast("Loose | None", None)
+        source, target = operator.bonds(start=True)
+        self._bonds = source * len(area) + target
         self._support(operator.broken(), "")
         for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
             put_loads(drive, step * self._dt)
@@ -81,10 +83,6 @@ class LoadSteps:
         """Bring the plate to rest under what acts at time 0, its bonds lasting. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
         return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
-
-    def break_nothing(self) -> None:
-        """Let all bonds last from now on."""
-        self._breakable = None
 
     def keep(self) -> Array:
         """How load steps came to rest so far (k, 5), for a checkpoint."""
@@ -115,9 +113,10 @@ class LoadSteps:
 
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
         """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
-        model, material = self._model, self._model.materials[0]
+        model = self._model
         cost = float(np.sum(self._area * state.dissipated)) - spent
-        if step > 1 and less and cost > JUMP * float(model.horizons.max()) * material.G0 and not self._warned:
+        least_cost = float(model.horizons.max()) * min(material.G0 for material in model.materials)
+        if step > 1 and less and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
                 f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: {cost:.3g} J/m were spent"
@@ -134,7 +133,7 @@ class LoadSteps:
 
     def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
         """To rest under the loads and holds of `time`, s, from those before; books the work."""
-        at, now = _held_at(self._drive, time, state), self._drive.force
+        at, now = _held_at(self._drive, time), self._drive.force
         half = np.where(self.held, (state.value + at) / 2, 0.0)
         u, pushed = [state.value.copy()], [self._outside(state, before)]
         iterations = 0
@@ -153,10 +152,10 @@ class LoadSteps:
         while breakable is not None:
             stretches = breakable.stretches(state.value)
             which, most = breakable.worst(stretches)
-            if breaks:
-                least = min(least, 1 / most)
             if not len(which):
                 break
+            if breaks:
+                least = min(least, 1 / most)
             if breakable.softens[which].any():
                 raise UnsettledError(
                     f"found a bond stretched {most:.3g} times as far as where it begins to soften, expected a brittle"
@@ -215,8 +214,9 @@ class LoadSteps:
 
     def _support(self, broken: Broken, when: str) -> None:
         """Look for bodies that nothing supports. Raises ModelError at the start, UnsettledError later."""
-        model = self._model
-        found = loose(model.grid.position, model.grid.ids, self._operator.bonds(), self.held)
+        model, nodes = self._model, len(self._area)
+        left = np.delete(self._bonds, np.searchsorted(self._bonds, broken.source * nodes + broken.target))
+        found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self.held)
         if not found.said:
             return
         if not model.settings.run.static.floating:
@@ -236,13 +236,12 @@ class LoadSteps:
                 raise UnsettledError(f"{when}found loads of {said} that do not balance, expected supports")
 
 
-def _held_at(drive: Drive, time: float, state: State) -> Array:
+def _held_at(drive: Drive, time: float) -> Array:
     """Where held components are to be (n, 2) at `time`, s; others, and whose speed is held, 0."""
-    at = np.zeros(state.value.shape)
+    at = np.zeros(drive.force.shape)
     holds = drive.holds
-    factor = np.array([factor_now(drive.profiles, number, time) for number in range(len(drive.profiles.start) - 1)])
     still = holds.kind == DISPLACEMENT
-    at[holds.node[still], holds.axis[still]] = (holds.value * factor[holds.profile])[still]
+    at[holds.node[still], holds.axis[still]] = (holds.value * factors_at(drive.profiles, time)[holds.profile])[still]
     return at
 
 

@@ -64,23 +64,22 @@ class Newton:
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """As in `Method`: in the equations alone, so that it takes a few more of them."""
-        self._floating = nodes
-        self.forget()
+        if self._floating is None or (self._floating != nodes).any():
+            self._floating = nodes
+            self.forget()
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
         """As in `Method`."""
         free, done = ~asked.held, 0
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
-        fresh = False
         while done <= self._most:
             if self._inverse is None:
                 self._take_tangent(state, free)
-                fresh = True
             settled, done = self._iterate(state, asked, done, tell)
             if settled is not None:
                 return settled
-            if fresh and not np.isfinite(state.value).all():
+            if not np.isfinite(state.value).all():
                 break
             self.forget()
         raise UnsettledError(

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.graphs import connected
+
 Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 LOOSE = 1e-9  # of the largest eigenvalue: a node whose bonds resist less than that in a direction may go there
@@ -33,14 +35,10 @@ def loose(
     `position` (n, 2) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, 2) components. A body of one
     node has no rotation to be held.
     """
-    from scipy.sparse import coo_array  # slow to import, and few runs ask
-    from scipy.sparse.csgraph import connected_components
-
     source, target = bonds
     nodes = len(position)
-    graph = coo_array((np.ones(len(source), dtype=bool), (source, target)), (nodes, nodes))
-    count, part = connected_components(graph, directed=False)
-    size = np.bincount(part, minlength=count)
+    part = connected(nodes, source, target)
+    size = np.bincount(part)
     missing = _unsupported(position, part, size, held)
     swinging = _swinging(position, source, target, held) & ~missing[part]
     found = missing[part] | swinging

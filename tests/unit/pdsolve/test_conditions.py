@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
@@ -11,6 +12,7 @@ from systems import bonds_of
 
 from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.conditions import ABSORBED, apply_loads, damping, put_loads, unbreakable
+from pdsolve.estimate import plan as planned
 from pdsolve.measures import books
 from pdsolve.model import ModelError
 from pdsolve.system import Options, Prepared, prepare
@@ -180,5 +182,13 @@ def test_layers_absorb_the_more_the_deeper() -> None:
     assert found[8:, 0] == pytest.approx(5 + ABSORBED * speed / 3e-3 * np.arange(1, 4) / 3)
     assert (found[:8, :15] == 5.0).all()
     assert found[8, 20] == pytest.approx(found[0, 20])
+    corner = Absorb(nodes=tuple((np.flatnonzero((grid.position > [14.5e-3, 7.5e-3]).any(axis=1)) + 1).tolist()))
+    shallow, deep = (
+        damping(plate(grid, 3, conditions=(layer,))).reshape(11, 21)
+        for layer in (msgspec.structs.replace(corner, depth=3e-3), corner)
+    )
+    assert shallow[8:, 0] == pytest.approx(ABSORBED * speed / 3e-3 * np.arange(1, 4) / 3)
+    assert shallow.max() == pytest.approx(ABSORBED * speed / 3e-3)
+    assert deep.max() == deep[10, 20] < shallow.max()
     with pytest.raises(ModelError, match=r"\$.conditions\[0\]: found all nodes, expected a layer along an edge"):
-        damping(plate(grid, 3, conditions=(Absorb(box=(-1.0, -1.0, 1.0, 1.0)),)))
+        planned(plate(grid, 3, conditions=(Absorb(box=(-1.0, -1.0, 1.0, 1.0)),)))

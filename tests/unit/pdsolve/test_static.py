@@ -72,6 +72,31 @@ def test_work_is_what_is_held_and_spent(grown: Path) -> None:
     assert summary["method"] == "Newton's method with factors"
 
 
+def test_bonds_of_no_lattice_are_spent_once() -> None:
+    model, random = cantilever(), np.random.default_rng(5)
+    moved = model.grid.position + random.uniform(-5e-5, 5e-5, model.grid.position.shape)
+    with simulate(dataclasses.replace(model, grid=dataclasses.replace(model.grid, position=moved))) as results:
+        spent, summary = results.history()["dissipated"][-1], results.summary()
+    assert (spent > 1.0, summary["kernel"]) == (True, "listed")
+    assert abs(summary["balance"]) < 1e-6  # measured: 1e-10; with each bond twice 0.5
+
+
+def test_where_all_that_may_break_is_broken() -> None:
+    """A column that is torn, in a plate that is to hold."""
+    held = (
+        Displacement(box=(-1.0, -1.0, 1.0, 1e-4), x=0.0, y=0.0),
+        Displacement(box=(-1.0, 9.9e-3, 1.0, 1.0), x=0.0, y=1e-3, profile=((0.0, 0.0), (1.0, 1.0))),
+        Load(box=(-1.0, -1.0, 4.5e-3, 1.0), body_force=(0.0, 0.0), breakable=False),
+        Load(box=(5.5e-3, -1.0, 1.0, 1.0), body_force=(0.0, 0.0), breakable=False),
+    )
+    model = plate(square_grid(11, 11), 3, conditions=held, run=Run(solver="static", static=Static(load_steps=4)))
+    with simulate(model) as results:
+        column = np.flatnonzero(np.abs(model.grid.position[:, 0] - 5e-3) < 1e-4)
+        found = results.breaks()
+        assert len(found.step) == 30  # all of rows 2 to 8
+        assert set(found.node.tolist()) == set(model.grid.ids[column[2:9]].tolist())
+
+
 def test_the_crack_is_the_same_however_nodes_are_numbered(grown: Path) -> None:
     model = cantilever()
     order = np.random.default_rng(3).permutation(len(model.grid))

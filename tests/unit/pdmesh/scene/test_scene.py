@@ -109,11 +109,11 @@ def test_all_conditions_reach_the_file(plate: Scene) -> None:
 
 def test_a_layer_that_absorbs_is_as_deep_as_is_said(plate: Scene) -> None:
     """1 mm nodes, m = 3: by itself a layer is 12 horizons deep."""
-    for scene, rows in ((plate.absorb("right"), 37), (plate.absorb("right", 2.5e-3, "quiet"), 3)):
+    for scene, rows, depth in ((plate.absorb("right"), 37, 36e-3), (plate.absorb("right", 2.5e-3, "quiet"), 3, 2.5e-3)):
         _, settings, _ = build_grid(scene)
         (layer,) = settings.conditions
         assert isinstance(layer, Absorb)
-        assert len(layer.nodes or ()) == 21 * rows
+        assert (len(layer.nodes or ()), layer.depth) == (21 * rows, pytest.approx(depth))
     assert build_grid(plate.absorb(box(0.03, 0, 0.04, 0.02)))[1].conditions[0].name == "1"
 
 
