@@ -20,8 +20,9 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
 from pdsolve.operators.blocks.operator import InBlocks
-from pdsolve.operators.listed import Listed, add_rows
+from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
+from pdsolve.operators.rows import add_rows
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State

@@ -8,7 +8,9 @@
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
-    -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane
+    -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane,
+                                              Model, Influence, Failure, Strength, Solid, Form, Control, Control
+                                              factor, Order, Constant term, Yield stress, Hardening
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
 
