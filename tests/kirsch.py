@@ -6,18 +6,14 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+from atrest import settled
 from numpy.typing import NDArray
 from plates import plate, square_grid
-from scipy.sparse import diags_array
-from scipy.sparse.linalg import splu
 
 from pdmesh.model.document import Material
 from pdpost.measures.strain import fitted
 from pdsolve.results import Families, Nodes
 from pdsolve.system import Options, Prepared, prepare
-
-TENSION = 1e-6  # small, as formulas are linear; what is found is divided by it
-
 
 class Found(NamedTuple):
     """What is found of such a plate."""
@@ -55,23 +51,19 @@ def holed(fineness: int, m: float, material: Material) -> Prepared:
 
 
 def solved(fineness: int, m: float, material: Material) -> Found:
-    """At rest, by the tangent at rest."""
+    """At rest."""
     nu = material.nu or 0.0
     (system, state), delta = holed(fineness, m, material), 1 / fineness
     position = system.model.grid.position
-    exact = TENSION * classical(position, nu, material.plane)
+    exact = classical(position, nu, material.plane)
     outer = np.abs(position).max(axis=1) > 3 - 2 * m * delta
-    state.value[:] = np.where(outer[:, None], exact, 0.0)
-    K = diags_array(np.repeat(system.area, 2)) @ system.operator.tangent(state._replace(value=np.zeros_like(exact)))
-    free = np.repeat(~outer, 2)
-    symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    state.value[~outer] = splu(K.tocsr()[free][:, free].tocsc(), **symmetric).solve(
-        -(K @ state.value.ravel())[free]
-    ).reshape(-1, 2)
-    start, target = system.operator._list.start, system.operator._list.neighbour  # type: ignore[attr-defined]
+    held = np.column_stack([outer, outer])
+    state.value[:] = settled(system.operator, system.area, held, exact)
+    source, target = system.operator.bonds()
+    start = np.searchsorted(source, np.arange(len(position) + 1))
     nothing = np.zeros(len(position))
     nodes = Nodes(system.model.grid.ids, position, nothing + delta, system.area, nothing, nothing)  # type: ignore[arg-type]
-    H = fitted(nodes, state.value, Families(start, target)) / TENSION
+    H = fitted(nodes, state.value, Families(start, target))
     xx, yy = H[:, 0, 0], H[:, 1, 1]
     if material.plane == "stress":
         stress = (xx + nu * yy) / (1 - nu**2)
