@@ -27,7 +27,8 @@ def glass(law: str) -> Material:
     """Glass of this law, of a Poisson's ratio that springs do not have, where the law is not theirs."""
     if law in LAWS:
         return msgspec.structs.replace(GLASS, law=law, kr=3.0)
-    return msgspec.structs.replace(GLASS, model=law, nu=0.2)
+    solid = {"solid": "svk"} if law == "correspondence" else {}  # linear ones do not turn
+    return msgspec.structs.replace(GLASS, model=law, nu=0.2, **solid)
 
 
 EVERY = LAWS | MODELS

@@ -7,12 +7,12 @@ from types import ModuleType
 
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Material
-from pdsolve.laws import bilinear, brittle, ordinary
+from pdsolve.laws import bilinear, brittle, correspondence, ordinary
 from pdsolve.laws.possible import refuse
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear}  # of bonds alone
-MODELS: dict[str, ModuleType] = {"ordinary": ordinary}  # of families
+MODELS: dict[str, ModuleType] = {"ordinary": ordinary, "correspondence": correspondence}  # of families
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
 
 

@@ -188,7 +188,7 @@ class Listed:
 
     def bytes(self) -> int:
         """As in `Operator`."""
-        return sum(column.nbytes for column in (*self._bonds, *self._list.xi, *self.columns))
+        return sum(getattr(column, "nbytes", 0) for column in (*self._bonds, *self._list.xi, *self.columns))
 
     def place(self, state: State) -> State:
         """As in `Operator`."""
