@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import USUAL
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -133,10 +134,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     rho = model.rho.astype(kind)
     bound = stable(operator.stiffest(), model.rho)
     step = step_of(model, bound)
-    driven = drive(model, filling.area, scheme.exact_load, kind)
-    velocity, nodes = initial_velocity(model), len(model.grid)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, filling.area, scheme.exact_load, kind), width)
+    velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
+    velocity[:, :2] = initial_velocity(model)
     state = State(
-        value=np.zeros((nodes, 2), dtype=kind),
+        value=np.zeros((nodes, width), dtype=kind),
         rate=velocity.astype(kind),
         second=initial_acceleration(driven, rho),
         dissipated=np.zeros(nodes),
@@ -150,6 +153,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     else:
         stepper = Verlet(operator, driven, rho, step)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    _refuse_fields(model, operator, state)
     system = System(
         model,
         options,
@@ -166,6 +170,22 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
+
+
+def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
+    """Raises ModelError for a field of the frames that the model does not have."""
+    asked = [name for name in model.settings.run.fields if name not in USUAL]
+    there = operator.fields(state) if asked else {}
+    for name in asked:
+        if name not in there:
+            expected = ", ".join((*USUAL, *there))
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
+
+
+def widened(driven: Drive, width: int) -> Drive:
+    """The same, nothing acting on components (n, width) beyond those of the displacement."""
+    more = ((0, 0), (0, width - driven.force.shape[1]))
+    return driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from pdmesh.model.document import Material, Run
 from pdsolve.bonds import Bonds
 from pdsolve.conditions import Drive, drive
-from pdsolve.laws import LAWS, MODELS
+from pdsolve.laws import LAWS, MODELS, breitzman_dayal, correspondence, gradients
 from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
 from pdsolve.state import State
@@ -27,11 +27,19 @@ def glass(law: str) -> Material:
     """Glass of this law, of a Poisson's ratio that springs do not have, where the law is not theirs."""
     if law in LAWS:
         return msgspec.structs.replace(GLASS, law=law, kr=3.0)
-    solid = {"solid": "svk"} if law == "correspondence" else {}  # linear ones do not turn
-    return msgspec.structs.replace(GLASS, model=law, nu=0.2, **solid)
+    return msgspec.structs.replace(GLASS, **({"model": law, "nu": 0.2} | VARIANTS.get(law, {})))
 
 
-EVERY = LAWS | MODELS
+SVK = {"model": "correspondence", "solid": "svk"}  # as linear ones do not turn
+VARIANTS = {
+    "correspondence": SVK,
+    "neo-hooke": SVK | {"solid": "neo hooke"},
+    "order-3": SVK | {"order": 3},
+    "constant-term": SVK | {"constant_term": True, "solid": "neo hooke"},
+    "breitzman-dayal": SVK | {"control": "breitzman-dayal"},
+}
+MODULES = {"neo-hooke": correspondence, "order-3": gradients, "constant-term": gradients}
+EVERY = LAWS | MODELS | MODULES | {"breitzman-dayal": breitzman_dayal}
 
 
 class Case(NamedTuple):
@@ -62,9 +70,11 @@ class Case(NamedTuple):
 
 
 CASES = [
-    *(Case(law, "listed", d, kind) for law in EVERY for d in (2, 3) for kind in ("float64", "float32")),
+    *(Case(law, "listed", d, kind) for law in (*LAWS, *MODELS) for d in (2, 3) for kind in ("float64", "float32")),
+    *(Case(law, "listed", 2, "float64") for law in VARIANTS if law not in MODELS),
     *(Case(law, "blocks", 2, kind) for law in ("brittle", "bilinear") for kind in ("float64", "float32")),
 ]
+SLOW = [case for case in CASES if case.law in VARIANTS and (case.dimension, case.precision) != (2, "float64")]
 
 
 class Cloud(NamedTuple):

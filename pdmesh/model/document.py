@@ -10,12 +10,12 @@ SI units throughout; the model is plane, per unit thickness.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
-from pdmesh.model.fields import Column
+from pdmesh.model.fields import USUAL, Column
 
 FORMAT_VERSION = 1
 
@@ -147,7 +147,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Column, ...] = get_args(Column)  # what a frame holds
+    fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet

@@ -7,12 +7,16 @@ from types import ModuleType
 
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Material
-from pdsolve.laws import bilinear, brittle, correspondence, ordinary
+from pdsolve.laws import bilinear, breitzman_dayal, brittle, correspondence, gradients, micropolar, ordinary
 from pdsolve.laws.possible import refuse
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear}  # of bonds alone
-MODELS: dict[str, ModuleType] = {"ordinary": ordinary, "correspondence": correspondence}  # of families
+MODELS: dict[str, ModuleType] = {  # of families, and of beams
+    "ordinary": ordinary,
+    "correspondence": correspondence,
+    "micropolar": micropolar,
+}
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
 
 
@@ -43,8 +47,10 @@ def law_of(model: Model) -> ModuleType:
 
 def _named(material: Material, place: str) -> tuple[str, ModuleType]:
     if material.model != "bond":
-        if material.model not in MODELS:
-            raise ModelError(f"{place}.model: found '{material.model}', expected one of bond, {', '.join(MODELS)}")
+        if material.control == "breitzman-dayal":
+            return f"{material.model} with {material.control}", breitzman_dayal
+        if material.order > 1 or material.constant_term:
+            return f"{material.model} of order {material.order}", gradients
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""

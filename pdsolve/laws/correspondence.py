@@ -11,7 +11,8 @@ in which neighbours move against each other, have no energy without it.
 
     silling   G c pi / (horizon sum w) in the plane, c = 9 E / pi horizon^3; in space G c 4 pi / 3 sum w, c = 12 E / pi
               horizon^4, times I (S. A. Silling, Comput. Methods Appl. Mech. Eng. 322 (2017) 42-57), by sums of the lattice
-    wan       C : K^-1, C the tensor of elasticity (J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034)
+    wan       C : K^-1, C the tensor of elasticity (J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034);
+              where a family is not the same all around it makes a torque, as it does not turn with the node
     none      nothing
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
 from pdsolve.laws.law import INNER, List
-from pdsolve.laws.materials.solid import Solid, holds, keep, respond, solid_of
+from pdsolve.laws.materials.solid import ALPHA_RATE, ALPHA_TOTAL, J2, Solid, holds, keep, respond, solid_of
 from pdsolve.model import Model
 
 NODE_MEMORY = ("history",)
@@ -122,6 +123,22 @@ def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
 def rows(law: Law, dimension: int) -> int:
     """A, H, sigma (in the plane xx, yy, zz, xy), J."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
+
+
+def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+    """As in `Operator`."""
+    return shown(law.d, law.solid, m, law.d * law.d)
+
+
+def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
+    """Fields (n,) of nodes whose gradients are in m from `at` on: stress, rotation in the plane, J, alpha."""
+    H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
+    found = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
+    found["rotation"] = np.arctan2(H[:, d] - H[:, 1], 2 + H[:, 0] + H[:, d + 1])
+    found["J"] = rest[:, 4 if d == 2 else 6]
+    if solid.history.shape[1] and (solid.kind == J2).any():
+        found["plastic"] = solid.history[:, ALPHA_RATE if solid.rate else ALPHA_TOTAL].astype(float)
+    return found
 
 
 def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -224,12 +241,24 @@ def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def principal(law, m, i, j, at):  # type: ignore[no-untyped-def]
-    """The largest principal value of the mean of two nodes' stresses, which are in m from `at` on; six in space."""
-    xx, yy, zz = (m[i, at] + m[j, at]) / 2, (m[i, at + 1] + m[j, at + 1]) / 2, (m[i, at + 2] + m[j, at + 2]) / 2
-    xy = (m[i, at + 3] + m[j, at + 3]) / 2
+    """The largest principal value of the mean of two nodes' stresses, which are in m from `at` on."""
     if law.d == 2:
+        none = m[i, at] * 0
+        s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], none, none)
+        t = (m[j, at], m[j, at + 1], m[j, at + 2], m[j, at + 3], none, none)
+    else:
+        s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], m[i, at + 4], m[i, at + 5])
+        t = (m[j, at], m[j, at + 1], m[j, at + 2], m[j, at + 3], m[j, at + 4], m[j, at + 5])
+    return largest(law.d, s, t)
+
+
+@njit(**INNER)
+def largest(d, s, t):  # type: ignore[no-untyped-def]
+    """The largest principal value of the mean of two stresses, six each; in the plane, of those in it."""
+    xx, yy, zz, xy = (s[0] + t[0]) / 2, (s[1] + t[1]) / 2, (s[2] + t[2]) / 2, (s[3] + t[3]) / 2
+    if d == 2:
         return (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    xz, yz = (m[i, at + 4] + m[j, at + 4]) / 2, (m[i, at + 5] + m[j, at + 5]) / 2
+    xz, yz = (s[4] + t[4]) / 2, (s[5] + t[5]) / 2
     q = (xx + yy + zz) / 3  # O. K. Smith, Commun. ACM 4 (1961) 168
     a, b, c = xx - q, yy - q, zz - q
     p = np.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)

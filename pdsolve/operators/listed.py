@@ -131,6 +131,14 @@ class Listed:
         self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
         return held, spent
 
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """As in `Operator`."""
+        if not hasattr(self.law, "fields"):
+            return {}
+        between = self._between(Now(state.value, state.rate, 0, 0.0))
+        found: dict[str, NDArray[np.float64]] = self.law.fields(self.columns, state.value, between)
+        return found
+
     def stiffest(self) -> NDArray[np.float64]:
         """As in `Operator`."""
         return self._stiffest

@@ -83,18 +83,11 @@ def respond(solid, i, h):  # type: ignore[no-untyped-def]
     if solid.rate:
         return _rated(solid, i, grown(h))
     if kind == SVK:
-        F = grown(h)
-        if solid.plane_stress:
-            E = svk.strain(h, first, shear, True)
-            F = _with_f_zz(F, svk.stretch_zz(E))
         P = svk.stress(h, first, shear, solid.plane_stress)
-        return Response(P, _cauchy(P, F), F, none)
+        return _finite(P, h, svk.strain(h, first, shear, solid.plane_stress), solid.plane_stress)
     if kind == NEO_HOOKE:
-        F = grown(h)
-        if solid.plane_stress:
-            F = _with_f_zz(F, neo_hooke.stretch_zz(F, first, shear))
-        P = neo_hooke.stress(F, first, shear)
-        return Response(P, _cauchy(P, F), F, none)
+        E = neo_hooke.strain(h, first, shear, solid.plane_stress)
+        return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
     if kind == J2:
         e = _elastic(solid, i, h)
         trial, alpha = hooke(first, shear, e), solid.history[i, ALPHA_TOTAL]
@@ -103,10 +96,10 @@ def respond(solid, i, h):  # type: ignore[no-untyped-def]
             zz = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i])
             trial = hooke(first, shear, with_zz(e, e[2] + zz))
         sigma, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
-        return Response(full(sigma), sigma, _with_f_zz(grown(h), 1 + zz), more)
+        return Response(full(sigma), sigma, _with_zz(grown(h), zz), more)
     e = linear.strain(h, first, shear, solid.plane_stress)
     sigma = hooke(first, shear, e)
-    return Response(full(sigma), sigma, _with_f_zz(grown(h), 1 + e[2]), none)
+    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), none)
 
 
 @njit(**INNER)
@@ -127,10 +120,7 @@ def holds(solid, i, h):  # type: ignore[no-untyped-def]
         E = svk.strain(h, first, shear, solid.plane_stress)
         return contracted(E, hooke(first, shear, E)) / 2, h[0] * 0
     if kind == NEO_HOOKE:
-        F = grown(h)
-        if solid.plane_stress:
-            F = _with_f_zz(F, neo_hooke.stretch_zz(F, first, shear))
-        return neo_hooke.energy(F, first, shear), h[0] * 0
+        return neo_hooke.energy(neo_hooke.strain(h, first, shear, solid.plane_stress), first, shear), h[0] * 0
     e = linear.strain(h, first, shear, solid.plane_stress)
     return contracted(e, hooke(first, shear, e)) / 2, h[0] * 0
 
@@ -166,15 +156,20 @@ def _elastic(solid, i, h):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _with_f_zz(F, zz):  # type: ignore[no-untyped-def]
-    return (F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], F[8] + (zz - 1))
+def _with_zz(a, zz):  # type: ignore[no-untyped-def]
+    """Nine, zz more in the last."""
+    return (a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8] + zz)
 
 
 @njit(**INNER)
-def _cauchy(P, F):  # type: ignore[no-untyped-def]
-    """P F^T / det F, six."""
+def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
+    """With Cauchy's stress P F^T / det F; in plane stress F_zz is that of the strain."""
+    F = grown(h)
+    if plane_stress:
+        F = _with_zz(F, np.sqrt(1 + 2 * E[2]) - 1)
     s, c = symmetric(product(P, transposed(F))), 1 / det(F)
-    return (c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])
+    sigma = (c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])
+    return Response(P, sigma, F, h[0] * 0)
 
 
 @njit(**INNER)
@@ -237,7 +232,7 @@ def _rated(solid, i, F):  # type: ignore[no-untyped-def]
             trial[4],
             trial[5],
         )
-        F = _with_f_zz(F, 1 + before[8] * ((1 + d / 2) / (1 - d / 2) - 1))
+        F = _with_zz(F, before[8] * d / (1 - d / 2))
     if plastic:
         trial, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
     c, s = det(F), trial

@@ -6,7 +6,6 @@ little as it wants.
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from pdsolve.laws.law import INNER
@@ -14,10 +13,10 @@ from pdsolve.laws.materials.tensors import full, grown, hooke, product, symmetri
 
 
 @njit(**INNER)
-def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
-    """E, six, without cancellation for small h."""
+def green(h):  # type: ignore[no-untyped-def]
+    """E, six, of the gradient h of the displacement."""
     square, e = symmetric(product(transposed(h), h)), symmetric(h)
-    E = (
+    return (
         e[0] + square[0] / 2,
         e[1] + square[1] / 2,
         e[2] + square[2] / 2,
@@ -25,14 +24,15 @@ def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
         e[4] + square[4] / 2,
         e[5] + square[5] / 2,
     )
-    if plane_stress:
-        return with_zz(E, -first / (first + 2 * shear) * (E[0] + E[1]))
-    return E
 
 
 @njit(**INNER)
-def stretch_zz(E):  # type: ignore[no-untyped-def]
-    return np.sqrt(1 + 2 * E[2])
+def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
+    """The same, with what plane stress makes of zz."""
+    E = green(h)
+    if plane_stress:
+        return with_zz(E, -first / (first + 2 * shear) * (E[0] + E[1]))
+    return E
 
 
 @njit(**INNER)
