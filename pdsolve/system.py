@@ -185,7 +185,9 @@ def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
 def widened(driven: Drive, width: int) -> Drive:
     """The same, nothing acting on components (n, width) beyond those of the displacement."""
     more = ((0, 0), (0, width - driven.force.shape[1]))
-    return driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
+    return (
+        driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
+    )
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

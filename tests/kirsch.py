@@ -15,6 +15,7 @@ from pdpost.measures.strain import fitted
 from pdsolve.results import Families, Nodes
 from pdsolve.system import Options, Prepared, prepare
 
+
 class Found(NamedTuple):
     """What is found of such a plate."""
 

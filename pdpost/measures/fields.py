@@ -86,7 +86,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
 
 def signed(name: str, part: str) -> bool:
     """Whether the values of a component may be below zero as well as above."""
-    return name == "rotation" or bool(part) and part not in ("magnitude", "mises")
+    return name == "rotation" or (bool(part) and part not in ("magnitude", "mises"))
 
 
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:

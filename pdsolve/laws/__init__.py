@@ -31,7 +31,7 @@ def law_of(model: Model) -> ModuleType:
         place = model.place_of(number)
         name, law = _named(material, place)
         laws[name] = law
-        refuse(material, model.settings.horizon.ratio, place)
+        refuse(material, place)
         fixed = BONDS_NU[material.plane]
         if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(

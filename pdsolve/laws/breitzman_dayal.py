@@ -1,13 +1,15 @@
-"""Correspondence with a gradient for each bond, which sees every mode of its own (T. Breitzman, K. Dayal, J. Mech. Phys.
-Solids 110 (2018) 409-425).
+"""Correspondence with a gradient for each bond, which sees every mode of its own.
+
+T. Breitzman, K. Dayal, J. Mech. Phys. Solids 110 (2018) 409-425.
 
 With H_m the mean of the gradients of both ends (see `pdsolve.laws.correspondence`), that of a bond is
 
     H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w at the start
 
 and forces are the exact derivative of that: with P = W'(H), C = w (P_i / w_i + P_j / w_j), B_i = sum C (I - n n^T) / 2
-and A_i = B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. Where one end has
-no gradient, the other's alone is the mean. There is no history: materials that flow, and rates, have the other laws.
+and A_i = B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. Where one end
+has no gradient, the other's alone is the mean. There is no history: materials that flow, and rates, have
+other laws.
 """
 
 from __future__ import annotations

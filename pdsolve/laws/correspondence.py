@@ -10,13 +10,15 @@ with P the stress, and Z what the deviation eta - H xi of a bond is held back wi
 in which neighbours move against each other, have no energy without it.
 
     silling   G c pi / (horizon sum w) in the plane, c = 9 E / pi horizon^3; in space G c 4 pi / 3 sum w, c = 12 E / pi
-              horizon^4, times I (S. A. Silling, Comput. Methods Appl. Mech. Eng. 322 (2017) 42-57), by sums of the lattice
-    wan       C : K^-1, C the tensor of elasticity (J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034);
-              where a family is not the same all around it makes a torque, as it does not turn with the node
+              horizon^4, times I (S. A. Silling, Comput. Methods Appl. Mech. Eng. 322 (2017) 42-57), by the lattice's
+              own sums
+    wan       C : K^-1, C the tensor of elasticity (J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019)
+              1021-1034); where a family is not the same all around it makes a torque, as it does not turn with the node
     none      nothing
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
-its force times its elongation. A node whose bonds left nearly lie on a line, or are gone, has no stress of its own.
+its force times its elongation. A node whose bonds left nearly lie on a line, or are gone, has no stress of its own:
+what holds back deviations is all that is left there.
 """
 
 from __future__ import annotations
@@ -28,21 +30,21 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
-from pdsolve.laws.law import INNER, List
+from pdsolve.laws.law import INLINE, INNER, List
 from pdsolve.laws.materials.solid import ALPHA_RATE, ALPHA_TOTAL, J2, Solid, holds, keep, respond, solid_of
 from pdsolve.model import Model
 
 NODE_MEMORY = ("history",)
 NEVER, STRETCH, ENERGY, STRESS = range(4)
 FAILURES = {"stretch": STRETCH, "energy": ENERGY, "stress": STRESS}
-FLAT = 0.02  # least over sum of a family's moments: less is as good as a line
+FLAT = 0.01  # least over sum of a family's moments: less is as good as a line
 
 
 class Law(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
-    control: NDArray[np.floating]  # (n,) Z of silling, N/m^6 in the plane; what it was where there is no K^-1, too
+    control: NDArray[np.floating]  # (n,) Z of silling, N/m^6 in the plane
     weight: NDArray[np.floating]  # (b,) w, m^d
     limit: NDArray[np.floating]  # (b,) of the stretch, the energy or the stress, at which the bond fails
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
@@ -58,7 +60,7 @@ def columns(model: Model, bonds: Bonds) -> Law:
     """The law of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     own = np.repeat(np.arange(nodes), np.diff(bonds.start))
-    total = np.bincount(own, bonds.weight, minlength=nodes)
+    total = np.bincount(own, bonds.weight, minlength=nodes).astype(float)
     solid, first = solid_of(model, kind, d), model.materials[0]
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
     law = Law(
@@ -81,7 +83,9 @@ def columns(model: Model, bonds: Bonds) -> Law:
 def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.float64]:
     """Z (n,) of nodes whose weights have this `total` (n,)."""
     horizon = np.broadcast_to(model.horizons, total.shape)
-    E, G = (np.array([getattr(m, name) for m in model.materials])[model.material_of] for name in ("E", "control_factor"))
+    E, G = (
+        np.array([getattr(m, name) for m in model.materials])[model.material_of] for name in ("E", "control_factor")
+    )
     strength = 9 * E / (horizon**2) if d == 2 else 16 * E / (horizon**2)
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
@@ -100,7 +104,9 @@ def shapes(
 ) -> NDArray[np.float64]:
     """K (k, d, d) of these nodes, from the bonds that are left."""
     counts = bonds.start[rows + 1] - bonds.start[rows]
-    which = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
+    which = (
+        np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
+    )
     own, d = np.repeat(np.arange(len(rows)), counts), len(bonds.xi)
     w = np.where(broken[which] == 0, weight[which], 0.0).astype(float)
     xi = [x[which].astype(float) for x in bonds.xi]
@@ -166,7 +172,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
                 total += P[3 * a + c] * law.inverse[i, d * c + b]
                 if law.wan:
                     total -= _wan(law, i, a, c) * m[i, g + d * c + b]
-            m[i, d * a + b] = total - _silling(law, i) * m[i, g + d * a + b]
+            m[i, d * a + b] = total - law.control[i] * m[i, g + d * a + b]
 
 
 @njit(**INNER)
@@ -204,11 +210,6 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _silling(law, i):  # type: ignore[no-untyped-def]
-    return law.control[i] if law.inverse[i, 0] != 0 else law.control[i] * 0
-
-
-@njit(**INNER)
 def _wan(law, i, a, b):  # type: ignore[no-untyped-def]
     """C : K^-1, one component of a node's."""
     found = 2 * law.solid.shear[i] * law.inverse[i, law.d * a + b]
@@ -221,11 +222,11 @@ def _wan(law, i, a, b):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
     """One component of the force density of bond k on node i."""
     d = len(bond.xi)
-    f = (_silling(law, i) + _silling(law, j)) * bond.eta[a]
+    f = (law.control[i] + law.control[j]) * bond.eta[a]
     for b in range(d):
         f += (m[i, d * a + b] + m[j, d * a + b]) * bond.xi[b]
         if law.wan:
@@ -298,7 +299,7 @@ def hold(law, i, m):  # type: ignore[no-untyped-def]
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    if law.broken[k] != 0 or law.inverse[i, 0] == 0:
+    if law.broken[k] != 0:
         return 0.0, 0.0
     d, held = len(bond.xi), bond.stretch * 0
     for a in range(d):

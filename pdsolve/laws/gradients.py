@@ -1,8 +1,9 @@
 """Correspondence with gradients of higher order: that of the polynomial which fits a node's family best.
 
 With w the neighbour's cell times its influence and p monomials of xi up to some degree, over the horizon, the fit is
-c = argmin sum w |eta - c p(xi)|^2, by QR: sqrt(w) p = Q R. With the constant term the node itself is one of its family, with
-as much weight as it has for its nearest neighbour, and the polynomial does not have to pass through it. The gradient H is linear in eta, H = sum_r a_r t_r^T with the components
+c = argmin sum w |eta - c p(xi)|^2, by QR: sqrt(w) p = Q R. With the constant term the node itself is one of its
+family, with as much weight as it has for its nearest neighbour, and the polynomial does not have to pass through it.
+The gradient H is linear in eta, H = sum_r a_r t_r^T with the components
 a_r = sum sqrt(w) Q_r eta of the displacement and t_r from R^-1; so the force that goes with a stress P is
 
     T_ij = sqrt(w) sum_r (P t_r - Z a_r) Q_r + Z w eta        f = sum T_ij - V_j / V_i T_ji
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds import Bonds, find
 from pdsolve.laws import correspondence
 from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
-from pdsolve.laws.law import INNER, List
+from pdsolve.laws.law import INLINE, INNER, List
 from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
 from pdsolve.model import Model, ModelError
 
@@ -58,7 +59,7 @@ def columns(model: Model, bonds: Bonds) -> Law:
     """The law of these bonds (b,) and their nodes. Raises ModelError for an order that no family carries."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
-    total = np.bincount(source, bonds.weight, minlength=nodes)
+    total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
     solid, constant = solid_of(model, kind, d), first.constant_term
     wide = len(powers(first.order, d)) + constant
     back = find(bonds, bonds.neighbour.astype(np.int64), source)
@@ -71,7 +72,9 @@ def columns(model: Model, bonds: Bonds) -> Law:
         t=np.zeros((nodes, wide, d), kind),
         root=np.sqrt(bonds.weight),
         back=back,
-        control=(correspondence.silling(model, total, d) if first.control == "silling" else np.zeros(nodes)).astype(kind),
+        control=(correspondence.silling(model, total, d) if first.control == "silling" else np.zeros(nodes)).astype(
+            kind
+        ),
         weight=bonds.weight,
         itself=itself.astype(kind),
         limit=bonds.limit,
@@ -88,8 +91,8 @@ def columns(model: Model, bonds: Bonds) -> Law:
     mend(law, List(bonds.start, bonds.neighbour, tuple(bonds.xi.T)), np.arange(nodes))
     if nodes and law.carried.max() < first.order:
         raise ModelError(
-            f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what families"
-            f" of a horizon of {model.settings.horizon.ratio:g} spacings carry"
+            f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
+            f" families of a horizon of {model.settings.horizon.ratio:g} spacings carry"
         )
     return law
 
@@ -136,7 +139,9 @@ def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
         own = slice(bonds.start[i], bonds.start[i + 1])
         intact = law.broken[own] == 0
         xi = np.column_stack([x[own][intact] for x in bonds.xi]).astype(float)
-        Q, t, law.carried[i] = fit(xi, law.root[own][intact].astype(float), law.order, float(law.itself[i]), law.horizon[i])
+        Q, t, law.carried[i] = fit(
+            xi, law.root[own][intact].astype(float), law.order, float(law.itself[i]), law.horizon[i]
+        )
         law.q[own] = 0
         law.q[own][intact] = Q[: len(xi)]
         law.own[i] = Q[len(xi)] if len(Q) > len(xi) else 0
@@ -150,7 +155,7 @@ def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
 
 def rows(law: Law, dimension: int) -> int:
     """What pulls, a_r, H, sigma, J."""
-    return 2 * dimension * law.q.shape[1] + dimension**2 + (4 if dimension == 2 else 6) + 1
+    return 2 * dimension * int(law.q.shape[1]) + dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
 def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
@@ -177,7 +182,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
                 total += m[i, d * (p + r) + a] * law.t[i, r, b]
             m[i, at + d * a + b] = total
     P = correspondence.answer(law, i, m, at)
-    z = law.control[i] if _sound(law, i) else law.control[i] * 0
+    z = law.control[i]
     for r in range(p):
         for a in range(d):
             total = -z * m[i, d * (p + r) + a]
@@ -186,17 +191,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
             m[i, d * r + a] = total
 
 
-@njit(**INNER)
-def _sound(law, i):  # type: ignore[no-untyped-def]
-    """Whether node i has a gradient."""
-    for r in range(law.t.shape[1]):
-        for a in range(law.d):
-            if law.t[i, r, a] != 0:
-                return True
-    return False
-
-
-@njit(**INNER)
+@njit(**INLINE)
 def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
     """One component of the force density of bond k on node i."""
     d, f, other = len(bond.xi), m[i, 0] * 0, law.back[k]
@@ -205,9 +200,8 @@ def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
         f += m[i, d * r + a] * law.q[k, r]
         g += m[j, d * r + a] * law.q[other, r]
     w, v = law.weight[k], law.weight[other]
-    z = w * law.control[i] * bond.eta[a] if _sound(law, i) else f * 0
-    y = v * law.control[j] * bond.eta[a] if _sound(law, j) else f * 0
-    return law.root[k] * f + z - w / v * (law.root[other] * g - y)
+    z = w * (law.control[i] + law.control[j]) * bond.eta[a]
+    return law.root[k] * f + z - w / v * law.root[other] * g
 
 
 def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
@@ -267,7 +261,7 @@ def _missed(law, m, i, q, root, eta, a):  # type: ignore[no-untyped-def]
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    if law.broken[k] != 0 or not _sound(law, i):
+    if law.broken[k] != 0:
         return 0.0, 0.0
     held = bond.stretch * 0
     for a in range(len(bond.xi)):

@@ -44,6 +44,9 @@ from numpy.typing import NDArray
 
 # Of functions that only compiled code calls: no references are counted, and divisions are numpy's
 INNER: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+INLINE = INNER | {
+    "forceinline": True
+}  # of those that see every bond: to pass a law's columns on takes longer than to use them
 
 
 class List(NamedTuple):
@@ -207,52 +210,64 @@ def bind(law: ModuleType) -> None:
         getattr(law, "hold", _hold_nothing),
     )
 
-    def chosen(found: Any, function: Function) -> Function | None:
-        return function if getattr(found, "instance_class", None) is kind else None
+    _bind_bonds(kind, said)
+    _bind_families(kind, said)
 
-    @overload(gather, jit_options=INNER)
+
+def _chosen(found: Any, kind: type, function: Function) -> Function | None:
+    return function if getattr(found, "instance_class", None) is kind else None
+
+
+def _bind_bonds(kind: type, said: _Said) -> None:
+    """What all laws may say."""
+
+    @overload(gather, jit_options=INLINE)
     def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-        return chosen(law, said.gather)
+        return _chosen(law, kind, said.gather)
 
     @overload(close, jit_options=INNER)
     def _close(law, i, m):  # type: ignore[no-untyped-def]
-        return chosen(law, said.close)
+        return _chosen(law, kind, said.close)
 
     @overload(age, jit_options=INNER)
     def _age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return chosen(law, said.age)
+        return _chosen(law, kind, said.age)
 
-    @overload(pull, jit_options=INNER)
+    @overload(pull, jit_options=INLINE)
     def _pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-        return chosen(law, said.pull)
+        return _chosen(law, kind, said.pull)
 
     @overload(energy, jit_options=INNER)
     def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return chosen(law, said.energy)
+        return _chosen(law, kind, said.energy)
+
+
+def _bind_families(kind: type, said: _Said) -> None:
+    """What only those with a first pass may."""
 
     @overload(gather_again, jit_options=INNER)
     def _gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
-        return chosen(law, said.gather_again)
+        return _chosen(law, kind, said.gather_again)
 
     @overload(close_again, jit_options=INNER)
     def _close_again(law, i, m, more):  # type: ignore[no-untyped-def]
-        return chosen(law, said.close_again)
+        return _chosen(law, kind, said.close_again)
 
     @overload(alert, jit_options=INNER)
     def _alert(law, i, m):  # type: ignore[no-untyped-def]
-        return chosen(law, said.alert)
+        return _chosen(law, kind, said.alert)
 
-    @overload(fails, jit_options=INNER)
+    @overload(fails, jit_options=INLINE)
     def _fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return chosen(law, said.fails)
+        return _chosen(law, kind, said.fails)
 
     @overload(remember, jit_options=INNER)
     def _remember(law, now, i, m):  # type: ignore[no-untyped-def]
-        return chosen(law, said.remember)
+        return _chosen(law, kind, said.remember)
 
     @overload(hold, jit_options=INNER)
     def _hold(law, i, m):  # type: ignore[no-untyped-def]
-        return chosen(law, said.hold)
+        return _chosen(law, kind, said.hold)
 
 
 @njit(**INNER)

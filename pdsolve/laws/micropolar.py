@@ -1,12 +1,12 @@
 """Micropolar bonds in the plane: beams that resist stretching, shearing and bending, with a rotation at each node.
 
-W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258. Bond k from i to j has, for small motions, with the
-direction n, the one across t, the elongation e, and w = t . eta the way across,
+W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258. Bond k from i to j has, for small motions, with
+the direction n, the one across t, the elongation e, and w = t . eta the way across,
 
     energy    c e^2 / 2 |xi| + 6 d (w - |xi| (phi_i + phi_j) / 2)^2 / |xi|^3 + d (phi_j - phi_i)^2 / 2 |xi|
 
-    plane stress    c = 6 E / pi horizon^3 (1 - nu)                   d = E (1 - 3 nu) / 6 pi horizon (1 - nu^2)
-    plane strain    c = 6 E / pi horizon^3 (1 + nu) (1 - 2 nu)        d = E (1 - 4 nu) / 6 pi horizon (1 + nu) (1 - 2 nu)
+    plane stress    c = 6 E / pi horizon^3 (1 - nu)                  d = E (1 - 3 nu) / 6 pi horizon (1 - nu^2)
+    plane strain    c = 6 E / pi horizon^3 (1 + nu) (1 - 2 nu)       d = E (1 - 4 nu) / 6 pi horizon (1 + nu) (1 - 2 nu)
 
 so that Poisson's ratio is free up to that of bonds, beyond which d would be less than nothing. The third unknown is the
 rotation times the node's horizon, a length with the inertia of the others. A bond is a beam along its first direction:
@@ -22,7 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
-from pdsolve.laws.law import INNER
+from pdsolve.laws.law import INLINE
 from pdsolve.model import Model, ModelError
 from pdsolve.state import Unknown
 
@@ -56,7 +56,8 @@ def columns(model: Model, bonds: Bonds) -> Law:
     )
     kind = bonds.xi.dtype
     broken, breaks = np.zeros(len(bonds.limit), np.int32), model.materials[0].failure == "stretch"
-    return Law(*(np.asarray(column, dtype=kind) for column in numbers), bonds.limit, broken, breaks)
+    along, across, bending, turn = (np.asarray(column, dtype=kind) for column in numbers)
+    return Law(along, across, bending, turn, bonds.limit, broken, breaks)
 
 
 def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
@@ -74,7 +75,7 @@ def unknowns(dimension: int) -> tuple[Unknown, ...]:
 def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
-    return np.bincount(own, law.along + law.across, minlength=len(law.turn))
+    return np.bincount(own, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
 def rows(law: Law, dimension: int) -> int:
@@ -87,7 +88,7 @@ def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> di
     return {"rotation": (law.turn * value[:, 2]).astype(float)}
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     """Direction, e, w less what the ends' rotations make of it, and the mean and the difference of rotations."""
     x, y = bond.xi[0] / bond.length, bond.xi[1] / bond.length
@@ -117,5 +118,5 @@ def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    x, y, e, w, bent = _beam(law, bond, now, i, j)
+    _, _, e, w, bent = _beam(law, bond, now, i, j)
     return (law.along[k] * e * e + law.across[k] * w * w + law.bending[k] * bent * bent) / 4, 0.0

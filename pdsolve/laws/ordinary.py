@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.continuum import bulk_modulus
 from pdsolve.bonds import Bonds, find
-from pdsolve.laws.law import INNER
+from pdsolve.laws.law import INLINE
 from pdsolve.model import Model
 
 ROWS = 3  # theta, p, and what p is made of
@@ -65,10 +65,16 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Law:
     own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     back = find(bonds, bonds.neighbour.astype(np.int64), own)
     ratio = exact.weight / exact.weight[back]  # V_j / V_i, as influence and share are the same both ways
-    numbers = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
+    every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
+    numbers = [np.asarray(column, dtype=kind) for column in every]
     return Law(
-        *(np.asarray(column, dtype=kind) for column in numbers),
+        bulk=numbers[0],
+        shear=numbers[1],
+        dilating=numbers[2],
+        dilating_back=numbers[3],
+        shearing=numbers[4],
+        shearing_back=numbers[5],
         weight=bonds.weight,
         limit=bonds.limit,
         broken=np.zeros(len(bonds.limit), np.int32),
@@ -126,7 +132,9 @@ def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.floa
     return np.column_stack([*(n.T**2), *(2 * x for x in off)]), np.column_stack([*traceless, *(root * x for x in off)])
 
 
-def _moments(own: NDArray[np.int64], nodes: int, share: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moments(
+    own: NDArray[np.int64], nodes: int, share: NDArray[np.float64], p: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The sums (n, k, k) of share p p^T over each node's bonds."""
     size = p.shape[1]
     found = np.empty((nodes, size, size))
@@ -196,7 +204,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return (law.bulk[i] * m[i, 0] * law.dilating[k] * e + law.shear[i] * law.shearing[k] * rest * rest) / 2, 0.0
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _both(law, bond, m, i, j, k):  # type: ignore[no-untyped-def]
     """t_i + t_j of a bond, N/m^3 in the plane."""
     e, part = bond.length * bond.stretch, bond.length / law.d

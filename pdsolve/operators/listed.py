@@ -21,6 +21,7 @@ from pdsolve.threads import share
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+
 class Listed:
     """The bonds of n nodes under one law; see `Operator`."""
 

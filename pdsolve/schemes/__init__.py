@@ -21,7 +21,6 @@ def _symmetric(model: Model) -> Filling:
     return average_horizon.fill(model) if model.materials[0].model == "bond" else families.fill(model)
 
 
-
 SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
     for scheme in (

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
@@ -78,7 +78,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         kept = np.flatnonzero(counts > ROUND_OFF)
         pairs = type(pairs)(i[kept], j[kept], length[kept])
         inside = sight.inside(pairs)
-        pairs, kept = type(pairs)(*(column[inside] for column in pairs)), kept[inside]
+        pairs, kept = chosen(pairs, inside), kept[inside]
         limit = np.zeros(len(kept))
         for number, of in enumerate(limits):
             for end in (pairs.source, pairs.target):
@@ -96,7 +96,9 @@ def _limit(material: Material, ratio: float) -> Limit:
         return lambda reach: np.full_like(reach, np.inf)
     if material.failure == "stress":
         return lambda reach: np.full_like(reach, material.strength or np.inf)
-    unit = msgspec.structs.replace(material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", law="brittle", kr=1.0)
+    unit = msgspec.structs.replace(
+        material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", law="brittle", kr=1.0
+    )
     spent = _cost(unit, ratio)
     if material.failure == "stretch":
         return lambda reach: np.sqrt(material.G0 / (spent * material.E * reach))

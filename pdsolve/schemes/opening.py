@@ -25,7 +25,9 @@ MOST = 3000  # looks
 def patch(material: Material, ratio: float) -> Model:
     """A lattice of spacing 1 around a row of bonds' ends that no edge reaches."""
     side = int(np.ceil(ratio + 0.5))
-    x, y = (each.ravel() for each in np.meshgrid(np.arange(-3 * side, 3 * side + 1), np.arange(-3 * side, 3 * side) + 0.5))
+    x, y = (
+        each.ravel() for each in np.meshgrid(np.arange(-3 * side, 3 * side + 1), np.arange(-3 * side, 3 * side) + 0.5)
+    )
     position, count = np.column_stack([x, y]).astype(float), len(x)
     nowhere = np.full(count, -1)
     grid = Grid(np.arange(count), position, np.ones(count), nowhere >= 0, nowhere, np.zeros((0, 4)))

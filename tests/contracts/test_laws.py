@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
 
-
 def of(cases: list[Case]) -> pytest.MarkDecorator:
     """A test of all of these; those that take long to compile are slow."""
     marked = [pytest.param(case, marks=[pytest.mark.slow] if case in SLOW else []) for case in cases]

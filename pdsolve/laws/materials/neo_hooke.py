@@ -1,6 +1,7 @@
-"""Compressible neo-Hooke: W = mu / 2 (tr F^T F - 3) - mu ln J + lambda / 2 (ln J)^2, P = mu (F - F^-T) + lambda ln J F^-T.
+"""Compressible neo-Hooke: W = mu / 2 (tr F^T F - 3) - mu ln J + lambda / 2 (ln J)^2.
 
-In Green's strain, so that nothing is lost where a body turns: C = I + 2 E, ln J = ln(det C) / 2, W = mu (tr E - ln J) +
+P = mu (F - F^-T) + lambda ln J F^-T. In Green's strain, so that nothing
+is lost where a body turns: C = I + 2 E, ln J = ln(det C) / 2, W = mu (tr E - ln J) +
 lambda / 2 (ln J)^2, P = F S, S = C^-1 (2 mu E + lambda ln J I). In plane stress S_zz = 0 is solved for E_zz.
 """
 

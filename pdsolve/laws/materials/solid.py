@@ -21,13 +21,16 @@ from pdmesh.model.continuum import lame
 from pdsolve.laws.law import INNER
 from pdsolve.laws.materials import j2, linear, neo_hooke, svk
 from pdsolve.laws.materials.tensors import (
+    added,
     compliant,
     contracted,
     det,
+    difference,
     full,
     grown,
     hooke,
     inverse,
+    mean,
     product,
     symmetric,
     transposed,
@@ -71,9 +74,10 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
     history = np.zeros((len(of), 16 if rate else 7 if plastic else 0))
     if rate:
         history[:, [0, 4, 8]] = 1
-    numbers = (np.asarray(column, dtype=kind) for column in (*moduli.T, *yields.T, history))
+    first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli.T, *yields.T, history))
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
-    return Solid(kinds, *numbers, plane_stress=dimension == 2 and first.plane == "stress", rate=rate)
+    flat = dimension == 2 and first.plane == "stress"
+    return Solid(kinds, first_, shear, flow, hardening, past, flat, rate)
 
 
 @njit(**INNER)
@@ -180,28 +184,7 @@ def _rated(solid, i, F):  # type: ignore[no-untyped-def]
     zz = p[8] * one if flat else F[8]  # not known yet
     F = (F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], zz)
     before = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
-    way = (
-        F[0] - before[0],
-        F[1] - before[1],
-        F[2] - before[2],
-        F[3] - before[3],
-        F[4] - before[4],
-        F[5] - before[5],
-        F[6] - before[6],
-        F[7] - before[7],
-        F[8] - before[8],
-    )
-    half = (
-        before[0] + way[0] / 2,
-        before[1] + way[1] / 2,
-        before[2] + way[2] / 2,
-        before[3] + way[3] / 2,
-        before[4] + way[4] / 2,
-        before[5] + way[5] / 2,
-        before[6] + way[6] / 2,
-        before[7] + way[7] / 2,
-        before[8] + way[8] / 2,
-    )
+    way, half = difference(F, before), mean(before, F)
     L = product(way, inverse(half))
     D = symmetric(L)
     w = ((L[1] - L[3]) / 4, (L[2] - L[6]) / 4, (L[5] - L[7]) / 4)  # half of W
@@ -210,15 +193,8 @@ def _rated(solid, i, F):  # type: ignore[no-untyped-def]
         (one, w[0], w[1], -w[0], one, w[2], -w[1], -w[2], one),
     )
     sigma = (p[9], p[10], p[11], p[12], p[13], p[14])
-    turned, more_strain = symmetric(product(product(R, full(sigma)), transposed(R))), hooke(first, shear, D)
-    trial = (
-        turned[0] + more_strain[0],
-        turned[1] + more_strain[1],
-        turned[2] + more_strain[2],
-        turned[3] + more_strain[3],
-        turned[4] + more_strain[4],
-        turned[5] + more_strain[5],
-    )
+    turned = symmetric(product(product(R, full(sigma)), transposed(R)))
+    trial = added(turned, hooke(first, shear, D))
     alpha, plastic, more = p[ALPHA_RATE], solid.kind[i] == J2, F[0] * 0
     if flat:
         d = -trial[2] / (first + 2 * shear)

@@ -90,3 +90,39 @@ def compliant(first, shear, s):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def with_zz(e, zz):  # type: ignore[no-untyped-def]
     return (e[0], e[1], zz, e[3], e[4], e[5])
+
+
+@njit(**INNER)
+def difference(a, b):  # type: ignore[no-untyped-def]
+    return (
+        a[0] - b[0],
+        a[1] - b[1],
+        a[2] - b[2],
+        a[3] - b[3],
+        a[4] - b[4],
+        a[5] - b[5],
+        a[6] - b[6],
+        a[7] - b[7],
+        a[8] - b[8],
+    )
+
+
+@njit(**INNER)
+def mean(a, b):  # type: ignore[no-untyped-def]
+    return (
+        (a[0] + b[0]) / 2,
+        (a[1] + b[1]) / 2,
+        (a[2] + b[2]) / 2,
+        (a[3] + b[3]) / 2,
+        (a[4] + b[4]) / 2,
+        (a[5] + b[5]) / 2,
+        (a[6] + b[6]) / 2,
+        (a[7] + b[7]) / 2,
+        (a[8] + b[8]) / 2,
+    )
+
+
+@njit(**INNER)
+def added(a, b):  # type: ignore[no-untyped-def]
+    """Six and six."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
