@@ -69,8 +69,13 @@ class Case(NamedTuple):
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"
 
 
-CASES = [
-    *(Case(law, "listed", d, kind) for law in (*LAWS, *MODELS) for d in (2, 3) for kind in ("float64", "float32")),
+CASES = [  # but for beams, which have a third unknown and small rotations (tests/laws/test_micropolar.py)
+    *(
+        Case(law, "listed", d, kind)
+        for law in (*LAWS, "ordinary", "correspondence")
+        for d in (2, 3)
+        for kind in ("float64", "float32")
+    ),
     *(Case(law, "listed", 2, "float64") for law in VARIANTS if law not in MODELS),
     *(Case(law, "blocks", 2, kind) for law in ("brittle", "bilinear") for kind in ("float64", "float32")),
 ]

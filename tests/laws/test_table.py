@@ -40,6 +40,14 @@ def test_springs_mix_and_have_the_law_that_both_follow() -> None:
         ({"model": "ordinary", "nu": 0.5}, None, r"\$\.material\.nu: found 0\.5, expected .* below 0\.5"),
         ({"model": "ordinary", "nu": 0.2, "kr": 2.0}, None, r"\.kr: found 2, expected none with model 'ordinary'"),
         ({"order": 2}, None, r"\.order: found '2', expected none with model 'bond'"),
+        ({"model": "micropolar", "nu": 0.35}, None, r"\.nu: found 0\.35, expected 0\.3333 at most"),
+        ({"model": "correspondence", "nu": 0.2, "order": 7}, None, r"order: found 7, expected \d at most"),
+        ({"model": "correspondence", "nu": 0.2, "solid": "j2"}, None, r"yield_stress: found none"),
+        (
+            {"model": "correspondence", "nu": 0.2, "hardening": -1.0},
+            None,
+            r"hardening: found -1, expected 0 Pa or more",
+        ),
         ({"failure": "none"}, None, r"\.failure: found 'none', expected one of stretch with model 'bond'"),
     ],
 )
