@@ -4,7 +4,7 @@
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
 # make failures  where methods fail, measured anew on one page
-# make bench    chart speed against accuracy: benchmarks/accuracy.json and .png; check what plans promise
+# make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
@@ -74,6 +74,7 @@ gmsh-libraries: $(VENV)/install.done
 bench: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -W ignore -m benchmarks.accuracy -o benchmarks/accuracy.json
 	$(BIN)/python -W ignore -m benchmarks.planning --check
+	$(BIN)/python -W ignore -m benchmarks.rest -o benchmarks/rest.json
 
 bench-speed: gmsh-libraries
 	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json $(if $(AGAINST),--against $(AGAINST))

@@ -77,7 +77,24 @@ def main(arguments: list[str] | None = None) -> int:
             rows.append(row)
             told = ", ".join(f"{what} {value:.3g}" for what, value in row.errors.items())
             print(f"{row.problem}: {row.variant}: {row.updates:.3g} bond updates, {row.wall:.3g} s; {told}", flush=True)
-    machine = {
+    here = machine()
+    settings = [row for row in rows if row.variant not in OTHER_GRIDS]
+    result = {
+        "machine": here,
+        "rows": [row._asdict() for row in rows],
+        "front": fronts(rows),
+        "front on the two-scale grid": fronts(settings),
+    }
+    args.output.write_text(json.dumps(result, indent=1) + "\n")
+    chart(rows, here, args.output.with_suffix(".png"))
+    for problem, names in fronts(settings).items():
+        print(f"{problem}: on the front of the two-scale grid: {', '.join(names)}")
+    return 0
+
+
+def machine() -> dict[str, Any]:
+    """What this was measured on."""
+    return {
         "date": datetime.now(UTC).date().isoformat(),
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -87,18 +104,6 @@ def main(arguments: list[str] | None = None) -> int:
         "numpy": np.__version__,
         "pdsuite": VERSION,
     }
-    settings = [row for row in rows if row.variant not in OTHER_GRIDS]
-    result = {
-        "machine": machine,
-        "rows": [row._asdict() for row in rows],
-        "front": fronts(rows),
-        "front on the two-scale grid": fronts(settings),
-    }
-    args.output.write_text(json.dumps(result, indent=1) + "\n")
-    chart(rows, machine, args.output.with_suffix(".png"))
-    for problem, names in fronts(settings).items():
-        print(f"{problem}: on the front of the two-scale grid: {', '.join(names)}")
-    return 0
 
 
 def fronts(rows: list[Row]) -> dict[str, list[str]]:
@@ -126,7 +131,7 @@ def marched(problem: Prepared, steps: int) -> float:
 
 def kirsch() -> Iterator[Row]:
     """Displacements of the classical solution held at the edge, equilibrium inside."""
-    from linear import equilibrium
+    from systems import equilibrium
     from test_kirsch import classical
 
     unit = Material(E=1.0, rho=1.0, G0=1.0)
@@ -191,9 +196,9 @@ def strip(delta: float, ratio: int, m: float, length: float) -> tuple[Grid, floa
 
 def pulse() -> Iterator[Row]:
     """A P pulse from far left of x = 0 to as far right of it, in a strip that repeats itself upwards."""
-    from linear import accelerate
     from periodic import joined
     from plates import GLASS
+    from systems import accelerate
 
     speed = float(np.sqrt(1.125 * GLASS.E / GLASS.rho))
     way = 6 * WIDTH

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -20,8 +19,9 @@ from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parent.parent
 SAMPLE = 0.2  # s of one measurement of steps
-ROUNDS = 9
+ROUNDS, WHOLE = 9, 7
 FRAMES = 20
+STRIP = 2000  # nodes along a strip
 
 
 class Job(NamedTuple):
@@ -115,12 +115,14 @@ class Turns:
     """The processes of this and of another checkout, which take turns with one job."""
 
     def __init__(self, job: Job, other: Path) -> None:
+        from benchmarks.processes import environment
+
         self._processes = [
             subprocess.Popen(
                 [sys.executable, "-P", __file__, "--serve", json.dumps(job)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env={**os.environ, "PYTHONPATH": str(folder)},
+                env=environment(PYTHONPATH=str(folder)),
                 cwd=folder,
                 text=True,
             )
@@ -147,13 +149,15 @@ class Turns:
 
 def started(model: str, other: Path, rounds: int) -> Iterator[dict[str, Any]]:
     """From shell to shell: a run that compiles, and the least of some that need not."""
+    from benchmarks.processes import environment
+
     with tempfile.TemporaryDirectory() as folder:
 
         def seconds(checkout: Path) -> float:
-            environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": f"{folder}/{checkout.name}"}
+            own = environment(PYTHONPATH=str(checkout), NUMBA_CACHE_DIR=f"{folder}/{checkout.name}")
             command = [sys.executable, "-P", "-m", "pdsolve", model, "-o", f"{folder}/run.sqlite", "--force", "-q"]
             began = time.perf_counter()
-            subprocess.run(command, env=environment, cwd=checkout, check=True)
+            subprocess.run(command, env=own, cwd=checkout, check=True)
             return time.perf_counter() - began
 
         cold = [seconds(checkout) for checkout in (other, HERE)]
@@ -182,11 +186,11 @@ def jobs(folder: Path) -> Iterator[Job]:
         path.write_text(model.to_json())
         return str(path)
 
-    for name in ("4k", "64k"):
-        grid = square(*PLATES[name])
+    strips = {f"strip {width} wide": (width, STRIP) for width in (16, 20, 24)}
+    for name, shape in {"4k": PLATES["4k"], "64k": PLATES["64k"], **strips}.items():
         for m in (3.0, 4.0):
             settings = Settings(material=GLASS, horizon=Horizon(m), run=Run(time_step=2e-8))
-            model = written(Model(grid, settings), f"{name}-{m:g}")
+            model = written(Model(square(*shape), settings), f"{name}-{m:g}")
             for precision in ("float64", "float32"):
                 yield Job(f"intact, {name}, m = {m:g}, {precision}", model, precision=precision)
     for name, law in (("duran50", "brittle"), ("kalthoff_winkler", "bilinear")):
@@ -212,7 +216,7 @@ def compared(other: Path, rounds: int = ROUNDS) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         for job in jobs(Path(folder)):
             turns = Turns(job, other.resolve())
-            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else 3))
+            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else WHOLE))
             turns.close()
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
 

@@ -84,7 +84,7 @@ def errors(scene: Scene, references: list[Path], folder: Path) -> list[float]:
 
 def kirsch() -> Iterator[dict[str, Any]]:
     """The plate with a hole, on two scales, against the classical solution."""
-    from linear import equilibrium
+    from systems import equilibrium
     from test_kirsch import classical
 
     unit = Material(E=1.0, rho=1.0, G0=1.0)

@@ -19,16 +19,21 @@ FRAMES = 5
 TIMES = 7
 
 
+def environment(**own: str) -> dict[str, str]:
+    """Variables for a process, with those of its own; Python keeps what it compiles, as on a user's machine."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | own
+
+
 def processes() -> dict[str, float]:
     """Seconds from shell to shell: the least of some, but for the first run, which compiles."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         steps = built(Case("duran50", "", "duran50.geo", ()), folder).settings.run.steps
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "compiled")}
+        own = environment(NUMBA_CACHE_DIR=str(folder / "compiled"))
 
         def seconds(*arguments: str) -> float:
             began = time.perf_counter()
-            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
+            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=own)
             return time.perf_counter() - began
 
         def least(*arguments: str) -> float:

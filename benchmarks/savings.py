@@ -70,8 +70,8 @@ def wave_test(width: float, share: float) -> dict[str, tuple[float, float]]:
     """What comes back of a pulse, and the largest change of energy over its energy, for plain and for halved steps."""
     sys.path.append(str(Path(__file__).parent.parent / "tests"))
     sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))
-    from linear import matrix, weighted
     from plates import GLASS
+    from systems import matrix, weighted
     from test_interface_waves import REACH, SPEED, strip
 
     problem = strip("conservative", max(12 * width, 0.06))

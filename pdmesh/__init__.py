@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.geo import read_outline
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
-    from pdmesh.model.document import GridError, Material, Run
+    from pdmesh.model.document import GridError, Material, Run, Static
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
@@ -29,6 +29,7 @@ else:
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
+            "Static": "pdmesh.model.document",
             "box": "shapely",
             "build": "pdmesh.grid.building",
             "ramp": "pdmesh.scene.conditions",
@@ -44,6 +45,7 @@ __all__ = [
     "Run",
     "Scene",
     "SceneError",
+    "Static",
     "box",
     "build",
     "ramp",

@@ -37,7 +37,9 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument(
         "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
     )
-    program.add_argument("--threads", type=int, metavar="N", help="threads to use (default: all)")
+    program.add_argument(
+        "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
+    )
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
@@ -58,6 +60,8 @@ def parser() -> argparse.ArgumentParser:
         metavar="split|quiet:S",
         help="stop when the plate is in two, or nothing broke for S seconds (run.until)",
     )
+    program.add_argument("--static", action="store_true", help="solve at rest, in load steps (run.solver)")
+    program.add_argument("--float", action="store_true", help="hold softly what nothing supports (run.static.floating)")
     program.add_argument("--dry-run", action="store_true", help="say what the run would take, solve nothing")
     program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
     return program
@@ -100,13 +104,15 @@ def _solve(args: argparse.Namespace) -> int:
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in kept if getattr(args, name)]
+            given = [name for name in (*kept, "static", "float") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path, results = args.model, resume(args.model, args.threads, watch)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
+            if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
+                raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
             if args.dry_run:
                 from pdsolve.estimate import plan
 
@@ -129,6 +135,10 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
         flags.append(("run.fields", args.fields))
     if args.probe:
         flags.append(("run.probes", f"[{', '.join(f'[{place}]' for place in args.probe)}]"))
+    if args.static:
+        flags.append(("run.solver", "static"))
+    if args.float:
+        flags.append(("run.static.floating", "true"))
     if args.until is not None:
         kind, _, quiet = args.until.partition(":")
         if (kind == "quiet") != bool(quiet):
@@ -138,9 +148,11 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _show_plan(found: Plan, args: argparse.Namespace) -> int:
+    steps = f"steps of {found.time_step:.4g} s (surely stable up to {found.stable_time_step:.4g} s)"
+    if found.at_rest:
+        steps = f"load steps of {found.time_step:.4g} s, times without cracks"
     lines = [
-        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} steps of {found.time_step:.4g} s"
-        f" (surely stable up to {found.stable_time_step:.4g} s)",
+        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} {steps}",
         f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
     commandline.report(found._asdict(), lines, args)
@@ -148,12 +160,18 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
 
 
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
-    energy = summary["energy"]
+    energy, rested = summary["energy"], summary.get("load_steps")
+    what, until = (
+        ("steps", f"{summary['time'] * 1e6:.4g} us") if rested is None else ("load steps", f"{summary['time']:.4g} s")
+    )
+    how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
+    if rested:
+        iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
+        how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
     return [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps to"
-        f" {summary['time'] * 1e6:.4g} us, {summary['mode']} mode, {summary['precision']}",
-        f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,"
-        f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second",
+        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
+        f" {until}, {summary['mode']} mode, {summary['precision']}",
+        f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,{how}",
         f"broken bonds {summary['broken_bonds']}; energy, J/m:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
@@ -191,6 +209,8 @@ class _Watch:
 
     def _show(self, progress: Progress) -> bool:
         told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
+        if progress.going is not None:
+            told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:
             self._bar.total = progress.steps
             self._bar.set_description_str("solving", refresh=False)
@@ -212,7 +232,7 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
-    from pdsolve.simulation import UnstableError
+    from pdsolve.simulation import UnsettledError, UnstableError
 
     bad = commandline.BAD_INPUT
     return {
@@ -221,6 +241,7 @@ def _exits() -> dict[type[Exception], int]:
         WriteError: commandline.FAILURE,
         ResultsError: bad,
         UnstableError: commandline.UNSTABLE,
+        UnsettledError: commandline.UNSTABLE,
     }
 
 

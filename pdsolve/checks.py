@@ -28,7 +28,7 @@ CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
-TOGETHER = 10_000  # of such triangles are checked together
+TOGETHER = 1000  # nodes whose bonds are asked for at once
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
@@ -271,19 +271,17 @@ class Watch:
     def _crushed(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         position = self._model.grid.position
         if self._triangles is None:
-            self._triangles = self._bonded(_triangles(position, FLAT * self._smallest**2))
+            self._triangles = _triangles(position, FLAT * self._smallest**2)
         rows, one, other, before = self._triangles
         place = position + u
         now = _cross(place[one] - place[rows], place[other] - place[rows])
         turned = np.flatnonzero(before * now <= 0)
-        if not len(turned):
-            return
         near = np.zeros(len(position), dtype=bool)
         near[rows[turned]] = True
         gone = (len(position) * broken.source + broken.target)[near[broken.source]]
         for end in (one, other):
             turned = turned[~np.isin(len(position) * rows[turned] + end[turned], gone, assume_unique=True)]
-        if len(turned):
+        if len(turned := self._bonded(turned)):
             self._said = True
             names = ", ".join(_named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
             _warn(
@@ -292,17 +290,19 @@ class Watch:
                 " compression; bonds do not keep nodes apart",
             )
 
-    def _bonded(self, found: _Triangles) -> _Triangles:
-        """Those whose nodes were bonded at the start."""
-        kept = np.ones(len(found.row), dtype=bool)
-        for at in range(0, len(found.row), TOGETHER):
-            row, one, other, _ = (column[at : at + TOGETHER] for column in found)
-            nodes = len(self._model.grid)
-            source, target = self._bonds(int(row[0]), int(row[-1]) + 1)
-            keys = nodes * source + target
-            bonded = [np.isin(nodes * row + end, keys, assume_unique=True) for end in (one, other)]
-            kept[at : at + TOGETHER] = bonded[0] & bonded[1]
-        return _Triangles(found.row[kept], found.one[kept], found.other[kept], found.twice[kept])
+    def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of some triangles whose nodes were bonded at the start; the others are forgotten."""
+        assert self._triangles is not None
+        rows, one, other, before = self._triangles
+        nodes, kept = len(self._model.grid), np.zeros_like(turned, dtype=bool)
+        for part in np.unique(rows[turned] // TOGETHER).tolist():
+            here = np.flatnonzero(rows[turned] // TOGETHER == part)
+            source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
+            keys, some = nodes * source + target, turned[here]
+            bonded = [np.isin(nodes * rows[some] + end[some], keys, assume_unique=True) for end in (one, other)]
+            kept[here] = bonded[0] & bonded[1]
+        before[turned[~kept]] = np.nan
+        return np.asarray(turned[kept])
 
 
 class _Triangles(NamedTuple):

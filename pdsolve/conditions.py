@@ -9,10 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
-from pdsolve.model import Model
+from pdmesh.model.continuum import pressure_speed
+from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.trees import tree_of
+from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
+ABSORBED = 7.0  # damping where a layer ends, times its depth over the speed of P waves
 HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
 
 
@@ -71,6 +74,30 @@ def initial_velocity(model: Model) -> NDArray[np.float64]:
     return velocity
 
 
+def damping(model: Model) -> NDArray[np.float64]:
+    """Force against motion over mass and velocity (n,), 1/s: that of the run, and of layers that absorb waves.
+
+    In a layer of depth L it is K (c / L) (d / L), c being the speed of P waves and d how far a node is from those that
+    are not in the layer: of waves shorter than L, exp(-K / 2) comes back from its end, and little from its beginning.
+    Of several layers the most counts. Raises ModelError.
+    """
+    found = np.full(len(model.grid), model.settings.run.damping)
+    speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of]
+    for number, condition in enumerate(model.settings.conditions):
+        if isinstance(condition, Absorb):
+            rows = model.selected(condition)
+            rest = np.delete(model.grid.position, rows, axis=0)
+            if not len(rest):
+                raise ModelError(
+                    f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge"
+                )
+            depth = tree_of(rest).query(model.grid.position[rows])[0]
+            whole = depth.max(initial=0.0)
+            layer = ABSORBED * speed[rows] / whole * depth / whole
+            found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
+    return found
+
+
 def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: type[np.floating]) -> Drive:
     """The model's conditions, their body forces at time 0 in place.
 
@@ -82,7 +109,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     loads: list[Entries] = []
     holds: dict[tuple[int, int], tuple[float, int, int]] = {}
     for condition in model.settings.conditions:
-        if isinstance(condition, InitialVelocity):
+        if isinstance(condition, InitialVelocity | Absorb):
             continue
         rows = model.selected(condition)
         number = len(profiles)
@@ -167,6 +194,15 @@ def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
 
 
 factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks seldom: compiling it would take longer
+
+
+def factors(condition: Condition, times: Sequence[float]) -> list[float]:
+    """A condition's factors at these times, s."""
+    points = condition.profile or ((0.0, 1.0),)
+    alone = Profiles(
+        np.array([0, len(points)]), *(np.array(column, dtype=float) for column in zip(*points, strict=True))
+    )
+    return [float(factor_now(alone, 0, time)) for time in times]
 
 
 @njit

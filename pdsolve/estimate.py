@@ -11,27 +11,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.document import Run
+from pdmesh.model.document import Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
-from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of
-from pdsolve.threads import cores
+from pdsolve.starts import still
+from pdsolve.steppers.newton import FACTORED
+from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of, threads_of
 
 DEFAULT = Options()
 
-# Peak of the whole process, bytes: at least, and for each node
-MEMORY = {"thesis": (205e6, 1230.0), "conservative": (188e6, 1190.0)}
+# Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
+# each node
+MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
-# Seconds: of a bond and step on one thread, breaking included; of an entry of the ledger and of a frame, each at least,
-# and for each bond or node; of the beginning
-BOND = {"float64": 0.85e-9, "float32": 0.50e-9}
+# Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
+# the ledger and of a frame, each at least, and for each bond or node; of the beginning
+BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
+NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
-SHARED = 0.8  # of more threads' work that another thread takes over
-LEDGER, LEDGER_BOND = 1.0e-3, 4e-9
+SHARED = 0.5  # of more threads' work that another thread takes over
+DAMPED = 2.5  # times as long
+LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
-BEGIN, BEGIN_NODE = 0.03, 6e-6
-PRODUCTS, ROUNDS, REFERENCE = 4096, 200, 0.84e-6  # s of so many products where that was measured
+BEGIN, BEGIN_NODE = 0.06, 3e-6
+# At rest. Bytes: at least, of a bond, of an entry of the factors, of a bond where there are none, of one that relaxes.
+# Seconds of a load step in which nothing breaks: of a bond's part of the tangent, of an entry (and its square over
+# nodes) of the factors, of a bond and the root of nodes without; of a bond in an iteration of relaxation, which takes
+# so many times the root of nodes
+REST, REST_BOND, ENTRY, GRADIENT = 190e6, 150.0, 16.0, 700.0
+RELAXED_BOND = 150.0
+# Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
+# wide; those of a square are more, those of a strip fewer
+FILL, GROWTH = 20.4, 0.31
+TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
+RELAXED, LONG = 1.1e-9, 28.0
+PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
 class Plan(NamedTuple):
@@ -43,13 +58,16 @@ class Plan(NamedTuple):
     time_step: float  # s
     stable_time_step: float  # s
     memory: int  # bytes of the process at its peak
-    wall_time: float  # s of the time loop, with its ledger and frames
+    wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
+    at_rest: bool = False  # steps are load steps
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take. Raises ModelError."""
-    scheme = scheme_of(model, options)
-    if law_of(model) in PAIRS:
+    scheme, settings = scheme_of(model, options), model.settings
+    if settings.run.start == "static":
+        still(model, options, scheme)  # says what is wrong with it
+    if law_of(model) in PAIRS and settings.run.solver != "static":
         survey = Survey(scheme.fill(model), scheme.symmetric)
         for _ in survey.parts():
             pass
@@ -57,23 +75,43 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system
-        count, bound, step = system.count, system.bound, system.time_step
+        count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     paired = law_of(model) in PAIRS
-    return priced(model.settings.run, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    return priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
 
 
-def priced(run: Run, options: Options, nodes: int, bonds: int, steps: tuple[float, float], paired: bool = True) -> Plan:
+def priced(
+    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], paired: bool = True
+) -> Plan:
     """The same, for so many nodes and bonds; `steps` are that of the run and the one that is surely stable, s."""
+    run = settings.run
+    rest, load_step = resting(run, nodes, bonds)
+    if run.solver == "static":
+        return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
     least, each = MEMORY[options.mode]
     memory = least + each * nodes + (0 if paired else LISTED * bonds)
-    threads = options.threads or cores()
-    update = (BOND[options.precision] if paired else LISTED_BOND) / (1 + SHARED * (threads - 1))
+    threads = threads_of(options, nodes, paired)
+    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if paired else bonds * LISTED_BOND
+    if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
+        update *= DAMPED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
-    seconds = run.steps * bonds * update
+    seconds = run.steps * update / (1 + SHARED * (threads - 1))
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
+    if run.start == "static":
+        memory, seconds = max(memory, rest), seconds + load_step
     seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
     return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds)
+
+
+def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
+    """Memory of the process (bytes) and time (s on the machine measured) of a load step in which nothing breaks."""
+    if run.static.method == "relaxation":
+        return REST + RELAXED_BOND * bonds, RELAXED * LONG * bonds * nodes**0.5
+    if 2 * nodes > FACTORED:
+        return REST + GRADIENT * bonds, TANGENT * bonds + WITHOUT * bonds * nodes**0.5
+    entries = FILL * bonds * (nodes / 1000) ** GROWTH
+    return REST + REST_BOND * bonds + ENTRY * entries, TANGENT * bonds + SOLVED * entries + FACTOR * entries**2 / nodes
 
 
 def slower() -> float:

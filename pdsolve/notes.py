@@ -21,6 +21,7 @@ from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.schema import taken
 from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
+from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
 
 KEPT = 1.0  # s between checkpoints in full precision
@@ -61,6 +62,8 @@ def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """Everything a later run needs to go on to the same bits, but for the broken bonds; a copy."""
     here = {**state._asdict(), "held_force": system.drive.held_force}
+    if isinstance(system.stepper, LoadSteps):
+        here["rested"] = system.stepper.keep()
     return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep())
 
 
@@ -84,6 +87,8 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         source, target = (order[np.searchsorted(ids, column[before], sorter=order)] for column in broken[1:])
         past = Broken(broken.step[before], source, target)
     system.operator.back(kept, past)
+    if isinstance(system.stepper, LoadSteps):
+        system.stepper.back(kept["rested"], past)
     put_loads(system.drive, step * system.time_step)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import InitialVelocity
+from pdmesh.model.document import Absorb, InitialVelocity
 from pdsolve.conditions import factor_now
 from pdsolve.model import Model
 from pdsolve.state import State
@@ -36,11 +36,11 @@ class Reaction(NamedTuple):
 
 
 def grips(model: Model) -> tuple[Grip, ...]:
-    """All conditions of a model but initial velocities, in its order, which is that of the profiles of `Drive`."""
+    """All conditions of a model that act with forces, in its order, which is that of the profiles of `Drive`."""
     return tuple(
         Grip(number, str(condition.__struct_config__.tag), model.selected(condition))
         for number, condition in enumerate(model.settings.conditions)
-        if not isinstance(condition, InitialVelocity)
+        if not isinstance(condition, InitialVelocity | Absorb)
     )
 
 

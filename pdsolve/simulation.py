@@ -22,8 +22,11 @@ from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.stability import UnstableError
+from pdsolve.starts import started
 from pdsolve.state import State
-from pdsolve.system import Options, System, prepare
+from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.system import Options, Stepper, System, prepare
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 DEFAULT = Options()
@@ -36,6 +39,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
+    going: Going | None = None  # of a load step that is being solved
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -57,7 +61,7 @@ def simulate(
     ResultsError.
     """
     with writing_to(output):
-        system, state = prepare(model, options)
+        system, state = started(prepare(model, options))
         advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 
@@ -114,7 +118,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         model = model_of(results.model(), str(output))
-        system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
+        system, state = started(prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))))
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(
@@ -154,7 +158,7 @@ def _finish(
                 writer.write(notes.frame(0, whole=True, state=True))
             status = _march(notes, writer, watch, adapt)
         except BaseException as error:
-            ends = {UnstableError: "unstable", KeyboardInterrupt: "interrupted"}
+            ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise
         last = writer.done()
@@ -182,6 +186,13 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         balance = books.balance(notes.system.initial_energy)
         return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
 
+    def going(now: Going) -> None:
+        """Show how far a load step is; it is lost where the run is to stop meanwhile."""
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.last.balance(0.0), now)):
+            raise KeyboardInterrupt
+
+    if isinstance(notes.system.stepper, LoadSteps):
+        notes.system.stepper.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         looks = run.steps
@@ -261,7 +272,15 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": books.balance(system.initial_energy),
         "stopped": system.model.settings.run.until if stopped_early else None,
+        **_rested(system.stepper),
     }
+
+
+def _rested(stepper: Stepper) -> dict[str, Any]:
+    """How each load step came to rest."""
+    if not isinstance(stepper, LoadSteps):
+        return {}
+    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}
 
 
 __all__ = [
@@ -270,6 +289,7 @@ __all__ = [
     "Progress",
     "ResultsError",
     "System",
+    "UnsettledError",
     "UnstableError",
     "prepare",
     "resume",

@@ -40,6 +40,11 @@ def cores() -> int:
     return int(numba.config.NUMBA_NUM_THREADS)
 
 
+def crew(rows: int, least: int = LEAST) -> int:
+    """How many threads so many rows are worth, at `least` so many for each: of all that there may be."""
+    return max(1, min(cores(), rows // least))
+
+
 def gate_of(threads: int) -> Gate:
     """A gate for so many threads."""
     return Gate(np.zeros(1, dtype=np.int64), threads, _idle())

@@ -9,12 +9,18 @@ from typing import Any
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import eigsh
 
 from pdsolve.bonds import Bonds, in_precision
 from pdsolve.model import ModelWarning
 from pdsolve.notes import checkpoint
 from pdsolve.state import Broken
+from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.newton import Newton
 from pdsolve.system import Prepared, system_of
+
+SMALL = 1e-6
 
 
 def bonds_of(problem: Prepared) -> Bonds:
@@ -56,3 +62,55 @@ def at_step(problem: Prepared, dt: float) -> Prepared:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         return system_of(dataclasses.replace(system.model, settings=settings), system.options, system.scheme)
+
+
+def sources(bonds: Bonds) -> NDArray[np.int64]:
+    """Row (b,) of the node whose bond it is."""
+    return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+
+
+def matrix(problem: Prepared) -> csr_array:
+    """K (2n, 2n), N/m^4: minus the force densities for small displacements, node i at rows 2i and 2i + 1."""
+    rest = problem.state._replace(value=np.zeros(problem.state.value.shape))
+    return problem.system.operator.tangent(rest)
+
+
+def weighted(problem: Prepared) -> csr_array:
+    """K times the nodes' areas, symmetric in the conservative mode, N/m^2 (a force per unit thickness and length)."""
+    return diags_array(np.repeat(problem.system.area, 2)) @ matrix(problem)
+
+
+def true_limit(problem: Prepared) -> float:
+    """2 / omega_max, s, of a symmetric operator: what the step must be below."""
+    mass = np.repeat(problem.system.model.rho * problem.system.area, 2)
+    K = weighted(problem)
+    scaled = diags_array(mass**-0.5) @ (K + K.T) / 2 @ diags_array(mass**-0.5)
+    start = np.random.default_rng(1).standard_normal(len(mass))
+    return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", v0=start, return_eigenvectors=False)[0]))
+
+
+def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacements (n, 2) at rest under the loads of time 0, the components `held` (n, 2) being those of `at`: by
+    Newton's method on a millionth of them, where the plate is as good as linear."""
+    system, state = problem.system, problem.state
+    rest = state._replace(value=np.zeros(state.value.shape), rate=np.zeros(state.value.shape))
+    newton = Newton(system.operator, system.area, 1e-9, free=int((~held).sum()))
+    newton.settle(rest, Asked(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None)
+    return np.asarray(rest.value / SMALL)
+
+
+def accelerate(problem: Prepared) -> None:
+    """Give all nodes the accelerations that belong to their small displacements."""
+    state = problem.state
+    pull = matrix(problem) @ state.value.astype(float).ravel()
+    state.second[:] = -pull.reshape(-1, 2) / problem.system.model.rho[:, None]
+
+
+def stiffness(bonds: Bonds, node: int) -> tuple[float, float, float]:
+    """C11, C22 and C66 (= C12) of a node's bonds, Pa: of the energy c s^2 xi / 4 that is its half."""
+    own = slice(bonds.start[node], bonds.start[node + 1])
+    xi = bonds.xi[own]
+    length = np.hypot(*xi.T)
+    n_x, n_y = (xi / length[:, None]).T
+    share = bonds.stiffness[own] * length / 2
+    return tuple(float(np.sum(share * term)) for term in (n_x**4, n_y**4, (n_x * n_y) ** 2))  # type: ignore[return-value]

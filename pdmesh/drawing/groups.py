@@ -7,15 +7,17 @@
     Physical Curve or Surface("fix:NAME")     Fixes/NAME/Components (xy), Displacement x, y; *
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
+    Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane,
                                               Model, Influence, Failure, Strength, Solid, Form, Control, Control
                                               factor, Order, Constant term, Yield stress, Hardening
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
+    -                                         Run/Solver (explicit, static), Start, Load steps, Damping
 
-Lengths - coordinates, Spacing, Distance, Displacement, Box - are in the unit that Units names (m), all else in SI
-units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in
+Lengths - coordinates, Spacing, Distance, Displacement, Width, Box - are in the unit that Units names (m), all else in
+SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in
 Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME FACTOR,
 TIME FACTOR, ...".
 """
@@ -46,8 +48,10 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "load": ((1, 2), "Loads"),
     "fix": ((1, 2), "Fixes"),
     "move": ((1, 2), "Moves"),
+    "absorb": ((1, 2), "Absorbs"),
     "material": ((2,), "Materials"),
 }
+PLACED = ("load", "fix", "move", "absorb")  # kinds of conditions, which may have a box instead of a group
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 
@@ -148,12 +152,12 @@ def _meant(kind: str, name: str) -> str:
 def _check_groups(groups: dict[str, dict[str, Group]], parameters: Parameters) -> None:
     for kind, (dimensions, folder) in GROUPS.items():
         for name in groups[kind]:
-            if kind in ("load", "fix", "move") and parameters.text(f"{folder}/{name}/Box"):
+            if kind in PLACED and parameters.text(f"{folder}/{name}/Box"):
                 raise SceneError(
                     f"parameter '{PREFIX}{folder}/{name}/Box': found a group '{kind}:{name}' too, expected one of them"
                 )
         for name in sorted(parameters.below(folder or "") - set(groups[kind])) if folder else ():
-            if kind in ("load", "fix", "move") and parameters.text(f"{folder}/{name}/Box"):
+            if kind in PLACED and parameters.text(f"{folder}/{name}/Box"):
                 continue
             group = f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}")'
             near = named.nearest(name, groups[kind])
@@ -202,6 +206,8 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
             if (pair := parameters.pair(f"{folder}/{key}")) != (None, None)
         }
         scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
+    for name, where, folder in _places(groups, parameters, "absorb"):
+        scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
     return scene
 
 

@@ -41,10 +41,11 @@ FOLDERS = {
     f"Loads/{ANY}": LOAD + SHARED,
     f"Fixes/{ANY}": FIX + SHARED,
     f"Moves/{ANY}": MOVE + SHARED,
+    f"Absorbs/{ANY}": ("Width", "Box"),
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    "Run": ("Time step", "Duration", "Frame every"),
+    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -230,18 +231,28 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
 
 
 def run(parameters: Parameters) -> Run:
-    """How long to solve, from the duration and the time step."""
+    """How to solve, and how long: from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
-    every = parameters.whole("Run/Frame every", 50)
-    if step is None and duration is None:
-        return _converted({"every": every}, Run, "Run")
+    given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
+    given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
+    given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step}
+    given = {name: value for name, value in given.items() if value is not None}
+    if parameters.maybe("Run/Load steps") is not None:
+        given["static"] = {"load_steps": parameters.whole("Run/Load steps", 1)}
+    if step is not None or duration is not None:
+        given["steps"] = _steps(step, duration)
+    return _converted(given, Run, "Run")
+
+
+def _steps(step: float | None, duration: float | None) -> int:
+    """How many steps of so many seconds a duration takes. Raises SceneError for one without the other."""
     if step is None or duration is None or not step > 0 or not duration >= 0:
         raise SceneError(
             f"{PREFIX}Run: found Time step {step} s and Duration {duration} s, expected both, positive, or none"
         )
     if duration / step > 1e9:
         raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
-    return _converted({"time_step": step, "steps": round(duration / step), "every": every}, Run, "Run")
+    return round(duration / step)
 
 
 def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:

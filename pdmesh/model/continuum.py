@@ -63,6 +63,13 @@ def bulk_modulus(E: float, nu: float, space: str) -> float:
     return first + shear if space == "strain" else first + 2 * shear / 3
 
 
+def pressure_speed(material: Material) -> float:
+    """Speed of P waves in a plate, m/s."""
+    nu = poisson(material)
+    C11 = 1 / (1 - nu**2) if material.plane == "stress" else (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    return float(np.sqrt(C11 * material.E / material.rho))
+
+
 def rayleigh_ratio(nu: float) -> float:
     """Speed of Rayleigh waves over that of shear waves in plane strain, for the Poisson ratio `nu`.
 

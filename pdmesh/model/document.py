@@ -137,7 +137,21 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
     y: float = 0.0
 
 
-AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity
+class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
+    """A layer along an edge in which waves die out: the more, the farther a node is from those that are not in it."""
+
+
+AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
+
+
+class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How a plate is brought to rest."""
+
+    method: Literal["newton", "relaxation"] = "newton"
+    load_steps: PositiveInt | None = None  # from time 0 to the end of the profiles; None: 10, 1 if nothing varies
+    tolerance: Positive = 1e-8  # what is left of the forces over those from outside
+    iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
+    floating: bool = False  # bodies that nothing supports are held softly, not refused
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -151,6 +165,10 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
+    solver: Literal["explicit", "static"] = "explicit"  # static: a load step is a step and a frame
+    start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
+    damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
+    static: Static = Static()
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

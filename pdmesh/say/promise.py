@@ -20,7 +20,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.drawing.parameters import PREFIX, unit_of
-from pdmesh.model.document import Acceleration, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Velocity
 from pdmesh.say.families import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -30,7 +30,14 @@ RATIO = 2.0  # of the coarse spacing over the fine one; larger jumps reflect wav
 NEAR = 0.5  # of the feature: how far around it a scene without zones is refined
 EXTRAPOLATED = 2.0  # times below the least error measured: how far first order is trusted
 ROUNDED = 2  # digits of a proposed spacing
-FOLDERS = {Load: "Loads", Displacement: "Fixes", Velocity: "Moves", Acceleration: "Moves", InitialVelocity: "Moves"}
+FOLDERS = {
+    Load: "Loads",
+    Displacement: "Fixes",
+    Velocity: "Moves",
+    Acceleration: "Moves",
+    InitialVelocity: "Moves",
+    Absorb: "Absorbs",
+}
 
 
 @dataclass(frozen=True)

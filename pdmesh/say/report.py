@@ -49,8 +49,9 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "area_of_shape": None if plate is None else float(plate.area),
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
-        "time_step": document.run.time_step,
-        "steps": document.run.steps,
+        "at_rest": run is not None and run.at_rest,
+        "time_step": run.time_step if run and run.at_rest else document.run.time_step,
+        "steps": run.steps if run and run.at_rest else document.run.steps,
         "area_rule": document.area_rule,
         "material": _fields(document.material),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
@@ -74,7 +75,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         + ("" if result["area_of_shape"] is None else f", of the shape {result['area_of_shape']:.10g} m^2"),
         f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
         f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack segments",
-        _step_line(result["smallest_stable_step"], result["time_step"], result["steps"]),
+        _step_line(result),
     ]
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
@@ -107,7 +108,10 @@ def _quantity(value: float | None, unit: str) -> str:
     return "?" if value is None else f"{value:.4g} {unit}".strip()
 
 
-def _step_line(stable: float | None, step: float | None, steps: int) -> str:
+def _step_line(result: dict[str, Any]) -> str:
+    stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
+    if result["at_rest"]:
+        return f"at rest: {step:.4g} s x {steps} load steps"
     sure = "no material, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
 
@@ -183,7 +187,7 @@ def _one_scale(
     from pdsolve.system import Options
 
     steps = own.time_step, own.stable_time_step
-    return _cost({spacing: nodes}, nodes, bonds, priced(settings.run, Options(mode), nodes, bonds, steps))
+    return _cost({spacing: nodes}, nodes, bonds, priced(settings, Options(mode), nodes, bonds, steps))
 
 
 def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import LARGEST, MOST, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.model.document import LARGEST, MOST, Absorb, InitialVelocity, Load, Material, Run, Settings
 from pdmesh.scene.conditions import PlacedCondition, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
@@ -166,6 +166,8 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
         if action.traction is not None and isinstance(condition.place.shape, Surface):
             raise SceneError(f"{place}: found a traction on a surface, expected a body force there, or a curve")
         values = [*(action.traction or ()), *(action.body_force or ())]
+    elif isinstance(action, Absorb):
+        values = []
     else:
         if action.x is None and action.y is None:
             raise SceneError(f"{place}: found no component, expected x, y or both")
@@ -173,7 +175,7 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     values += [value for point in getattr(action, "profile", ()) for value in point]
     if not (np.abs(values) <= MOST).all():
         raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
-    if not isinstance(action, InitialVelocity) and not isinstance(action.breakable, bool):
+    if not isinstance(action, Absorb | InitialVelocity) and not isinstance(action.breakable, bool):
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
     if condition.place.shape.distance(scene.shape) > rows * scene.spacing:
         raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")

@@ -20,6 +20,8 @@ import msgspec
 from shapely import LineString
 
 from pdmesh.model.document import (
+    LARGEST,
+    Absorb,
     Acceleration,
     AnyCondition,
     Displacement,
@@ -35,6 +37,8 @@ from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, Prof
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
+
+DEEP = 12.0  # horizons: of a layer that absorbs
 
 Where: TypeAlias = str | Curve | Surface | Circle | Points
 Components: TypeAlias = tuple[float | None, float | None]
@@ -149,6 +153,22 @@ class Scene(Plate):
                 raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
             return self._with(kind, {"x": x or 0.0, "y": y or 0.0}, where, rows, name)
         return self._with(kind, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+
+    def absorb(self, where: Where, width: float | None = None, name: str = "") -> Scene:
+        """With a layer in which waves die out, `width` (m) deep from a curve, or all of a shape.
+
+        None: as deep as a pulse of two horizons needs, 12 horizons of the coarsest nodes. For the rest see `load`.
+        """
+        if isinstance(where, Circle | Surface):
+            if width is not None:
+                raise SceneError(f"absorb '{name}': found a width and a surface, expected one of them")
+            return self._with(Absorb, {}, where, 1, name)
+        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        width = DEEP * self.horizon * self.spacing if width is None else width
+        if not 0 < width <= LARGEST:
+            raise SceneError(f"absorb '{name}': width: found {width:g} m, expected more than 0 m")
+        layer = self._place(where, f"absorb '{name}'").buffer(width, cap_style="flat", join_style="mitre")
+        return self._with(Absorb, {}, layer, 1, name)
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any

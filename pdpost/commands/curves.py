@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from pdmesh import commandline
 from pdpost.commands import delivery
 
 if TYPE_CHECKING:
@@ -51,6 +52,16 @@ def add(commands: Commands) -> None:
     )
     reaction.add_argument(
         "--component", choices=("x", "y"), help="of force and displacement (default: the larger force's)"
+    )
+    reaction.add_argument(
+        "--gap",
+        nargs=2,
+        type=_place("--gap", 2),
+        metavar="X,Y",
+        help="draw the force against the opening between the nodes nearest to two places, m (' -1,0' if X is negative)",
+    )
+    reaction.add_argument(
+        "--smooth", type=int, default=1, metavar="N", help="with --gap: take means over N steps (default: 1)"
     )
     reaction.set_defaults(run=_reaction)
 
@@ -176,6 +187,10 @@ def _reaction(args: argparse.Namespace) -> int:
     from pdpost.measures.forces import chosen, reactions
     from pdsolve.results import Results
 
+    if args.gap is not None:
+        return _gap(args)
+    if args.smooth != 1:
+        raise commandline.UsageError("--smooth: found it without --gap, expected both")
     path = delivery.picture_path(args, ".reaction.png")
     axis = None if args.component is None else "xy".index(args.component)
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
@@ -210,6 +225,36 @@ def _reaction(args: argparse.Namespace) -> int:
     )
     result = {"units": "SI, per unit thickness", "conditions": [one._asdict() for one in found]}
     return delivery.deliver(args, result, lines, header, rows, path)
+
+
+def _gap(args: argparse.Namespace) -> int:
+    from pdpost.measures.forces import chosen, reactions
+    from pdpost.measures.gaps import against, gap
+    from pdsolve.results import Results
+
+    if args.smooth < 1:
+        raise commandline.UsageError(f"--smooth: found {args.smooth}, expected 1 or more")
+    path = delivery.picture_path(args, ".gap.png")
+    axis = None if args.component is None else "xy".index(args.component)
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        (_, one), (_, other) = args.gap
+        opened = gap(results, one, other)
+        conditions = chosen(reactions(results), args.condition)
+        found = [against(opened, each, each.axis if axis is None else axis, args.smooth) for each in conditions]
+        if path is not None:
+            from pdpost.figures import charts, style
+
+            style.save(charts.openings(found), path)
+    lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
+    for each in found:
+        at = int(abs(each.force).argmax())
+        last, most = (f"{each.force[k]:+.4g} N/m at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, at))
+        lines.append(f"{each.name}, along {'xy'[each.axis]}: {last} of opening in the end, {most} at most")
+    rows = [
+        (each.name, opening, force) for each in found for opening, force in zip(each.opening, each.force, strict=True)
+    ]
+    result = {"units": "SI, per unit thickness", "nodes": opened.nodes, "forces": [each._asdict() for each in found]}
+    return delivery.deliver(args, result, lines, ("condition", "opening, m", "force, N/m"), rows, path)
 
 
 __all__ = ["add"]

@@ -14,6 +14,7 @@ from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
+from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
 
 DASHES = ("-", "--", "-.", ":")
@@ -102,6 +103,21 @@ def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
     for panel in (over_time, over_way):
         plain(panel)
     figure.legend(*over_time.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def openings(found: list[Pulled]) -> Figure:
+    """Forces against the opening of a gap."""
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    plain(axes)
+    newton, newtons = scaled((one.force for one in found), "N/m")
+    metre, metres = scaled((one.opening for one in found), "m")
+    for number, one in enumerate(found):
+        label = f"{one.name}, {'xy'[one.axis]}"
+        axes.plot(one.opening * metre, one.force * newton, lw=1.2, label=label, **look(number))
+    axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the plate, {newtons}")
+    figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 

@@ -20,9 +20,20 @@ from pdsolve.steppers.holds import hold_component, release_component
 class Verlet:
     """Takes steps with any operator."""
 
-    def __init__(self, operator: Operator, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
-        """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
+    def __init__(
+        self,
+        operator: Operator,
+        drive: Drive,
+        rho: NDArray[np.floating],
+        dt: float,
+        damping: NDArray[np.float64] | None = None,
+    ) -> None:
+        """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the force against motion over mass and
+        velocity, 1/s, on what is not held."""
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
+        self._damping = damping if damping is not None and damping.any() else None
+        self._held = np.zeros(drive.force.shape, dtype=np.bool_)
+        self._held[drive.holds.node, drive.holds.axis] = True
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
@@ -31,7 +42,12 @@ class Verlet:
             _begin(state, drive, dt, step * dt)
             out[:] = 0
             self._operator.add(state, out, step, dt)
-            _end(state, drive, out, self._rho, dt, step * dt)
+            if self._damping is not None:
+                before = state.rate - dt / 2 * state.second
+                _end(state, drive, out, self._rho, dt, step * dt)
+                _damp(state, before, self._rho, self._held, self._damping, dt)
+            else:
+                _end(state, drive, out, self._rho, dt, step * dt)
 
 
 @njit(cache=True, error_model="numpy")
@@ -63,3 +79,18 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
     for i in range(len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
+
+
+@njit(cache=True, error_model="numpy")
+def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
+    """Let a step end with the damping c (n,), 1/s, that it began with, and book what it takes; `before` (n, w) are the
+    velocities one step ago. What Verlet takes out of the motion is the mean force of both ends on the way between."""
+    v, a = state.rate, state.second
+    for i in range(len(v)):
+        for axis in range(v.shape[1]):
+            if not held[i, axis]:
+                undamped = a[i, axis]
+                middle = v[i, axis] - dt / 2 * undamped
+                v[i, axis] /= 1 + c[i] * dt / 2
+                a[i, axis] = undamped - c[i] * v[i, axis]
+                state.dissipated[i] += rho[i] * c[i] * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)

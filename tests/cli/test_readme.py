@@ -48,6 +48,8 @@ def test_every_scene_and_option_it_names_exists() -> None:
             "--dry-run",
             "--probe",
             "--fields",
+            "--static",
+            "--float",
         )
 
 

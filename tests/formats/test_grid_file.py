@@ -123,7 +123,7 @@ def test_schema_names_every_key() -> None:
     found = schema()
     assert found["$schema"].startswith("https://json-schema.org/")
     assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN)
-    kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity"}
+    kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity", "absorb"}
     tags = {
         entry["properties"]["kind"]["enum"][0] for entry in found["$defs"].values() if "kind" in entry["properties"]
     }

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.document import Material, Region
+from pdmesh.model.document import Material, Region, Run
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
 from pdsolve.system import Options, prepare
@@ -60,3 +60,17 @@ def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dic
 def test_the_fast_kernel_is_for_springs() -> None:
     with pytest.raises(ModelError, match=r"kernel: found .* a law that is no pair's"):
         prepare(of(STATE_BASED), Options(kernel="blocks"))
+
+
+@pytest.mark.parametrize(
+    ("material", "says"),
+    [
+        ({"model": "ordinary", "nu": 0.2}, r"failure: found 'stretch', expected 'none' at rest with 'ordinary'"),
+        ({"model": "micropolar", "nu": 0.2, "failure": "none"}, r"model: found 'micropolar', expected one without"),
+        ({"model": "correspondence", "nu": 0.2, "failure": "none", "form": "rate"}, r"form: found 'rate'"),
+    ],
+)
+def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], says: str) -> None:
+    made = plate(square_grid(9, 8), material=msgspec.structs.replace(GLASS, **material), run=Run(solver="static"))
+    with pytest.raises(ModelError, match=says):
+        prepare(made, Options())

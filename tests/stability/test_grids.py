@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 from failures import Said, saying
-from linear import matrix, sources
 from plates import GLASS, plate, square_grid
-from systems import bonds_of
+from systems import bonds_of, matrix, sources
 
 from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid

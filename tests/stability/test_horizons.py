@@ -7,9 +7,8 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from linear import stiffness
 from plates import GLASS, plate, square_grid
-from systems import bonds_of
+from systems import bonds_of, stiffness
 
 from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
 from pdsolve.system import Options, prepare

@@ -13,12 +13,11 @@ import msgspec
 import numpy as np
 import pytest
 from failures import saying
-from linear import accelerate, equilibrium, sources
 from numpy.typing import NDArray
 from periodic import joined
 from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
-from systems import at_step, bonds_of, broken
+from systems import accelerate, at_step, bonds_of, broken, equilibrium, sources
 
 from pdmesh.model.cloud import Grid
 from pdmesh.model.continuum import critical_stretch

@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from failures import Said
-from linear import equilibrium, sources
 from periodic import joined
 from plates import plate, square_grid
-from systems import bonds_of
+from systems import bonds_of, equilibrium, sources
 
 from pdmesh.model.document import Load, Run
 from pdsolve.system import Options, prepare

@@ -9,11 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 from failures import saying
-from linear import matrix
 from periodic import joined
 from plates import GLASS, plate, square_grid
 from scipy.sparse.linalg import spsolve
-from systems import at_step
+from systems import at_step, matrix
 
 from pdmesh.model.document import Region, Run
 from pdsolve.estimate import plan

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from linear import matrix
 from plates import GLASS, plate, two_scale_grid
+from systems import matrix
 
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.measures import books

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 import pytest
 from failures import saying
-from linear import true_limit
 from plates import GLASS, plate, square_grid
+from systems import true_limit
 
 from pdmesh.model.document import InitialVelocity, Material, Run
 from pdsolve.model import Model

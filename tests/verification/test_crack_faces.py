@@ -8,10 +8,9 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium, sources
 from numpy.typing import NDArray
 from plates import GEOMETRIES, GLASS, plate, square_grid
-from systems import bonds_of
+from systems import bonds_of, equilibrium, sources
 
 from pdmesh.model.cloud import Grid
 from pdsolve.bonds import Filling, Part

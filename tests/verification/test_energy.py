@@ -8,9 +8,8 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium
 from plates import GLASS, plate, square_grid, two_scale_grid
-from systems import at_step, broken
+from systems import at_step, broken, equilibrium
 
 from pdmesh.model.document import (
     Acceleration,

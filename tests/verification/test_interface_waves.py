@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear import accelerate
 from periodic import joined
 from plates import GLASS, interface_grid, plate
-from systems import at_step
+from systems import accelerate, at_step
 
 from pdsolve.system import Options, Prepared, prepare
 

@@ -7,9 +7,9 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
+from systems import equilibrium
 
 from pdmesh.model.document import Material
 from pdsolve.system import Options, prepare

@@ -5,10 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium, matrix, sources
 from periodic import joined
 from plates import GLASS, plate, square_grid
-from systems import bonds_of
+from systems import bonds_of, equilibrium, matrix, sources
 
 from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Material, Region

@@ -5,10 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from linear import matrix
 from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
-from systems import bonds_of, broken
+from systems import bonds_of, broken, matrix
 
 from pdsolve.system import Options, Prepared, prepare
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from linear import equilibrium
 from plates import GLASS, plate, square_grid
+from systems import equilibrium
 
 from pdmesh.model.document import Load
 from pdmesh.model.full_lattice import calibration, lattice_ratios

@@ -7,11 +7,10 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from linear import accelerate, matrix, true_limit
 from periodic import joined
 from plates import GLASS, interface_grid, plate, square_grid
 from scipy.sparse.linalg import eigs
-from systems import at_step
+from systems import accelerate, at_step, matrix, true_limit
 
 from pdmesh.model.full_lattice import calibration
 from pdmesh.say.families import SURFACES, stable_step

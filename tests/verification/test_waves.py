@@ -5,10 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from linear import accelerate
 from periodic import joined
 from plates import GLASS, plate, square_grid
-from systems import at_step
+from systems import accelerate, at_step
 
 from pdmesh.model.continuum import micromodulus
 from pdmesh.model.document import Material

@@ -7,8 +7,8 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from linear import sources
 from plates import GLASS, plate, square_grid
+from systems import sources
 
 from pdmesh.model.cloud import Grid
 from pdmesh.model.full_lattice import hu_beta, offsets

@@ -9,9 +9,10 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
-from pdmesh.model.document import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
-from pdsolve.conditions import apply_loads, put_loads, unbreakable
+from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
+from pdsolve.conditions import ABSORBED, apply_loads, damping, put_loads, unbreakable
 from pdsolve.measures import books
+from pdsolve.model import ModelError
 from pdsolve.system import Options, Prepared, prepare
 
 DT = 2e-8
@@ -166,3 +167,18 @@ def test_loads_put_once_are_those_of_every_step(precision: str) -> None:
         apply_loads(each, time)
         assert np.array_equal(once.force, each.force)
     assert np.count_nonzero(once.force) > 20
+
+
+def test_layers_absorb_the_more_the_deeper() -> None:
+    """K c / L (d / L), on top of the damping of the run; of two layers that which counts more."""
+    grid = square_grid(21, 11, 1e-3)
+    right, top = Absorb(box=(14.5e-3, -1.0, 1.0, 1.0)), Absorb(box=(-1.0, 7.5e-3, 1.0, 1.0))
+    found = damping(plate(grid, 3, conditions=(right, top), run=Run(damping=5.0))).reshape(11, 21)
+    speed = np.sqrt(1.125 * GLASS.E / GLASS.rho)
+    along = ABSORBED * speed / 6e-3 * np.arange(1, 7) / 6
+    assert found[0, 15:] == pytest.approx(5 + along)
+    assert found[8:, 0] == pytest.approx(5 + ABSORBED * speed / 3e-3 * np.arange(1, 4) / 3)
+    assert (found[:8, :15] == 5.0).all()
+    assert found[8, 20] == pytest.approx(found[0, 20])
+    with pytest.raises(ModelError, match=r"\$.conditions\[0\]: found all nodes, expected a layer along an edge"):
+        damping(plate(grid, 3, conditions=(Absorb(box=(-1.0, -1.0, 1.0, 1.0)),)))

@@ -64,6 +64,10 @@ def test_every_parameter_has_its_place() -> None:
             "Run/Time step": 1e-8,
             "Run/Duration": 1e-6,
             "Run/Frame every": 10.0,
+            "Run/Solver": "static",
+            "Run/Load steps": 7.0,
+            "Run/Start": "static",
+            "Run/Damping": 3.0,
             "Refine/crack/Distance": 1e-3,
             "Zones/plate/Grown": 0.0,
             "Plate/Anything/of the user's": 5.0,
@@ -91,6 +95,8 @@ def test_every_parameter_has_its_place() -> None:
     assert (region.material.E, region.material.rho, region.material.law) == (1e9, 2235, "bilinear")
     assert (model.horizon.ratio, model.area_rule) == (4, "eq19")
     assert (model.run.time_step, model.run.steps, model.run.every) == (1e-8, 100, 10)
+    assert (model.run.solver, model.run.static.load_steps) == ("static", 7)
+    assert (model.run.start, model.run.damping) == ("static", 3.0)
     (crack,) = found.cracks  # two curves of one group are one polyline
     assert len(crack.line.coords) == 3
     assert found.finest == 5e-4
@@ -154,6 +160,7 @@ def test_every_name_is_asked_for(name: str) -> None:
         Group("fix:NAME", 1, curves=([[0, 0, 0], [0.02, 0, 0]],)),
         Group("move:NAME", 1, curves=([[0, 0, 0], [0, 0.01, 0]],)),
         Group("load:NAME", 1, curves=([[0.02, 0, 0], [0.02, 0.01, 0]],)),
+        Group("absorb:NAME", 1, curves=([[0, 0.01, 0], [0.02, 0.01, 0]],)),
         Group("material:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
         Group("zone:NAME", 2, surfaces=(ring(0, 0, 0.01, 0.01),)),
     ]
@@ -254,6 +261,9 @@ BAD = {
     "box inside out": ([], {"Fixes/a/Box": "1 0 0 1"}, "expected x0 < x1"),
     "unknown components": ([], {"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "z"}, "found 'z', expected one of xy"),
     "step without duration": ([], {"Run/Time step": 1e-8}, "Run: found Time step 1e-08 s and Duration None s"),
+    "unknown solver": ([], {"Run/Solver": "implicit"}, "Run: Invalid enum value 'implicit'"),
+    "half a load step": ([], {"Run/Load steps": 2.5}, "Load steps': found 2.5, expected a whole number"),
+    "driven": ([], {"Run/Damping": -1.0}, "Run: Expected `float` >= 0"),
     "too many steps": ([], {"Run/Time step": 1e-300, "Run/Duration": 1.0}, "Run: found 1e[+]300 steps"),
     "half a material": ([], {"Materials/x/E": 1.0}, r'Physical Surface\("material:x"\): found none'),
     "refine what": ([], {"Refine/edge/Distance": 1.0}, r"found a name.*'Peridynamics/Refine/\w+/Distance'"),

@@ -71,6 +71,7 @@ SCENES: dict[str, Callable[[Any], Scene]] = {
     "acceleration": lambda x: plate().move("top", acceleration=(x, 0)),
     "initial velocity": lambda x: plate().move("top", initial_velocity=(x, 0)),
     "rows": lambda x: plate().fix("top", rows=x),
+    "absorbing": lambda x: plate().absorb("top", x),
     "whole rows": lambda x: plate().fix("top", rows=int(x)),
     "breakable": lambda x: plate().fix("top", breakable=x),
     "ramp": lambda x: plate().fix("top", profile=ramp(x)),

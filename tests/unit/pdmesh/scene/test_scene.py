@@ -17,7 +17,7 @@ from pdmesh import Circle, Material, Scene, SceneError, box, ramp
 from pdmesh.drawing.geo import read_geo
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
-from pdmesh.model.document import Acceleration, Displacement, InitialVelocity, Load, Run, Velocity, encode
+from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Run, Velocity, encode
 
 NAN = float("nan")
 
@@ -105,6 +105,16 @@ def test_all_conditions_reach_the_file(plate: Scene) -> None:
     assert (thrust.x, thrust.y) == (None, 5)
     assert isinstance(start, InitialVelocity)
     assert (start.x, start.y, len(start.nodes or ())) == (1, 2, 5)
+
+
+def test_a_layer_that_absorbs_is_as_deep_as_is_said(plate: Scene) -> None:
+    """1 mm nodes, m = 3: by itself a layer is 12 horizons deep."""
+    for scene, rows in ((plate.absorb("right"), 37), (plate.absorb("right", 2.5e-3, "quiet"), 3)):
+        _, settings, _ = build_grid(scene)
+        (layer,) = settings.conditions
+        assert isinstance(layer, Absorb)
+        assert len(layer.nodes or ()) == 21 * rows
+    assert build_grid(plate.absorb(box(0.03, 0, 0.04, 0.02)))[1].conditions[0].name == "1"
 
 
 def test_body_force_over_rows_of_a_curve(plate: Scene) -> None:
@@ -218,6 +228,14 @@ BAD: dict[str, tuple[Callable[[Scene], Any], str]] = {
     "profile of an initial velocity": (
         lambda plate: plate.move("top", initial_velocity=(1, 0), profile=ramp(1)),
         "expected none of an initial velocity",
+    ),
+    "layers of a width and a shape": (
+        lambda plate: plate.absorb(box(0.03, 0, 0.04, 0.02), 1e-3, "layer"),
+        "absorb 'layer': found a width and a surface, expected one of them",
+    ),
+    "layers without a width": (
+        lambda plate: plate.absorb("top", 0.0),
+        "absorb 'top': width: found 0 m, expected more than 0 m",
     ),
 }  # fmt: skip
 

@@ -1,0 +1,35 @@
+"""A compact-tension specimen of PMMA, pulled apart slowly: its crack grows as far as the pins are moved, no further.
+
+Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff discs in place of holes; they turn about
+the node that they are pulled at. The load line is x = 0, and the pins are moved apart by 1 mm a minute.
+Two scales: fine around the pins and along the way of the crack, which is between rows of both.
+Calibrated: nothing. A plane body of bonds in plane strain has nu = 1/4, whatever the material's.
+"""
+
+from pdmesh import Circle, Material, Run, Scene, Static, box, ramp
+
+spacing = 1e-3  # m: between the coarsest nodes
+fine = 5e-4  # m: between nodes along the way of the crack
+horizon = 4.0  # horizon over spacing
+W = 0.05  # m: from the load line to the back
+crack = 0.025  # m: from the load line to its end
+opening = 6e-4  # m: that the pins are moved apart in the end
+load_steps = 24
+
+pmma = Material(E=3e9, rho=1190, G0=350, plane="strain")
+steel = Material(E=200e9, rho=7850, G0=1e5, plane="strain")
+half, pin = 0.6 * W - fine / 2, fine * (0.275 * W // fine + 0.5)
+run = Run(solver="static", static=Static(load_steps=load_steps))
+
+scene = (
+    Scene(box(-0.25 * W, -half, W, half), spacing, pmma, horizon, run)
+    .zone(box(crack - 0.005, -0.004, W, 0.004), fine, "way")
+    .crack([(-0.25 * W, 0), (crack, 0)])
+)
+for side, name in ((1, "upper pin"), (-1, "lower pin")):
+    middle = box(-fine / 4, side * pin - fine / 4, fine / 4, side * pin + fine / 4)
+    scene = (
+        scene.zone(Circle(0, side * pin, 0.14 * W), fine, name, grown=False)
+        .region(Circle(0, side * pin, 0.125 * W), steel, name)
+        .fix(middle, x=0, y=side * opening / 2, profile=ramp(60 * opening / 1e-3), name=name)
+    )

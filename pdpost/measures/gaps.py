@@ -1,0 +1,66 @@
+"""How far two places of a plate have come apart, and the force it took."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.forces import Reaction
+from pdpost.measures.histories import at_place
+from pdsolve.results import Results, ResultsError
+
+Place = tuple[float, float]
+
+
+class Gap(NamedTuple):
+    """The opening between two nodes at t steps."""
+
+    nodes: tuple[int, int]  # ids
+    time: NDArray[np.float64]  # (t,) s
+    opening: NDArray[np.float64]  # (t,) m, how much longer the way between them has become
+
+
+class Pulled(NamedTuple):
+    """A force against a gap, at t times that both are known of."""
+
+    name: str  # of the condition
+    axis: int  # 0 or 1
+    opening: NDArray[np.float64]  # (t,) m
+    force: NDArray[np.float64]  # (t,) N/m, on the plate
+
+
+def gap(results: Results, one: Place, other: Place) -> Gap:
+    """The gap between the nodes nearest to two places, m: of probes where there are any, else of frames.
+
+    Raises ResultsError for places off the plate, for one node, and where nothing was noted of them.
+    """
+    ends = [[at_place(results, place, "displacement", component) for component in "xy"] for place in (one, other)]
+    nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
+    if nodes[0] == nodes[1]:
+        raise ResultsError(f"--gap: found node {nodes[0]} nearest to both places, expected two nodes")
+    known = results.nodes()
+    first, second = (known.position[known.ids == node][0] for node in nodes)
+    times = [end[0].time for end in ends]
+    time = times[0][np.isin(times[0], times[1])]
+    u = [np.column_stack([part.value[np.isin(part.time, time)] for part in end]) for end in ends]
+    way = np.hypot(*(second - first + u[1].astype(float) - u[0]).T)
+    return Gap(nodes, time, way - float(np.hypot(*(second - first))))
+
+
+def against(found: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:
+    """The force of a condition along an axis against a gap; with `smooth` both are means over so many steps.
+
+    Raises ResultsError where fewer than two steps are left.
+    """
+    both = np.intersect1d(found.time, reaction.time)
+    opening = found.opening[np.isin(found.time, both)]
+    force = reaction.force[np.isin(reaction.time, both), axis]
+    if len(both) < max(2, smooth):
+        raise ResultsError(
+            f"--gap: found {len(both)} times that both the force and the gap are known of, expected"
+            f" {max(2, smooth)} or more (pdsolve --probe X,Y notes places as often as forces)"
+        )
+    mean = np.ones(smooth) / smooth
+    return Pulled(reaction.name, axis, *(np.convolve(column, mean, "valid") for column in (opening, force)))

@@ -1,0 +1,252 @@
+"""Load steps: a plate at rest under more and more, its bonds breaking one after the other, the worst first.
+
+A load step goes half of the way and then the rest, so that the work of loads and holds is that of Simpson's rule on
+three states at rest. Then the bonds that are worst of those over their limit break, and the plate comes to rest again
+under the same loads, until no bond is over its limit. Booked as spent are what a bond holds when it breaks, and what
+the plate gives up from there to its next rest: the forces that are left on the straight way from the one to the other,
+again by Simpson's rule. None of it is what is missing of another, so that work = strain + spent tells whether all is
+booked.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import DISPLACEMENT, Drive, factor_now, put_loads
+from pdsolve.lasting import Breakable
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.operator import Operator
+from pdsolve.state import Broken, State
+from pdsolve.steppers.equilibrium import Asked, Method, Settled, UnsettledError, forces, norm
+from pdsolve.steppers.supports import Loose, loose, unbalanced
+
+Array = NDArray[np.float64]
+
+JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
+
+
+class Rested(NamedTuple):
+    """How one load step came to rest."""
+
+    step: int
+    iterations: int  # in all
+    residual: float  # what is left of the forces over those from outside
+    breaks: int  # times that bonds broke
+    least: float  # share of this step's loads that would have been enough to break the next bond, 1 if none broke
+
+
+class Going(NamedTuple):
+    """How far a load step is, for those who watch."""
+
+    step: int
+    iterations: int
+    residual: float
+    broken: int  # directed bonds so far
+
+
+class LoadSteps:
+    """Takes load steps with any operator whose own bonds last, and a method."""
+
+    def __init__(
+        self, model: Model, operator: Operator, drive: Drive, area: Array, method: Method, breakable: Breakable | None
+    ) -> None:
+        """`breakable` are the bonds that break here; None: none does. Raises ModelError for a body without supports."""
+        self._model, self._operator, self._drive, self._area = model, operator, drive, area
+        self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
+        self.held = np.zeros((len(area), 2), dtype=bool)
+        self.held[drive.holds.node, drive.holds.axis] = True
+        self.rested: list[Rested] = []
+        self.watch: Callable[[Going], None] | None = None
+        self._warned, self._loose = False, cast("Loose | None", None)
+        self._support(operator.broken(), "")
+        for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
+            put_loads(drive, step * self._dt)
+            try:
+                self._balance("")
+            except UnsettledError as error:
+                raise ModelError(f"{model.name}: $.conditions: {error}") from None
+        drive.force[:] = 0
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
+        for step in range(first, last):
+            self._take(state, step)
+
+    def bring(self, state: State) -> Settled:
+        """Bring the plate to rest under what acts at time 0, its bonds lasting. Raises UnsettledError."""
+        put_loads(self._drive, 0.0)
+        return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
+
+    def break_nothing(self) -> None:
+        """Let all bonds last from now on."""
+        self._breakable = None
+
+    def keep(self) -> Array:
+        """How load steps came to rest so far (k, 5), for a checkpoint."""
+        return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
+
+    def back(self, kept: Array, broken: Broken) -> None:
+        """Go back to what was kept, and to these broken bonds."""
+        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.reshape(-1, 5).tolist()]
+        if self._breakable is not None:
+            nodes = len(self._area)
+            mine = self._breakable.source * nodes + self._breakable.target
+            self._breakable.intact[:] = ~np.isin(mine, broken.source * nodes + broken.target)
+        self._support(broken, "")
+
+    def _take(self, state: State, step: int) -> None:
+        before = self._drive.force.astype(float) if self.rested else np.zeros(self._drive.force.shape)
+        put_loads(self._drive, step * self._dt)
+        self.method.forget()
+        start, spent = self._size(state, before), float(np.sum(self._area * state.dissipated))
+        try:
+            self._balance("")
+            settled = self._load(state, before, step, step * self._dt)
+            settled, breaks, least = self._break(state, step, settled)
+        except UnsettledError as error:
+            raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
+        self.rested.append(Rested(step, settled.iterations, settled.residual, breaks, least))
+        self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
+
+    def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
+        """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
+        model, material = self._model, self._model.materials[0]
+        cost = float(np.sum(self._area * state.dissipated)) - spent
+        if step > 1 and less and cost > JUMP * float(model.horizons.max()) * material.G0 and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: {cost:.3g} J/m were spent"
+                f" on cracks that {least:.3g} of the load was enough for, expected growth that load steps can follow;"
+                " this is that of a jump under this load",
+                ModelWarning,
+                stacklevel=2,
+            )
+
+    def _size(self, state: State, load: Array) -> float:
+        """How much acts: the norm of loads, or of held displacements where there are none."""
+        size = norm(load)
+        return size if size > 0 else norm(state.value[self.held])
+
+    def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
+        """To rest under the loads and holds of `time`, s, from those before; books the work."""
+        at, now = _held_at(self._drive, time, state), self._drive.force
+        half = np.where(self.held, (state.value + at) / 2, 0.0)
+        u, pushed = [state.value.copy()], [self._outside(state, before)]
+        iterations = 0
+        for load, place in (((before + now) / 2, half), (now.astype(float), at)):
+            settled = self.method.settle(state, Asked(load, self.held, place), self._tell(step, iterations))
+            iterations += settled.iterations
+            u.append(state.value.copy())
+            pushed.append(self._outside(state, load))
+        state.work[:] += _along(u, pushed).sum(axis=1)
+        self._note(state)
+        return Settled(iterations, settled.residual)
+
+    def _break(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:
+        """Break bonds and settle until no bond is over its limit; how, how often, and under which least share."""
+        breakable, breaks, least, iterations = self._breakable, 0, 1.0, settled.iterations
+        while breakable is not None:
+            stretches = breakable.stretches(state.value)
+            which, most = breakable.worst(stretches)
+            if breaks:
+                least = min(least, 1 / most)
+            if not len(which):
+                break
+            if breakable.softens[which].any():
+                raise UnsettledError(
+                    f"found a bond stretched {most:.3g} times as far as where it begins to soften, expected a brittle"
+                    " law: softening is not followed at rest"
+                )
+            held = breakable.hold(which, stretches)
+            state.dissipated[:] += np.bincount(breakable.source[which], held, minlength=len(self._area))
+            breakable.intact[which] = False
+            new = Broken(np.full(len(which), step), breakable.source[which], breakable.target[which])
+            broken = Broken(*(np.concatenate(both) for both in zip(self._operator.broken(), new, strict=True)))
+            self._operator.back(self._operator.keep(), broken)
+            self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+            try:
+                settled = self._settle(state, step, iterations)
+            except UnsettledError as error:
+                raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
+            iterations += settled.iterations
+            breaks += 1
+        return Settled(iterations, settled.residual), breaks, least
+
+    def _settle(self, state: State, step: int, iterations: int) -> Settled:
+        """To rest under the same loads; books their work, and what the plate gives up."""
+        load, u = self._drive.force.astype(float), state.value.copy()
+        asked = Asked(load, self.held, np.where(self.held, u, 0.0))
+        left = [self._left(state, load)]
+        settled = self.method.settle(state, asked, self._tell(step, iterations))
+        end, way = state.value.copy(), state.value - u
+        for values in ((u + end) / 2, end):
+            state.value[:] = values
+            left.append(self._left(state, load))
+        state.dissipated[:] += ((left[0] + 4 * left[1] + left[2]) / 6 * way).sum(axis=1)
+        state.work[:] += (load * way).sum(axis=1)
+        self._note(state)
+        return settled
+
+    def _left(self, state: State, load: Array) -> Array:
+        return np.where(self.held, 0.0, forces(self._operator, state) + load)
+
+    def _outside(self, state: State, load: Array) -> Array:
+        """Densities (n, 2) of what acts from outside: loads, and whatever holds what is held."""
+        return np.where(self.held, -forces(self._operator, state), load)
+
+    def _note(self, state: State) -> None:
+        """What holds stand against, and that nothing moves."""
+        node, axis = self._drive.holds.node, self._drive.holds.axis
+        self._drive.held_force[:] = (forces(self._operator, state) + self._drive.force)[node, axis]
+        self._drive.before[:] = self._drive.force
+        state.rate[:] = state.second[:] = 0
+
+    def _tell(self, step: int, before: int) -> Callable[[int, float], None]:
+        def tell(iterations: int, residual: float) -> None:
+            if self.watch is not None:
+                self.watch(Going(step, before + iterations, residual, len(self._operator.broken().step)))
+
+        return tell
+
+    def _support(self, broken: Broken, when: str) -> None:
+        """Look for bodies that nothing supports. Raises ModelError at the start, UnsettledError later."""
+        model = self._model
+        found = loose(model.grid.position, model.grid.ids, self._operator.bonds(), self.held)
+        if not found.said:
+            return
+        if not model.settings.run.static.floating:
+            said = f"found {found.said}, expected supports, or --float (run.static.floating)"
+            if when:
+                raise UnsettledError(when + said)
+            raise ModelError(f"{model.name}: $.conditions: {said}")
+        self._loose = found
+        self._balance(when)
+        self.method.hold_softly(found.nodes)
+
+    def _balance(self, when: str) -> None:
+        """Look whether loads on bodies that nothing supports balance now. Raises UnsettledError."""
+        if self._loose is not None:
+            said = unbalanced(self._model.grid.position, self._drive.force * self._area[:, None], self._loose)
+            if said:
+                raise UnsettledError(f"{when}found loads of {said} that do not balance, expected supports")
+
+
+def _held_at(drive: Drive, time: float, state: State) -> Array:
+    """Where held components are to be (n, 2) at `time`, s; others, and whose speed is held, 0."""
+    at = np.zeros(state.value.shape)
+    holds = drive.holds
+    factor = np.array([factor_now(drive.profiles, number, time) for number in range(len(drive.profiles.start) - 1)])
+    still = holds.kind == DISPLACEMENT
+    at[holds.node[still], holds.axis[still]] = (holds.value * factor[holds.profile])[still]
+    return at
+
+
+def _along(u: list[Array], pushed: list[Array]) -> Array:
+    """The work (n, 2) of forces on the way through three states, both of second degree in between, J/m^3."""
+    (u0, um, u1), (f0, fm, f1) = u, pushed
+    return (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6

@@ -1,0 +1,185 @@
+"""Newton's method: the tangent is solved with, and used again for as long as it serves.
+
+A tangent that is not that of the state any more, as bonds have turned or broken since, still points the way: steps are
+mixed so that what is left of the forces becomes least (D. G. Anderson, J. ACM 12 (1965) 547-560). It is taken anew
+where that makes no way, and wherever `forget` was called, so that a run that goes on does so to the same bits.
+
+Up to `FACTORED` free components the tangent is factorised (SuperLU through SciPy); above, where the factors would not
+fit, equations are solved by conjugate gradients, or by BiCGStab where bonds are one-sided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.operator import Operator
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+MOST = 300  # iterations
+FACTORED = 60_000  # free components
+PATIENCE = 20  # iterations in which a tangent must bring the residual down by FALL
+FALL = 0.1
+GROWN = 1e3  # times the least residual so far: a tangent that leads away
+MIXED = 12  # steps that are mixed
+INNER = 1e-4  # of the residual is left by one solution of the equations without factors
+INNER_MOST = 20_000  # iterations of such a solution
+SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is held with while equations are solved
+
+
+class Newton:
+    """Solves with an operator's tangent; see `Method`."""
+
+    def __init__(
+        self,
+        operator: Operator,
+        area: Array,
+        tolerance: float,
+        most: int | None = None,
+        free: int = 0,
+        factored: int = FACTORED,
+    ) -> None:
+        """`area` (n,) m^2 makes equations symmetric where bonds are; `free` is how many components are."""
+        self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
+        self._least = round_off(float(operator.stiffest().max(initial=0.0)), tolerance)
+        self._factored = free <= factored
+        way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
+        self.said = f"Newton's method with {way}"
+        self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
+        self._inverse: Callable[[Array], Array] | None = None
+        self._matrix: csr_array | None = None
+
+    def forget(self) -> None:
+        """As in `Method`."""
+        self._inverse = self._matrix = None
+
+    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+        """As in `Method`: in the equations alone, so that it takes a few more of them."""
+        self._floating = nodes
+        self.forget()
+
+    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+        """As in `Method`."""
+        free, done = ~asked.held, 0
+        if (state.value != np.where(free, state.value, asked.at)).any():
+            self._lead(state, asked)
+        fresh = False
+        while done <= self._most:
+            if self._inverse is None:
+                self._take_tangent(state, free)
+                fresh = True
+            settled, done = self._iterate(state, asked, done, tell)
+            if settled is not None:
+                return settled
+            if fresh and not np.isfinite(state.value).all():
+                break
+            self.forget()
+        raise UnsettledError(
+            f"found no rest after {done} iterations of {self.said}, expected {self._tolerance:g} of the forces from"
+            " outside to be left; look for what is free to move, or take smaller load steps"
+        )
+
+    def _lead(self, state: State, asked: Asked) -> None:
+        """Move what is held to where it is to be, and the rest along as the tangent has it."""
+        free = ~asked.held
+        if self._matrix is None:
+            self._take_tangent(state, free)
+        assert self._matrix is not None
+        assert self._inverse is not None
+        way = np.where(free, 0.0, asked.at - state.value).ravel()
+        along = -(self._matrix @ way)[free.ravel()]
+        move = way.copy()
+        move[free.ravel()] = self._inverse(along)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), asked.at)
+
+    def _iterate(self, state: State, asked: Asked, done: int, tell: Tell) -> tuple[Settled | None, int]:
+        """Go on with one tangent until it is at rest, or makes no way; and iterations so far."""
+        assert self._inverse is not None
+        free, weight = ~asked.held, np.repeat(self._area, asked.held.shape[1])
+        inner, least, kept = free.ravel(), np.inf, state.value.copy()
+        steps: list[tuple[Array, Array]] = []  # of values, and of what the tangent proposes
+        last: tuple[Array, Array] | None = None
+        milestone, reached = np.inf, done
+        while done <= self._most:
+            out = forces(self._operator, state)
+            residual, rest = left_over(state, asked, out, self._least), (out + asked.load)[free]
+            if residual < self._tolerance:
+                return Settled(done, residual), done
+            tell(done, residual)
+            if residual < FALL * milestone:
+                milestone, reached = residual, done
+            if not residual < GROWN * least or done - reached >= PATIENCE:
+                break
+            if residual < least:
+                least, kept = residual, state.value.copy()
+            value = state.value[free]
+            proposed = self._inverse((weight[inner] if self._operator.symmetric else 1.0) * rest)
+            if last is not None:
+                steps = [*steps[1 - MIXED :], (value - last[0], proposed - last[1])]
+            last = value, proposed
+            state.value[free] = value + _mixed(proposed, steps)
+            done += 1
+        state.value[:] = kept
+        return None, done + 1
+
+    def _take_tangent(self, state: State, free: NDArray[np.bool_]) -> None:
+        """Make the equations those of this state."""
+        from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
+
+        matrix = self._operator.tangent(state)
+        if self._operator.symmetric:
+            matrix = diags_array(np.repeat(self._area, free.shape[1])) @ matrix
+            matrix = (matrix + matrix.T) / 2
+        self._matrix = matrix = matrix.tocsr()
+        if self._floating is not None and self._floating.any():
+            soft = SOFT * float(matrix.diagonal().max()) * np.repeat(self._floating, free.shape[1])
+            matrix = (matrix + diags_array(soft)).tocsr()
+        inner = matrix[free.ravel()][:, free.ravel()]
+        self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
+
+    def _factors(self, inner: csr_array) -> Callable[[Array], Array]:
+        from scipy.sparse.linalg import splu
+
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        try:
+            solve: Callable[[Array], Array] = splu(
+                inner.tocsc(), **(symmetric if self._operator.symmetric else {})
+            ).solve
+        except RuntimeError:
+            raise UnsettledError(
+                "found a body that is free to move in its own plane without a force, expected supports, or"
+                " run.static.floating (--float)"
+            ) from None
+        return solve
+
+    def _gradients(self, inner: csr_array) -> Callable[[Array], Array]:
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import bicgstab, cg
+
+        diagonal = inner.diagonal()
+        light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
+        method = cg if self._operator.symmetric else bicgstab
+
+        def solve(right: Array) -> Array:
+            found, _ = method(inner, right, rtol=INNER, maxiter=INNER_MOST, M=light)
+            return np.asarray(found)
+
+        return solve
+
+
+def _mixed(proposed: Array, steps: list[tuple[Array, Array]]) -> Array:
+    """The step to take (k,): the one proposed, mixed with those before so that the next proposal is least."""
+    if not steps:
+        return proposed
+    moves, changes = (np.column_stack(columns) for columns in zip(*steps, strict=True))
+    share = np.linalg.lstsq(changes, proposed, rcond=1e-12)[0]
+    return np.asarray(proposed - (moves + changes) @ share)

@@ -1,0 +1,124 @@
+"""Adaptive dynamic relaxation: a motion made to die out, with a mass and a damping of no plate.
+
+P. Underwood, in Computational Methods for Transient Analysis (1983) 245-265; B. Kilic, E. Madenci, Theor. Appl. Fract.
+Mech. 53 (2010) 194-204. The step is 1 s and the mass as small as it may be, so that every mode is as slow as the
+stiffest; the damping is twice the frequency of the mode that still moves, as Rayleigh's quotient sees it. Any operator.
+
+    lambda  (n, w) mass density          r  what is left of the forces          c  damping, 1/s
+    k_i = -(r_i - r_i before) / (lambda_i v_i)          c = 2 sqrt(sum k w^2 / sum w^2), w what has moved so far
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.operators.operator import Operator
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+MOST = 100_000  # iterations
+CAP = 1.9  # of the damping, as 2 would stop every motion
+HEAVIER = 1.5  # times the mass where a motion grows
+GROWN = 1e3  # times the residual there was: a motion that grows
+LOOK = 50  # iterations between two looks at the clock
+
+
+def by_eigenvalue(operator: Operator) -> NDArray[np.float64]:
+    """The least mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, by the operator's own bound."""
+    return operator.stiffest() / 2
+
+
+def by_row_sum(tangent: csr_array) -> NDArray[np.float64]:
+    """The same (n w,) by the circles of Gershgorin: a quarter of the sums of |K|."""
+    return np.asarray(abs(tangent).sum(axis=1)).ravel() / 4
+
+
+class Relaxation:
+    """Relaxes with any operator; see `Method`."""
+
+    said = "adaptive dynamic relaxation"
+
+    def __init__(
+        self,
+        operator: Operator,
+        tolerance: float,
+        most: int | None = None,
+        mass: NDArray[np.float64] | None = None,
+    ) -> None:
+        """`mass` (n, w) or (n, 1), N/m^4 s^2; None: by the operator's bound, a tenth more as bonds turn."""
+        self._operator, self._tolerance, self._most = operator, tolerance, most or MOST
+        self._mass = 1.1 * by_eigenvalue(operator)[:, None] if mass is None else mass
+        self._least = round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
+
+    def forget(self) -> None:
+        """As in `Method`."""
+
+    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+        """Never asked for: see `pdsolve.loading`."""
+
+    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+        """As in `Method`."""
+        start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
+        mass[mass == 0] = 1.0  # of a node without a bond
+        free, done = ~asked.held, 0
+        while True:
+            state.value[:] = np.where(free, start, asked.at)
+            settled, last = self._relax(state, asked, mass, done, tell)
+            if settled is not None:
+                return settled
+            if last >= self._most or not mass.max() < 100 * self._mass.max():
+                raise UnsettledError(
+                    f"found no rest after {last} iterations of {self.said}, expected {self._tolerance:g}"
+                    " of the forces from outside to be left; look at what is free to move, or at the tolerance"
+                )
+            done, mass = last, mass * HEAVIER
+
+    def _relax(
+        self, state: State, asked: Asked, mass: NDArray[np.float64], done: int, tell: Tell
+    ) -> tuple[Settled | None, int]:
+        """From where the state is; None where a motion grows or iterations have run out, and those done by then."""
+        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~asked.held
+        start, least, first = state.value.copy(), np.inf, True
+        for iteration in range(done, self._most + 1):
+            out = forces(self._operator, state)
+            residual = left_over(state, asked, out, self._least)
+            if residual < self._tolerance:
+                return Settled(iteration, residual), iteration
+            if not residual < GROWN * max(least, self._tolerance):
+                return None, iteration
+            least = min(least, residual)
+            if iteration % LOOK == 0:
+                tell(iteration, residual)
+            _move(state.value, v, out, asked.load, free, mass, before, start, first, CAP)
+            first = False
+        return None, self._most
+
+
+@njit(cache=True, error_model="numpy")
+def _move(u, v, out, load, free, mass, before, start, first, cap):  # type: ignore[no-untyped-def]
+    """One step of 1 s; `before` (n, w) are the last residuals over masses, and become these."""
+    above = below = 0.0
+    for i in range(len(u)):
+        for a in range(u.shape[1]):
+            now = (out[i, a] + load[i, a]) / mass[i, a] if free[i, a] else 0.0
+            out[i, a] = now
+            moved = u[i, a] - start[i, a]
+            if not first and v[i, a] != 0:
+                above -= (now - before[i, a]) / v[i, a] * moved * moved
+            below += moved * moved
+            before[i, a] = now
+    c = 0.0
+    if below > 0 and above > 0:
+        c = min(2 * np.sqrt(above / below), cap)
+    for i in range(len(u)):
+        for a in range(u.shape[1]):
+            if free[i, a]:
+                v[i, a] = out[i, a] / 2 if first else ((2 - c) * v[i, a] + 2 * out[i, a]) / (2 + c)
+                u[i, a] += v[i, a]

@@ -1,0 +1,59 @@
+"""The opening between two places, and the force against it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plates import plate, square_grid
+
+from pdmesh.model.document import Displacement, Run, Static
+from pdpost.__main__ import main
+from pdpost.measures.forces import reactions
+from pdpost.measures.gaps import against, gap
+from pdsolve.results import Results, ResultsError
+from pdsolve.simulation import Options, simulate
+
+
+@pytest.fixture(scope="module")
+def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A strip drawn out evenly, in five load steps."""
+    path = tmp_path_factory.mktemp("stretched") / "stretched.sqlite"
+    profile = ((0.0, 0.0), (1.0, 1.0))
+    ends = tuple(
+        Displacement(name=name, box=(x - 1e-4, -1.0, x + 1e-4, 1.0), x=u, y=0.0, profile=profile)
+        for name, x, u in (("left", 0.0, -1e-6), ("right", 20e-3, 1e-6))
+    )
+    run = Run(solver="static", static=Static(load_steps=5))
+    simulate(plate(square_grid(21, 9), 3, conditions=ends, run=run), path, Options(threads=1)).close()
+    return path
+
+
+def test_force_against_opening(stretched: Path) -> None:
+    with Results.open(stretched) as results:
+        _, right = reactions(results)
+        found = gap(results, (0.0, 0.0), (20e-3, 0.0))
+        assert found.opening == pytest.approx(2e-6 * np.arange(6) / 5, rel=1e-5, abs=1e-15)
+        across = gap(results, (10e-3, 0.0), (10e-3, 8e-3))
+        assert across.opening[-1] < -1e-8  # it becomes narrower
+        pulled = against(found, right, 0)
+        assert pulled.force == pytest.approx(pulled.opening * pulled.force[-1] / 2e-6, rel=1e-4)
+        smooth = against(found, right, 0, 3)
+        assert smooth.force == pytest.approx(pulled.force[1:-1], rel=1e-4)
+        with pytest.raises(ResultsError, match=r"found 6 times .* expected 7 or more"):
+            against(found, right, 0, 7)
+        with pytest.raises(ResultsError, match="found node 1 nearest to both places"):
+            gap(results, (0.0, 0.0), (1e-4, 0.0))
+
+
+def test_the_command(stretched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, table = tmp_path / "gap.png", tmp_path / "gap.csv"
+    words = ["reaction", str(stretched), "--gap", "0,0", "0.02,0", "--condition", "right"]
+    assert main([*words, "-o", str(picture), "--csv", str(table)]) == 0
+    assert "between nodes 1 and 21" in capsys.readouterr().out
+    assert picture.stat().st_size > 1000
+    assert len(table.read_text().splitlines()) == 7
+    assert main([*words, "--smooth", "0"]) == 2
+    assert main(["reaction", str(stretched), "--smooth", "2"]) == 2
+    assert main(["reaction", str(stretched), "--gap", "0,0", "1,1"]) == 2
