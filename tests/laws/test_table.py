@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.document import Material, Region, Run
+from pdmesh.model.document import Displacement, Material, Region, Run
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
 from pdsolve.system import Options, prepare
@@ -71,6 +71,11 @@ def test_the_fast_kernel_is_for_springs() -> None:
     ],
 )
 def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], says: str) -> None:
-    made = plate(square_grid(9, 8), material=msgspec.structs.replace(GLASS, **material), run=Run(solver="static"))
+    pulled = (
+        Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=-1e-6, y=0.0),
+        Displacement(box=(7.9e-3, -1.0, 1.0, 1.0), x=0.0),
+    )
+    kind = msgspec.structs.replace(GLASS, **material)
+    made = plate(square_grid(9, 8), material=kind, conditions=pulled, run=Run(solver="static"))
     with pytest.raises(ModelError, match=says):
         prepare(made, Options())
