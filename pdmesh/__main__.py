@@ -84,12 +84,18 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         choices=tuple(UNITS),
         help="of the drawing's lengths and of those given here (default: m, or what the drawing says)",
     )
+    command.add_argument(
+        "--adapt",
+        choices=("none", "hybrid"),
+        help="hybrid: the finest nodes everywhere, for peridynamics where bonds may break and a lattice elsewhere",
+    )
     command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
 
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
     """The parameters that were set; the unit is one of them."""
-    return [*([("Units", args.unit)] if args.unit else []), *args.assignments]
+    adapt = [("--adapt", args.adapt)] if args.adapt else []
+    return [*([("Units", args.unit)] if args.unit else []), *adapt, *args.assignments]
 
 
 def _build(args: argparse.Namespace) -> int:

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from pdsolve.model import Model, ModelError, ModelWarning, read_model
     from pdsolve.results import Results, ResultsError
     from pdsolve.simulation import resume, simulate
-    from pdsolve.stability import UnstableError
     from pdsolve.system import Options
+    from pdsolve.unstable import UnstableError
 else:
     __getattr__, __dir__ = lazily(
         __name__,
@@ -23,7 +23,7 @@ else:
             "Options": "pdsolve.system",
             "Results": "pdsolve.results",
             "ResultsError": "pdsolve.results",
-            "UnstableError": "pdsolve.stability",
+            "UnstableError": "pdsolve.unstable",
             "read_model": "pdsolve.model",
             "resume": "pdsolve.simulation",
             "simulate": "pdsolve.simulation",

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 
 if TYPE_CHECKING:
+    from pdmesh.model.document import Run
     from pdsolve.estimate import Plan
     from pdsolve.simulation import Progress
 
@@ -36,6 +37,11 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--settings", type=Path, metavar="TOML", help="settings laid over those of the model")
     program.add_argument(
         "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
+    )
+    program.add_argument(
+        "--adapt",
+        choices=("none", "hybrid"),
+        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
     )
     program.add_argument(
         "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
@@ -104,21 +110,25 @@ def _solve(args: argparse.Namespace) -> int:
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in (*kept, "static", "float") if getattr(args, name)]
+            given = [name for name in (*kept, "static", "float", "adapt") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
-            path, results = args.model, resume(args.model, args.threads, watch)
+            path = args.model
+            with _says_how_to_go_on(path, args):
+                results = resume(path, args.threads, watch)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
+            _refuse_unheard(args, model.settings.run)
             if args.dry_run:
                 from pdsolve.estimate import plan
 
                 return _show_plan(plan(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
-            results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
+            with _says_how_to_go_on(path, args):
+                results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
         with results:
             meta, summary = results.meta(), results.summary()
     lines = _lines(path, summary)
@@ -128,9 +138,37 @@ def _solve(args: argparse.Namespace) -> int:
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
 
 
+@contextmanager
+def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
+    """Says how to go on with a run that was stopped within a load step, which is lost."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if stop.args:
+            commandline.note(f"pdsolve: stopped {stop}, which is lost; to go on: pdsolve --resume {path}", args)
+        raise
+
+
+def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
+    """Raises UsageError for a setting given here that a run of this kind would not listen to."""
+    rest = run.solver == "static"
+    unheard: tuple[str, ...] = ("run.steps", "run.time_step", "run.every", "run.ledger")
+    expected = "run.static.load_steps, as the solver is static: a load step is a step and a frame"
+    if not rest:
+        unheard = ("run.static.load_steps",) if run.start == "static" else ("run.static",)
+        expected = "--static" if run.start == "static" else "--static, or run.start=static"
+    for name, _ in (*args.assignments, *_flags(args)):
+        if any(name == one or name.startswith(f"{one}.") for one in unheard):
+            raise commandline.UsageError(
+                f"{name}: found it given for a run {'at rest' if rest else 'in time'}, expected {expected}"
+            )
+
+
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     """The flags that stand for settings, as assignments."""
     flags = [] if args.every is None else [("run.every", args.every)]
+    if args.adapt is not None:
+        flags.append(("run.adapt", f'"{args.adapt}"'))
     if args.fields is not None:
         flags.append(("run.fields", args.fields))
     if args.probe:
@@ -168,7 +206,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
-    return [
+    lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,{how}",
@@ -176,6 +214,13 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
     ]
+    fine = summary.get("hybrid")
+    if fine is not None:
+        lines.append(
+            f"hybrid: {fine['fine_share']:.1%} of the plate is fine; clipped bonds were stretched to"
+            f" {fine['clipped_stretch']:.2f} of what breaks one; refining made {fine['refinement']:+.3g} J/m"
+        )
+    return lines
 
 
 class _Watch:
@@ -209,6 +254,8 @@ class _Watch:
 
     def _show(self, progress: Progress) -> bool:
         told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
+        if progress.fine is not None:
+            told += f", fine {progress.fine.fine_share:.1%}, clipped stretch {progress.fine.clipped_stretch:.2f}"
         if progress.going is not None:
             told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.operator import Kept
 from pdsolve.state import State
-from pdsolve.system import Prepared, System
+from pdsolve.system import Prepared, System, moved
 
 
 class Change(NamedTuple):
@@ -37,3 +37,22 @@ class Adapt(Protocol):
 
         `system` is that of the start. The caller puts back state, loads, and what has broken.
         """
+
+
+def zone_moved(system: System) -> Change | None:
+    """What the nodes of a fine zone have become since they were last looked at; None: they are the same."""
+    assert system.hybrid is not None
+    before, shown = system.hybrid, system.hybrid.changed()
+    if shown is None:
+        return None
+    row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
+    same = (before.places[row] == shown.places) & (before.signature[row] == shown.signature)
+    return Change(moved(system, shown), shown.state(), np.where(same, row, -1))
+
+
+def zone_back(system: System, kept: Kept) -> Prepared:
+    """The system of a checkpoint, of a run that began as `system`."""
+    assert system.hybrid is not None
+    system.hybrid.hybrid.back(kept)
+    change = zone_moved(system)
+    return Prepared(system, system.hybrid.state()) if change is None else Prepared(change.system, change.state)

@@ -63,11 +63,12 @@ class Plan(NamedTuple):
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
-    """What solving the model would take. Raises ModelError."""
+    """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme, settings = scheme_of(model, options), model.settings
     if settings.run.start == "static":
         still(model, options, scheme)  # says what is wrong with it
-    if law_of(model) in PAIRS and settings.run.solver != "static":
+    moves = settings.run.adapt == "hybrid"
+    if law_of(model) in PAIRS and not moves and settings.run.solver != "static":
         survey = Survey(scheme.fill(model), scheme.symmetric)
         for _ in survey.parts():
             pass
@@ -75,8 +76,10 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system
+        model = system.model
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
+    options = options._replace(threads=1) if moves else options
     paired = law_of(model) in PAIRS
     return priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
 

@@ -40,18 +40,26 @@ class Ledger(NamedTuple):
     momentum_x: float
     momentum_y: float
     broken: int  # directed bonds broken so far
+    refinement: float = 0.0  # energy that making cells fine has made so far
+    fine_share: float = 1.0  # of the plate
+    clipped_stretch: float = 0.0  # the largest of clipped bonds so far, over that which softens or breaks one
 
-    def balance(self, initial: float) -> float:
-        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the larger of the
-        work done and the energy at the start; 0 where energy is conserved."""
-        missing = self.kinetic + self.strain + self.dissipated - self.work - initial
-        scale = max(abs(self.work), initial)
+    def balance(self, initial: float, most: float = 0.0) -> float:
+        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the largest of the
+        work done, the most that ever was, and the energy at the start; 0 where energy is conserved."""
+        missing = self.kinetic + self.strain + self.dissipated - self.work - self.refinement - initial
+        scale = max(abs(self.work), most, initial)
         return missing / scale if scale else 0.0
 
 
 def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
     """The ledger after `step`, in double precision and in the nodes' order; `asked` of this state, if it was."""
     strain, softened, broken = asked or ask(system, state)
+    if system.hybrid is not None:
+        time, (*energies, x, y) = step * system.time_step, system.hybrid.books()
+        kinetic, held, dissipated, work = energies
+        told = system.hybrid.told()
+        return Ledger(step, time, kinetic, held, dissipated, work, x, y, len(broken.step), *told)
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(

@@ -39,12 +39,18 @@ def families(system: System, first: int, last: int) -> Families:
     return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
 
 
-def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64]) -> tuple[Nodes, Families]:
-    """The nodes that are born, `which` (b,) of a cloud, with the bonds they have left; `rows` (n,) as in `Frame`."""
+def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
+    """The nodes that are born after `step`, `which` (b,) of a cloud, with the bonds they have left then; `rows` (n,) as
+    in `Frame`."""
     runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
     nothing = np.zeros(0, dtype=np.int64)
     ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
+    since = system.operator.broken(step)
+    own = np.isin(since.source, which)
+    ends.append((since.source[own], since.target[own]))
     source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+    order = np.lexsort((target, source))
+    source, target = source[order], target[order]
     count = np.bincount(source, minlength=len(system.family))[which]
     some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
     return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
@@ -57,6 +63,12 @@ def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
     step, source, target = (column[new] for column in found)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
+
+
+def _until(step: int, broken: Broken) -> Broken:
+    """What had broken then."""
+    before = broken.step <= step
+    return Broken(*(column[before] for column in broken))
 
 
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
@@ -101,6 +113,7 @@ class Past(NamedTuple):
     latest: int  # step in which a bond broke last; 0: none has
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
     ever: int  # nodes that ever were
+    most: float = 0.0  # J/m, the largest work, given or taken
 
 
 class Notes:
@@ -114,6 +127,7 @@ class Notes:
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
         self._latest = past.latest  # likewise
+        self._most = past.most
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
@@ -140,26 +154,26 @@ class Notes:
         return int(self.now.broken.step.max(initial=self._latest))
 
     def follow(self, step: int, change: Change) -> None:
-        """Go on with what the nodes became after `step`; note who was born and who died."""
+        """Go on with what the nodes became after `step`, or until now from then on; note who was born and who died."""
         before, (system, self.state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: found another time step or other ids of nodes that stay, expected the same")
-        broken, there = before.operator.broken(), len(system.operator.broken().step)
+        broken, there = (_until(step, one.operator.broken()) for one in (before, system))
         self._breaks.append(breaks(before, max(self.written, self._since), broken))
         self._updates, self._since = self.updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
             initial_energy=before.initial_energy,
-            broken_before=before.broken_before + len(broken.step) - there,
+            broken_before=before.broken_before + len(broken.step) - len(there.step),
         )
         known = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
         rows[stay], rows[new] = known[origin[stay]], self._count + np.arange(len(new))
         died = np.delete(known, origin[stay])
         self._epochs.append(
-            Epoch(step + 1, self._count, *born(self.system, new, rows), died, len(rows), self.system.bonds)
+            Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
         )
         self._rows, self._count = rows, self._count + len(new)
         self._looked = False
@@ -167,11 +181,15 @@ class Notes:
     def _look_around(self) -> None:
         """Find the conditions' and the probes' nodes in the cloud there is now."""
         model, probes = self.system.model, self.system.model.settings.run.probes
-        self._grips = grips(model)
+        self._grips = grips(self.system)
         self._probed = tree_of(model.grid.position).query(np.reshape(probes, (-1, 2)))[1] if probes else []
         watch = Watch(model, partial(self.system.operator.bonds, start=True))
         self._watch = watch if self._watch is None else self._watch.moved_to(watch)
         self._looked = True
+
+    def balance(self, found: Ledger) -> float:
+        """What is missing of a ledger over the most that was ever put in; see `Ledger.balance`."""
+        return found.balance(self.system.initial_energy, self._most)
 
     def take(self, step: int) -> None:
         """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
@@ -181,7 +199,8 @@ class Notes:
         if step != self.last.step:
             self.now = ask(system, state)
             self.last = books(system, state, step, self.now)
-        check_physics(system, state, self.last)
+        check_physics(system, state, self.last, self._most)
+        self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value[:, :2], self.now.broken, step)
         self._ledgers.append(self.last)

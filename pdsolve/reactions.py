@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Absorb, InitialVelocity
+from pdmesh.model import selection
+from pdmesh.model.document import Absorb, InitialVelocity, Selection
 from pdsolve.conditions import factor_now
-from pdsolve.model import Model
 from pdsolve.state import State
 from pdsolve.system import System
 
@@ -35,13 +35,23 @@ class Reaction(NamedTuple):
     displacement_y: float
 
 
-def grips(model: Model) -> tuple[Grip, ...]:
-    """All conditions of a model that act with forces, in its order, which is that of the profiles of `Drive`."""
+def grips(system: System) -> tuple[Grip, ...]:
+    """All conditions that act with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
-        Grip(number, str(condition.__struct_config__.tag), model.selected(condition))
-        for number, condition in enumerate(model.settings.conditions)
+        Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
+        for number, condition in enumerate(system.asked.settings.conditions)
         if not isinstance(condition, InitialVelocity | Absorb)
     )
+
+
+def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
+    """The nodes there are now that a condition acts on; the next one where it acts between nodes."""
+    grid, asked = system.model.grid, system.asked
+    rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
+    if len(rows):
+        return rows
+    place = asked.grid.position[asked.selected(condition)].mean(axis=0)
+    return np.array([np.hypot(*(grid.position - place).T).argmin()])
 
 
 def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
@@ -50,17 +60,25 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     A hold stands against what bonds and loads do to its components and gives them their acceleration. That of a held
     displacement or velocity is taken as 0: the inertia of the held nodes alone is left out while their speed changes.
     """
+    pulls, pushes = _forces(system, state, len(grips))
+    found = []
+    for profile, grip in enumerate(grips):
+        force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, time)) * pushes[profile]).tolist()
+        mean = state.value[grip.rows, :2].astype(float).mean(axis=0).tolist()
+        found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
+    return found
+
+
+def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What holds (profiles, 2), and what pushes at factor 1, N/m."""
+    if system.hybrid is not None:
+        return system.hybrid.pulls(profiles), system.hybrid.pushes(profiles)
     drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     push = area[loads.node] * loads.value
     pulls, pushes = (
-        np.bincount(2 * entries.profile + entries.axis, values, minlength=2 * len(grips)).reshape(-1, 2)
+        np.bincount(2 * entries.profile + entries.axis, values, minlength=2 * profiles).reshape(-1, 2)
         for entries, values in ((holds, pull), (loads, push))
     )
-    found = []
-    for profile, grip in enumerate(grips):
-        force = (pulls[profile] + float(factor_now(drive.profiles, profile, time)) * pushes[profile]).tolist()
-        mean = state.value[grip.rows, :2].astype(float).mean(axis=0).tolist()
-        found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
-    return found
+    return np.asarray(pulls), np.asarray(pushes)

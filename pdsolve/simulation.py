@@ -15,18 +15,19 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
-from pdsolve.adapt import Adapt
+from pdsolve.adapt import Adapt, zone_back, zone_moved
+from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
-from pdsolve.stability import UnstableError
 from pdsolve.starts import started
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps
 from pdsolve.system import Options, Stepper, System, prepare
+from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
 DEFAULT = Options()
@@ -39,6 +40,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger
     balance: float  # likewise
+    fine: Told | None = None  # of a fine zone that moves
     going: Going | None = None  # of a load step that is being solved
 
 
@@ -62,7 +64,7 @@ def simulate(
     """
     with writing_to(output):
         system, state = started(prepare(model, options))
-        advise(model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
+        advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 
 
@@ -86,7 +88,12 @@ def _run(
         cracks = system.model.grid.cracks
         return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
 
-    return _finish(Notes(system, state, None, adapt is not None), new, output, watch, adapt)
+    return _finish(Notes(system, state, None, _changes(system, adapt)), new, output, watch, adapt)
+
+
+def _changes(system: System, adapt: Adapt | None) -> bool:
+    """Whether nodes may be born and die."""
+    return adapt is not None or system.hybrid is not None
 
 
 def resume(
@@ -128,12 +135,14 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         before = results.breaks().step
         before = before[before <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids))
-        if (adapt is not None) != ("ids" in kept):
+        done = results.history()
+        most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), most)
+        if _changes(system, adapt) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
-        if adapt is not None:
-            system, state = adapt.back(system, kept)
+        if _changes(system, adapt):
+            system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
@@ -142,7 +151,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         restore(system, state, step, kept, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
-    notes = Notes(system, state, past, adapt is not None)
+    notes = Notes(system, state, past, _changes(system, adapt))
     return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
 
 
@@ -178,18 +187,17 @@ def _give_back_memory() -> None:
 def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
     run, step = notes.system.model.settings.run, notes.written
-    interrupted = done = False
+    interrupted, done, looked = False, False, step
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        books = notes.last
-        balance = books.balance(notes.system.initial_energy)
-        return watch is not None and watch(Progress(step, run.steps, books.broken, balance))
+        fine = None if notes.system.hybrid is None else notes.system.hybrid.told()
+        return watch is not None and watch(Progress(step, run.steps, notes.last.broken, notes.balance(notes.last), fine))
 
     def going(now: Going) -> None:
         """Show how far a load step is; it is lost where the run is to stop meanwhile."""
-        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.last.balance(0.0), now)):
-            raise KeyboardInterrupt
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.balance(notes.last), None, now)):
+            raise KeyboardInterrupt("within a load step")
 
     if isinstance(notes.system.stepper, LoadSteps):
         notes.system.stepper.watch = going
@@ -206,9 +214,11 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         system.stepper.march(notes.state, step + 1, min(ends) + 1)
         step = min(ends)
         writer.look()
-        interrupted = asked()
-        if step in ends[2:]:
-            notes.take(step)
+        noted = step in ends[2:]
+        interrupted = asked() and (noted or system.hybrid is None)
+        if noted:
+            _take(notes, looked, step)
+            system, looked = notes.system, step
             done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted:
@@ -216,9 +226,16 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     system = notes.system
     found = notes.last if notes.last.step == step else books(system, notes.state, step)
     writer.done().tell({"summary": json.dumps(_summary(notes, found, done))})
-    balance, spent = found.balance(system.initial_energy), found.dissipated
-    closing(system.model, balance, spent, system.scheme.symmetric)
+    closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
+
+
+def _take(notes: Notes, before: int, step: int) -> None:
+    """Note what there is to note of this step, and how a fine zone has moved since the step `before`."""
+    change = zone_moved(notes.system) if notes.system.hybrid is not None else None
+    if change is not None:
+        notes.follow(before, change)
+    notes.take(step)
 
 
 def _next(step: int, interval: int) -> int:
@@ -249,7 +266,7 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
         "time_step": system.time_step,
         "stable_time_step": system.bound,
         "initial_energy": system.initial_energy,
-        "model": system.model.to_json(),
+        "model": system.asked.to_json(),
     }
 
 
@@ -270,8 +287,9 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
         "broken_bonds": books.broken,
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
-        "balance": books.balance(system.initial_energy),
+        "balance": notes.balance(books),
         "stopped": system.model.settings.run.until if stopped_early else None,
+        **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
         **_rested(system.stepper),
     }
 

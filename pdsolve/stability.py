@@ -7,19 +7,19 @@ import numpy as np
 from pdsolve.measures import Ledger
 from pdsolve.state import State
 from pdsolve.system import System
+from pdsolve.unstable import UnstableError
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 
 
-class UnstableError(ArithmeticError):
-    """A run whose state is no longer physics; the message names step, time, node, energy and the bound."""
+def check_physics(system: System, state: State, books: Ledger, most: float) -> None:
+    """Raises UnstableError where numbers are none, or energy has appeared from nowhere.
 
-
-def check_physics(system: System, state: State, books: Ledger) -> None:
-    """Raises UnstableError where numbers are none, or energy has appeared from nowhere."""
+    The message names step, time, node, energy and the bound; `most`, J/m, is the most work that ever was done.
+    """
     energy, u = books.kinetic + books.strain, state.value
     finite = np.isfinite(u).all(axis=1)
-    given = abs(books.work) + system.initial_energy
+    given = max(abs(books.work), most) + system.initial_energy
     ratio = energy / given if given else 0.0
     if finite.all() and np.isfinite(energy) and ratio <= RUNAWAY:
         return

@@ -38,10 +38,12 @@ def started(prepared: Prepared) -> Prepared:
 
 
 def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """The model as it is to be brought to rest. Raises ModelError."""
+    """The model as it is to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     if run.solver == "static":
         raise ModelError(f"{model.name}: $.run.start: found static, expected none, as the solver is static")
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
+    rest = msgspec.structs.replace(rest, time_step=None, steps=1)  # what acts at time 0, and no later
     settings = msgspec.structs.replace(model.settings, run=rest)
-    return at_rest(dataclasses.replace(model, settings=settings), options, scheme, breaks=False)
+    double = options._replace(precision="float64")
+    return at_rest(dataclasses.replace(model, settings=settings), double, scheme, breaks=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numba
@@ -12,6 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
+from pdsolve.adaptive.energy import held
+from pdsolve.adaptive.march import march
+from pdsolve.adaptive.precracks import begin_coarse
+from pdsolve.adaptive.regrid import refine
+from pdsolve.adaptive.shown import Shown
+from pdsolve.adaptive.system import hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -75,7 +81,18 @@ class System:
     time_step: float  # s
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
+    whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
+
+    @property
+    def asked(self) -> Model:
+        """The model that is solved, with all that is done to it."""
+        return self.whole or self.model
+
+    @property
+    def hybrid(self) -> Shown | None:
+        """The operator, where it is one with a fine zone and books of its own."""
+        return self.operator if isinstance(self.operator, Shown) else None
 
     @property
     def threads(self) -> int:
@@ -110,7 +127,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    if options.kernel not in (None, "blocks", "listed"):
+    if options.kernel not in (None, "blocks", "listed", "hybrid"):
         raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
@@ -122,10 +139,43 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
+    if model.settings.run.adapt == "hybrid":
+        return _hybrid(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
+
+
+def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
+    settle(march, refine, held, begin_coarse)
+    shown, bound = hybrid_of(model, options.mode, options.precision, step_of)
+    state = shown.state()
+    system = System(
+        model=shown.model,
+        options=options._replace(threads=1),
+        scheme=scheme,
+        operator=shown,
+        stepper=shown,
+        drive=shown.hybrid.drive,
+        area=shown.area,
+        family=shown.counts[1],
+        count=shown.counts[0],
+        time_step=shown.hybrid.ground.dt,
+        bound=bound,
+        initial_energy=shown.books()[0],
+        whole=model,
+    )
+    return Prepared(system, state)
+
+
+def moved(system: System, shown: Shown) -> System:
+    """The system of other nodes of the same plate."""
+    count, family = shown.counts
+    return replace(
+        system, model=shown.model, operator=shown, stepper=shown, area=shown.area, family=family, count=count
+    )
 
 
 def step_of(model: Model, bound: float) -> float:

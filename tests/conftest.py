@@ -100,6 +100,18 @@ def small_results(small_plate: Model, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def hybrid_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database of a struck plate that is peridynamic near its cracks alone, solved once a session."""
+    from zones import struck
+
+    from pdsolve.simulation import Options, simulate
+
+    path = tmp_path_factory.mktemp("hybrid") / "hybrid.sqlite"
+    simulate(struck("hybrid"), path, Options(threads=1)).close()
+    return path
+
+
+@pytest.fixture(scope="session")
 def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The database of a cracked plate with a fine zone that moves, solved once a session."""
     from splitting import Moving, torn_plate

@@ -1,11 +1,13 @@
-"""All that a database holds, to compare."""
+"""All that a database holds, to compare, and what is in it while a run goes on."""
 
 from __future__ import annotations
 
 import sqlite3
+import time
 from contextlib import closing
 from pathlib import Path
 
+from pdsolve.results import Results
 from pdsolve.results.schema import TABLES
 
 OWN = ("wall_time", "created", "provenance", "summary", "threads", "kernel")  # keys of meta that say how a run went
@@ -19,3 +21,14 @@ def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
     found["checkpoint"] = sorted(row[1:] for row in found["checkpoint"])
     found["checksum"] = [row for row in found["checksum"] if row[1] != "meta"]
     return found
+
+
+def newest(path: Path, at_least: int) -> int:
+    """The step of the newest frame of a file that a run writes to, waited for: it is written while the run goes on."""
+    for _ in range(500):
+        with Results.open(path) as results:
+            step = int(results.frames()[0].max())
+        if step >= at_least:
+            break
+        time.sleep(0.02)
+    return step

@@ -13,10 +13,12 @@ from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
 REFINE, CRACK = "--refine ", "--crack "  # begin the names under which a model keeps what was added
+ADAPT = "--adapt"  # likewise, the name of how it is to be solved
 
 
-def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str]) -> Scene:
-    """The scene with zones ``crack:DISTANCE[:SPACING]`` and cracks ``x0,y0,x1,y1``, in its drawing's unit.
+def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str | None = None) -> Scene:
+    """The scene with zones ``crack:DISTANCE[:SPACING]`` and cracks ``x0,y0,x1,y1``, in its drawing's unit; to be solved
+    as `adapt` says.
 
     Raises SceneError.
     """
@@ -27,6 +29,11 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str]) -> Scene:
     for word in refine:
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
         kept[REFINE + word] = word
+    if adapt is not None:
+        if adapt not in ("none", "hybrid"):
+            raise SceneError(f"{ADAPT}: found '{adapt}', expected none or hybrid")
+        scene = scene.adapt(adapt)  # type: ignore[arg-type]
+        kept[ADAPT] = adapt
     return replace(scene, parameters=tuple(kept.items()))
 
 

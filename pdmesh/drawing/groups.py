@@ -14,7 +14,7 @@
                                               factor, Order, Constant term, Yield stress, Hardening
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
-    -                                         Run/Solver (explicit, static), Start, Load steps, Damping
+    -                                         Run/Solver (explicit, static), Start, Load steps, Damping, Adapt
 
 Lengths - coordinates, Spacing, Distance, Displacement, Width, Box - are in the unit that Units names (m), all else in
 SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in

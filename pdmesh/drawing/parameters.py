@@ -45,7 +45,7 @@ FOLDERS = {
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping"),
+    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -235,6 +235,8 @@ def run(parameters: Parameters) -> Run:
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
     given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
+    adapt = parameters.text("Run/Adapt", "none", ("none", "hybrid"))
+    given |= {"adapt": None if adapt == "none" else adapt}
     given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step}
     given = {name: value for name, value in given.items() if value is not None}
     if parameters.maybe("Run/Load steps") is not None:

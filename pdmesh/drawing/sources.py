@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from pdmesh.drawing.additions import added, sorted_out
+from pdmesh.drawing.additions import ADAPT, added, sorted_out
 from pdmesh.drawing.geo import CAD
 from pdmesh.drawing.parameters import Parameter, full_name, unknown
 from pdmesh.grid import building
@@ -49,9 +49,9 @@ def read_scene(
     """
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
-    scene = _read(path, assignments, trust)
+    scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
     try:
-        return added(scene, refine, cracks)
+        return added(scene, refine, cracks, dict(assignments).get(ADAPT))
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -67,8 +67,9 @@ def build(
     if path.suffix.lower() in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
-        if refine:
-            raise SceneError(f"{path}: --refine: found a mesh, expected a drawing")
+        for option, given in (("--refine", refine), (ADAPT, dict(assignments).get(ADAPT))):
+            if given:
+                raise SceneError(f"{path}: {option}: found a mesh, expected a drawing")
         finished = partial(looked_at, Built(*read_mesh(path, assignments, cracks, trust)))
     else:
         finished = partial(building.build, read_scene(path, assignments, refine, trust, cracks))

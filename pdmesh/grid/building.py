@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import Shift, build_grid
+from pdmesh.grid.nested import nested
 from pdmesh.model.cloud import Grid, document_of
 from pdmesh.model.document import Document, Settings, write_file
 from pdmesh.scene import checks
@@ -34,8 +35,12 @@ class Built:
 
 def build(scene: Scene) -> Built:
     """The grid of a scene. Raises SceneError where that is not the plate that was drawn."""
+    notes = (*scene.notes, *checks.remarks(scene))
+    if scene.run.adapt == "hybrid":
+        scene, more = nested(scene)
+        notes = (*notes, *more)
     grid, settings, shifts = build_grid(scene)
-    return looked_at(Built(grid, settings, (*scene.notes, *checks.remarks(scene)), shifts))
+    return looked_at(Built(grid, settings, notes, shifts))
 
 
 def looked_at(built: Built) -> Built:

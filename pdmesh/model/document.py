@@ -144,12 +144,15 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
 AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
 
 
+Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-off, more is no rest
+
+
 class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How a plate is brought to rest."""
 
     method: Literal["newton", "relaxation"] = "newton"
     load_steps: PositiveInt | None = None  # from time 0 to the end of the profiles; None: 10, 1 if nothing varies
-    tolerance: Positive = 1e-8  # what is left of the forces over those from outside
+    tolerance: Tolerance = 1e-8  # what is left of the forces over those from outside
     iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
     floating: bool = False  # bodies that nothing supports are held softly, not refused
 
@@ -163,6 +166,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
+    adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
     solver: Literal["explicit", "static"] = "explicit"  # static: a load step is a step and a frame

@@ -6,6 +6,7 @@ import warnings
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
@@ -186,7 +187,8 @@ def _one_scale(
     from pdsolve.estimate import priced
     from pdsolve.system import Options
 
-    steps = own.time_step, own.stable_time_step
+    steps, run = (own.time_step, own.stable_time_step), msgspec.structs.replace(settings.run, steps=own.steps)
+    settings = msgspec.structs.replace(settings, run=run)
     return _cost({spacing: nodes}, nodes, bonds, priced(settings, Options(mode), nodes, bonds, steps))
 
 

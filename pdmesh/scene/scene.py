@@ -191,6 +191,10 @@ class Scene(Plate):
             return surface(where, self.finest, place)
         return polyline(where, place)
 
+    def adapt(self, how: Literal["none", "hybrid"] = "hybrid") -> Scene:
+        """To be solved with peridynamics where bonds may break and a compact lattice elsewhere, or everywhere alike."""
+        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
+
     def one_scale(self) -> Scene:
         """The same plate with the finest spacing everywhere."""
         return replace(self, spacing=self.finest, zones=(), refinements=())

@@ -74,6 +74,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import cracks, paths
     from pdpost.measures.comparison import compare
+    from pdpost.reading.times import told
 
     check_window(one, args)
     steps = _step(args, one), _step(args, other)
@@ -84,7 +85,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         lines = [f"mean distance {found.mean * 1e3:.3g} mm, at most {found.hausdorff * 1e3:.3g} mm (Hausdorff)"]
     for name in ("start", "branching", "split"):
         if (later := getattr(found, name)) is not None:
-            lines.append(f"{name}: {later * 1e6:+.3g} us in {args.compare}")
+            lines.append(f"{name}: {told(later, '+.3g')} in {args.compare}")
     if path is not None:
         from pdpost.figures import crack_figure, style
 

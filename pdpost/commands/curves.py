@@ -155,6 +155,7 @@ def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.measures.balance import balance
+    from pdpost.reading.times import told
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".balance.png")
@@ -167,10 +168,10 @@ def _balance(args: argparse.Namespace) -> int:
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
     lines = [
-        f"at {last['time'] * 1e6:.4g} us, J/m: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
+        f"at {told(last['time'])}, J/m: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
         f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g} (balance {last['error']:+.1e})",
         f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
-        f" at {books.time[worst] * 1e6:.4g} us",
+        f" at {told(float(books.time[worst]))}",
     ]
     found = {
         "units": "SI, per unit thickness",

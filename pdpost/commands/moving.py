@@ -94,6 +94,7 @@ def _watch(args: argparse.Namespace) -> int:
     from pdpost.figures import field_figure, style
     from pdpost.measures import fields
     from pdpost.reading import watching
+    from pdpost.reading.times import told
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.field}.png", args.force)
@@ -110,7 +111,7 @@ def _watch(args: argparse.Namespace) -> int:
                 figure = field_figure.field(results, args.field, step, part=part or None, **how)
             style.save(figure, Path(path))
             drawn += 1
-            commandline.note(f"{path}: {args.field} at {time * 1e6:.4g} us (step {step})", args)
+            commandline.note(f"{path}: {args.field} at {told(time)} (step {step})", args)
     with Results.open(args.results) as results:
         status = str(results.meta()["status"])
     result = {"output": str(path), "field": args.field, "drawn": drawn, "status": status}

@@ -147,6 +147,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
     """Draw the frame asked for, and report what is shown there."""
     from pdpost.exports import columns
     from pdpost.figures import style
+    from pdpost.reading.times import told
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
@@ -162,5 +163,5 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
             write_csv(args, columns.csv(shown.table()))
     if args.csv != "-":
         result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
-        commandline.report(result, [f"{path}: {args.picture} at {time * 1e6:.4g} us, {shown.words}"], args)
+        commandline.report(result, [f"{path}: {args.picture} at {told(time)}, {shown.words}"], args)
     return commandline.OK

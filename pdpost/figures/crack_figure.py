@@ -22,6 +22,7 @@ from pdpost.measures.cracked import damage_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
+from pdpost.reading.times import told
 from pdsolve.results import Results
 
 SHOWN = 6  # main branches with a curve of their own
@@ -39,7 +40,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     box = window or box_of([where])
     figure, plate, length, speed = _panels(box)
     on = _plate(plate, box, where, damage_at(results, found.step))
-    when = f"{found.step * found.time_step * 1e6:.4g} µs"
+    when = told(found.step * found.time_step, micro="µs")
     if not found.branches:
         length.remove()
         speed.remove()
@@ -57,7 +58,12 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     if not all(one.line.all() for one in found.branches):
         plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
         plate.legend(loc="best", frameon=True, fontsize="small")
-    _curves(shown, length, speed, found.rayleigh_speed)
+    _lengths(shown, length)
+    if found.at_rest:
+        _give_way(speed, length)
+    else:
+        _speeds(shown, speed, found.rayleigh_speed)
+        speed.set_xlim(length.get_xlim())
     plate.set_title(f"Damage and path of the crack at {when}", fontsize="medium")
     return figure
 
@@ -107,6 +113,16 @@ def _panels(box: Box) -> tuple[Figure, Axes, Axes, Axes]:
     return figure, plate, length, speed
 
 
+def _give_way(gone: Axes, other: Axes) -> None:
+    """Remove a chart; the one beside or above it gets its room."""
+    first, last = other.get_subplotspec(), gone.get_subplotspec()
+    assert first is not None
+    assert last is not None
+    rows = slice(first.rowspan.start, last.rowspan.stop)
+    other.set_subplotspec(first.get_gridspec()[rows, first.colspan.start : last.colspan.stop])
+    gone.remove()
+
+
 def _plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64]) -> Sheet:
     """The plate in a light grey, darker where it is damaged."""
     on = on_axes(axes, box)
@@ -125,16 +141,30 @@ def _path(on: Sheet, branch: Branch, **style: Any) -> None:
         on.axes.add_collection(way, autolim=False)
 
 
-def _curves(shown: list[Branch], length: Axes, speed: Axes, limit: float) -> None:
-    """Length and speed, with the band it is sure to be in, over time."""
+def _lengths(shown: list[Branch], length: Axes) -> None:
+    """Length over time."""
     second, seconds = scaled((one.time for one in shown), "s")
     metre, metres = scaled((one.along for one in shown), "m")
+    for number, one in enumerate(shown):
+        length.plot(one.time * second, one.along * metre, **_style(number))
+    length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
+    length.set_ylim(bottom=0)
+    plain(length)
+
+
+def _style(number: int) -> dict[str, Any]:
+    style = look(number) | {"lw": 1.5}
+    if number:  # of curves that lie on each other all are seen, in turns
+        style["ls"] = (4 * (number - 1), (4, 4))
+    return style
+
+
+def _speeds(shown: list[Branch], speed: Axes, limit: float) -> None:
+    """Speed, with the band it is sure to be in, over time."""
+    second, seconds = scaled((one.time for one in shown), "s")
     fast, unit = scaled([np.array([limit])], "m/s")
     for number, one in enumerate(shown):
-        style = look(number) | {"lw": 1.5}
-        if number:  # of curves that lie on each other all are seen, in turns
-            style["ls"] = (4 * (number - 1), (4, 4))
-        length.plot(one.time * second, one.along * metre, **style)
+        style = _style(number)
         sides = one.speed.low * fast, one.speed.high * fast
         speed.fill_between(one.time * second, *sides, color=style["color"], alpha=0.18, lw=0)
         speed.plot(one.time * second, one.speed.value * fast, **style)
@@ -145,8 +175,5 @@ def _curves(shown: list[Branch], length: Axes, speed: Axes, limit: float) -> Non
     )  # fmt: skip
     speed.set_ylim(0, 1.15 * limit * fast)
     speed.set_title(f"over {WINDOW:g} spacings, with its band", fontsize="small")
-    length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
-    length.set_ylim(bottom=0)
-    speed.set(xlabel=f"time, {seconds}", ylabel=f"speed of the tip, {unit}", xlim=length.get_xlim())
-    for panel in (length, speed):
-        plain(panel)
+    speed.set(xlabel=f"time, {seconds}", ylabel=f"speed of the tip, {unit}")
+    plain(speed)

@@ -19,6 +19,7 @@ from pdpost.measures import crack_summary
 from pdpost.measures.balance import balance
 from pdpost.measures.forces import reactions
 from pdpost.reading.frames import frames
+from pdpost.reading.times import told
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
@@ -57,7 +58,7 @@ def report(results: Results, name: str) -> str:
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
         ("Balance", _balance(results)),
         ("Crack", _crack(results)),
-        (f"Fields at {times[-1] * 1e6:.4g} µs", _fields(results, int(steps[-1]))),
+        (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
         ("Animation", [_picture(_film(results), "gif", "damage over time")]),
     ]
     body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)

@@ -18,7 +18,7 @@ class Balance(NamedTuple):
     kinetic: NDArray[np.float64]  # (t,) J/m
     strain: NDArray[np.float64]  # (t,) J/m
     dissipated: NDArray[np.float64]  # (t,) J/m
-    work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, and what was there at the start
+    work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, what refining made, and what was there at the start
     total: NDArray[np.float64]  # (t,) J/m, kinetic, strain and dissipated
     error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
     momentum_x: NDArray[np.float64]  # (t,) N s/m
@@ -33,6 +33,8 @@ def balance(results: Results) -> Balance:
     initial = float(results.meta()["initial_energy"])
     total = books["kinetic"] + books["strain"] + books["dissipated"]
     given = books["work"] + initial
+    if "refinement" in (books.dtype.names or ()):
+        given = given + books["refinement"]
     scale = max(float(np.abs(books["work"]).max()), initial)
     error = (total - given) / scale if scale > 0 else np.zeros(len(books))
     return Balance(

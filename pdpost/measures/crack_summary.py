@@ -15,7 +15,9 @@ from pdpost.measures.paths import heading
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
+from pdpost.reading.embedded import at_rest
 from pdpost.reading.frames import last_step
+from pdpost.reading.times import told
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
@@ -34,6 +36,7 @@ class Summary:
     forks: list[Fork]
     fragments: Fragments
     rayleigh_speed: float  # m/s
+    at_rest: bool = False  # cracks went from load step to load step, and have no speed
 
 
 def crack(results: Results, step: int | None = None, threshold: float = CRACKED, along: str | None = None) -> Summary:
@@ -43,8 +46,11 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
     there is no frame yet.
     """
     step = last_step(results) if step is None else step
-    limit = rayleigh_of(results)
-    found = [replace(branch, speed=_possible(branch.speed, limit)) for branch in tips(results, step, threshold)]
+    limit, rest = rayleigh_of(results), at_rest(results)
+    found = [
+        replace(branch, speed=_possible(branch.speed, 0.0 if rest else limit))
+        for branch in tips(results, step, threshold)
+    ]
     along = along or heading([branch.place for branch in found])
     return Summary(
         step,
@@ -56,12 +62,13 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
         forks(found),
         fragments(results, step, threshold),
         limit,
+        rest,
     )
 
 
-def _mean_speed(branch: Branch, limit: float) -> float | None:
+def _mean_speed(branch: Branch, found: Summary) -> float | None:
     mean = branch.mean_speed
-    return None if mean is None or mean > limit else mean
+    return None if mean is None or mean > found.rayleigh_speed or found.at_rest else mean
 
 
 def _possible(found: Speeds, limit: float) -> Speeds:
@@ -89,7 +96,7 @@ def numbers(found: Summary) -> dict[str, object]:
                 "speed_low": branch.speed.low,
                 "speed_high": branch.speed.high,
                 "length": branch.length,
-                "mean_speed": _mean_speed(branch, found.rayleigh_speed),
+                "mean_speed": _mean_speed(branch, found),
             }
             for branch in found.branches
         ],
@@ -113,17 +120,17 @@ def sentences(found: Summary) -> list[str]:
     axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
     events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
     lines = [
-        f"{name.replace('_', ' ')}: step {event.step}, {event.time * 1e6:.4g} us"
+        f"{name.replace('_', ' ')}: step {event.step}, {told(event.time)}"
         + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
     ]
     for number, branch in enumerate(found.branches[:LISTED]):
-        lines.append(f"branch {number}: {_way(branch, found.rayleigh_speed)}")
+        lines.append(f"branch {number}: {_way(branch, found)}")
     if len(found.branches) > LISTED:
         lines.append(f"and {len(found.branches) - LISTED} shorter branches")
     for fork in found.forks[:LISTED]:
-        where = f"{_place(fork.place)}, {fork.time * 1e6:.4g} us"
+        where = f"{_place(fork.place)}, {told(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
     for way in found.directions:
         lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
@@ -133,11 +140,13 @@ def sentences(found: Summary) -> list[str]:
     return lines or ["nothing broke"]
 
 
-def _way(branch: Branch, rayleigh: float) -> str:
+def _way(branch: Branch, found: Summary) -> str:
     """From where to where and when a tip went, and how fast."""
-    ways = [f"{_place(branch.place[at])} at {branch.time[at] * 1e6:.4g} us" for at in (0, -1)]
-    mean = _mean_speed(branch, rayleigh)
-    if not branch.line.all():
+    ways = [f"{_place(branch.place[at])} at {told(branch.time[at])}" for at in (0, -1)]
+    mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
+    if found.at_rest:
+        fast = ""
+    elif not branch.line.all():
         fast = ", wider than a crack: no speed"
     elif mean is None:
         fast = ", faster than a crack runs: it broke at once"

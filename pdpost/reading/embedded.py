@@ -6,9 +6,16 @@ from typing import TypeVar
 
 import msgspec
 
+from pdmesh.model.document import Run
 from pdsolve.results import Results, ResultsError
 
 T = TypeVar("T", bound=msgspec.Struct)
+
+
+class _Solved(msgspec.Struct):
+    """What is read of the grid file."""
+
+    run: Run = Run()
 
 
 def read(results: Results, kind: type[T]) -> T:
@@ -17,3 +24,8 @@ def read(results: Results, kind: type[T]) -> T:
         return msgspec.json.decode(results.model(), type=kind)
     except msgspec.DecodeError as error:
         raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+
+
+def at_rest(results: Results) -> bool:
+    """Whether the model was solved at rest: times are those of load steps, and no motion's. Raises ResultsError."""
+    return read(results, _Solved).run.solver == "static"

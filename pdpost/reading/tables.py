@@ -23,7 +23,7 @@ SHOWN = {  # what is in it
 UNITS: dict[str, str] = {
     **OF_FIELDS,
     **dict.fromkeys(("x", "y", "z", "x0", "y0", "x1", "y1", "delta", "uz", "displacement_x", "displacement_y"), "m"),
-    **dict.fromkeys(("kinetic", "strain", "dissipated", "work"), "J/m"),
+    **dict.fromkeys(("kinetic", "strain", "dissipated", "work", "refinement"), "J/m"),
     **dict.fromkeys(("momentum_x", "momentum_y"), "N s/m"),
     **dict.fromkeys(("force_x", "force_y"), "N/m"),
     "time": "s",

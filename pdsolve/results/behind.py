@@ -15,14 +15,10 @@ LOOK = 0.05  # s between two looks whether a run that waits for its writer is to
 TURN = 2e-4  # s after which the writer's Python gives way to the run's: Python's own 5 ms are as long as many steps
 
 
-AHEAD = 32e6  # bytes of fields that may wait while the file is begun, which takes as long as some of a short run
-
-
 class Behind:
     """A writer one frame behind the run; what goes wrong with a frame is raised by the next call.
 
-    The writer is made there too, with the first frame; of a new run there is nothing to keep before that is written,
-    so that a few frames more may wait for it.
+    The writer is made there too, with the first frame; of a new run there is nothing to keep before that is written.
     """
 
     def __init__(self, make: Callable[[], Writer], new: bool, pool: ThreadPoolExecutor) -> None:
@@ -30,23 +26,18 @@ class Behind:
         self.stop: Callable[[], bool] = lambda: False  # whether the run is to stop
         self._make, self._new, self._pool = make, new, pool
         self._writer: Writer | None = None
-        self._stopping = self._failed = False
-        self._pending: list[Future[None]] = []
-        self._ahead = 0  # bytes given before the file was there
+        self._stopping = False
+        self._pending: Future[None] | None = None
 
     def write(self, frame: Frame) -> None:
         """Write a frame as soon as the last one is written. Raises WriteError for that."""
-        self.look()
-        if not self._new or self._ahead > AHEAD:
-            self._wait()
-        self._ahead += sum(values.nbytes for values in (frame.fields or {}).values())
-        self._pending.append(self._pool.submit(self._write, frame))
+        self._wait()
+        self._pending = self._pool.submit(self._write, frame)
 
     def look(self) -> None:
         """Raises WriteError for what is known by now to have gone wrong."""
-        while self._pending and self._pending[0].done():
-            self._pending[0].result()
-            del self._pending[0]
+        if self._pending is not None and self._pending.done():
+            self._pending.result()
 
     def done(self) -> Writer:
         """The writer, when all is written. Raises WriteError."""
@@ -56,18 +47,19 @@ class Behind:
     def abandon(self, status: str) -> None:
         """After an error: keep the frames there are, if there are any, with this status."""
         self._stopping = True
-        while not all(frame.done() for frame in self._pending):
+        while self._pending is not None and not self._pending.done():
             with suppress(KeyboardInterrupt):  # it does not take long, and nobody else may write meanwhile
-                wait_for(self._pending)
+                wait_for([self._pending])
         if self._writer is not None and self._new:
             self._writer.discard()
         elif self._writer is not None:
             self._writer.abandon(status)
 
     def _wait(self) -> None:
-        while wait_for(self._pending, LOOK).not_done:
-            self._stopping = self._stopping or self.stop()
-        self.look()
+        if self._pending is not None:
+            while not wait_for([self._pending], LOOK).done:
+                self._stopping = self._stopping or self.stop()
+            self._pending.result()
 
     def _made(self) -> Writer:
         if self._writer is None:
@@ -76,10 +68,8 @@ class Behind:
         return self._writer
 
     def _write(self, frame: Frame) -> None:
-        if not self._failed:  # nothing is written after what could not be
-            self._failed = True
-            self._made().write(frame)
-            self._failed = self._new = False
+        self._made().write(frame)
+        self._new = False
 
 
 @contextmanager

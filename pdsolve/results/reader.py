@@ -238,7 +238,7 @@ class Results:
 
     def history(self) -> NDArray[np.void]:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
-        momentum_y and broken."""
+        momentum_y, broken, refinement, fine_share and clipped_stretch."""
         return self._numbers("history", self._tables.all("history"))
 
     def probes(self) -> NDArray[np.void]:

@@ -93,7 +93,7 @@ TABLES = {  # name: columns
     PRIMARY KEY (step, field, chunk)""",
     "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
-    momentum_x REAL, momentum_y REAL, broken INTEGER""",
+    momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL""",
     "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
     PRIMARY KEY (node, step)""",
     "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,

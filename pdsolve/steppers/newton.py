@@ -84,8 +84,8 @@ class Newton:
                 break
             self.forget()
         raise UnsettledError(
-            f"found no rest after {done} iterations of {self.said}, expected {self._tolerance:g} of the forces from"
-            " outside to be left; look for what is free to move, or take smaller load steps"
+            f"found no rest after {min(done, self._most)} iterations of {self.said}, expected {self._tolerance:g} of"
+            " the forces from outside to be left; look for what is free to move, or take smaller load steps"
         )
 
     def _lead(self, state: State, asked: Asked) -> None:
@@ -117,7 +117,7 @@ class Newton:
             tell(done, residual)
             if residual < FALL * milestone:
                 milestone, reached = residual, done
-            if not residual < GROWN * least or done - reached >= PATIENCE:
+            if done == self._most or not residual < GROWN * least or done - reached >= PATIENCE:
                 break
             if residual < least:
                 least, kept = residual, state.value.copy()

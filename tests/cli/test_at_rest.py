@@ -9,7 +9,8 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load
-from pdsolve.__main__ import main
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import _Watch, main
 from pdsolve.results import Results
 
 FOOT = Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=0.0, y=0.0)
@@ -44,7 +45,18 @@ def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None
     [
         (["free.json", "--static"], 2, "free.json: $.conditions: found the whole plate around"),
         (["free.json", "--static", "--dry-run"], 2, "free.json: $.conditions: found the whole plate around"),
-        (["held.json", "--static", "--set", "run.static.tolerance=0"], 2, "Expected `float` > 0.0 - at `$.run.static"),
+        *(
+            (["held.json", "--static", "--set", f"run.static.tolerance={wrong}"], 2, "- at `$.run.static.tolerance`")
+            for wrong in (0, -1, "nan", "inf", 1e-300, 2)
+        ),
+        (
+            ["held.json", "--static", "--every", "2"],
+            2,
+            "run.every: found it given for a run at rest, expected run.stat",
+        ),
+        (["held.json", "--static", "--set", "run.time_step=1"], 2, "run.time_step: found it given for a run at rest"),
+        (["held.json", "--set", "run.static.tolerance=1e-3"], 2, "run.static.tolerance: found it given for a run in t"),
+        (["held.json", "--set", "run.static.load_steps=3", "--set", "run.start=static"], 2, "expected --static"),
         (["held.json", "--float"], 2, "--float: found a run in time, expected --static or run.start static"),
         (
             ["held.json", "--static", "--set", "run.static.method=relaxation", "--set", "run.static.iterations=3"],
@@ -63,3 +75,22 @@ def test_what_cannot_be_brought_to_rest(
     if code == 3:
         with Results.open(Path("rest.sqlite")) as results:
             assert (results.meta()["status"], results.frames()[0].tolist()) == ("unsettled", [0])
+
+
+@pytest.mark.parametrize("command", ["damage", "balance", "report"])
+def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["held.json", "--static", "-q", "--threads", "1"]) == 0
+    assert pdpost([command, "held.sqlite", "-o", f"{command}.{'html' if command == 'report' else 'svg'}"]) == 0
+    said = capsys.readouterr().out if command != "report" else Path("report.html").read_text()
+    assert "at 2 s" in said
+    assert "e+06" not in said
+
+
+def test_a_run_stopped_within_a_load_step_says_how_to_go_on(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(_Watch, "_show", lambda _, progress: progress.going is not None)
+    assert main(["held.json", "--static", "--threads", "1"]) == 130
+    said, last = capsys.readouterr().err.splitlines()
+    assert said.endswith("which is lost; to go on: pdsolve --resume held.sqlite")
+    assert last == "pdsolve: interrupted"

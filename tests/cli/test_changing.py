@@ -131,3 +131,12 @@ def test_numbers_over_time(given: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_a_node_that_is_nowhere_is_refused(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["history", str(given), "--node", "99999"]) == 2
     assert "found no node 99999, expected one of 1 to" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ["damage", "strain", "nodes", "bonds", "history --at 0.05,0.12", "crack", "export"])
+def test_a_fine_zone_that_moves(hybrid_results: Path, here: Path, words: str) -> None:
+    """Coarse nodes beside fine ones: each command makes a picture or a table of the last frame."""
+    name, *more = words.split()
+    out = "x.csv" if name == "export" else "x.png"
+    assert main([name, str(hybrid_results), *more, "-o", out, "-q"]) == 0
+    assert (here / out).stat().st_size > 1000

@@ -48,6 +48,7 @@ def test_every_scene_and_option_it_names_exists() -> None:
             "--dry-run",
             "--probe",
             "--fields",
+            "--adapt",
             "--static",
             "--float",
         )

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from splitting import Moving, marched, torn_plate
-from whole import contents
+from whole import contents, newest
 
 from pdpost.measures.cracked import damage_at
 from pdpost.measures.pairs import pairs
@@ -134,14 +134,9 @@ def test_what_was_born_and_died_after_the_checkpoint_is_dropped(
     path, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
     monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
 
-    def is_written(step: int) -> bool:
-        with Results.open(path) as results:
-            return step in results.frames()[0]
-
     def kill(progress: Progress) -> bool:
         if progress.step == 47:
-            while not is_written(40):
-                time.sleep(0.01)
+            newest(path, at_least=40)
             for beside in ("", "-wal", "-shm"):
                 shutil.copy(f"{path}{beside}", f"{killed}{beside}")
         return False

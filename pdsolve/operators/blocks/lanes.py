@@ -129,6 +129,10 @@ class Code:
         """The smaller of a and b."""
         return self._call("minnum", a, b)
 
+    def most(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """The larger of a and b."""
+        return self._call("maxnum", a, b)
+
     def _call(self, name: str, *values: list[Any]) -> list[Any]:
         kind = ir.FunctionType(self.vector, (self.vector,) * len(values))
         name = f"llvm.{name}.v{self.width}f{8 * self.size}"

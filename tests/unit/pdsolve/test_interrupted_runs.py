@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from whole import contents
+from whole import contents, newest
 
 from pdmesh.model.document import Displacement, Velocity
 from pdsolve.model import Model
@@ -86,6 +86,7 @@ def test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped(
 
     def kill(progress: Progress) -> bool:
         if progress.step == 47:
+            newest(path, at_least=40)
             for beside in ("", "-wal", "-shm"):
                 shutil.copy(f"{path}{beside}", f"{killed}{beside}")
         return False

@@ -126,6 +126,24 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(grown: Path, tmp_path: Path
         assert results.summary()["load_steps"] == others.summary()["load_steps"]
 
 
+def test_a_plate_that_is_let_go_balances_over_the_most_that_was_put_in(tmp_path: Path) -> None:
+    """Without a warning, from start to end or stopped on the way: of the work next to nothing is left."""
+    there_and_back = ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))
+    opened = [
+        Displacement(box=(-1e-4, y - 1e-4, 1e-4, y + 1e-4), x=0.0, y=y * 1e-4, profile=there_and_back)
+        for y in (7.5e-3, -7.5e-3)
+    ]
+    model = cantilever(Static(load_steps=4), conditions=tuple(opened))
+    with simulate(model, None, Options(threads=1)) as results:
+        whole, work = results.summary(), results.history()["work"]
+    assert abs(work[-1]) < 1e-6 * work[2]
+    assert abs(whole["balance"]) < 1e-6  # measured: 1.3e-9
+    path = tmp_path / "stopped.sqlite"
+    simulate(model, path, Options(threads=1), lambda now: now.step == 3).close()
+    with resume(path, 1) as results:
+        assert results.summary()["balance"] == whole["balance"]
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -264,3 +282,33 @@ def test_damping_brings_a_plate_to_the_same_rest() -> None:
     assert np.allclose(found, rest, atol=1e-3 * np.abs(rest).max())
     missing = history["strain"] + history["kinetic"] + history["dissipated"] - history["work"]
     assert abs(missing[-1]) < 1e-3 * history["work"][-1]
+
+
+def test_a_run_in_single_precision_starts_at_rest_in_double() -> None:
+    with simulate(strip(start="static"), None, Options("conservative", "float32", 1)) as results:
+        assert abs(results.summary()["balance"]) < 1e-5  # measured: 5e-7
+        assert results.summary()["energy"]["kinetic"] < 1e-6 * results.summary()["energy"]["strain"]
+
+
+def test_loads_that_balance_at_the_start_may_be_others_later() -> None:
+    less = ((0.0, 1.0), (1e-7, 1.0), (2e-7, 0.5))
+    ends = (
+        Load(box=(0.0295, -1.0, 1.0, 1.0), body_force=(1e8, 0.0)),
+        Load(box=(-1.0, -1.0, 5e-4, 1.0), body_force=(-1e8, 0.0), profile=less),
+    )
+    run = Run(start="static", steps=4, time_step=1e-7, static=Static(floating=True))
+    with simulate(cantilever(conditions=ends, run=run), None, Options(threads=1)) as results:
+        assert results.history()["strain"][0] > 0
+
+
+def test_iterations_are_those_that_were_allowed() -> None:
+    model = cantilever(Static(iterations=1), conditions=(FOOT, PULL))
+    seen: list[int] = []
+
+    def look(now: Progress) -> bool:
+        seen.extend([] if now.going is None else [now.going.iterations])
+        return False
+
+    with pytest.raises(UnsettledError, match="after 1 iterations of Newton"):
+        simulate(model, None, Options(threads=1), look)
+    assert max(seen) == 1

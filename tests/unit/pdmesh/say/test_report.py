@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from plates import GEOMETRIES, GLASS
 
-from pdmesh import Circle, Scene, box
+from pdmesh import Circle, Run, Scene, Static, box, ramp
 from pdmesh.drawing.sources import build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
@@ -128,6 +129,12 @@ def test_plan_says_what_is_then_built() -> None:
     lines = plan_lines(found)
     assert lines[0].split() == ["this", "scene", "one", "scale"]
     assert any(line.split() == ["nodes", str(own["nodes"]), str(flat["nodes"])] for line in lines)
+
+
+def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> None:
+    run = Run(solver="static", static=Static(load_steps=7))
+    found = plan(replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run))
+    assert (found["scene"]["steps"], found["one_scale"]["steps"]) == (7, 7)
 
 
 def test_a_one_scale_too_large_to_place_is_estimated(monkeypatch: pytest.MonkeyPatch, plate: Scene) -> None:

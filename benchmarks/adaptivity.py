@@ -1,0 +1,272 @@
+"""What a fine zone that moves costs, and what it is off by: python -m benchmarks.adaptivity [--finer] [--repeat N].
+
+Kalthoff and Winkler's plate of steel and Duran's of glass, uniform and hybrid on one lattice, one thread each. Cost:
+CPU time of the loop, both in turn, the least of N. Error: the mean distance of the crack's path from those of uniform
+runs, over the length of the path, and the time of the first bond, for four steps, as a crack is known no better than
+runs that differ by the step alone differ from each other. And all shipped scenes, once. Writes docs/adaptivity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.drawing.additions import ADAPT
+from pdmesh.drawing.sources import build
+from pdsolve.adapt import zone_moved
+from pdsolve.measures import books, damage
+from pdsolve.model import Model, ModelWarning
+from pdsolve.system import Options, prepare
+
+ROOT = Path(__file__).parent.parent
+GEOMETRIES = ROOT / "geometries"
+PAGE = ROOT / "docs" / "adaptivity.md"
+STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
+CRACKED = 0.35  # damage of a node on the path
+LOOK = 100  # steps between two looks
+
+
+class Case(NamedTuple):
+    """A scene at a spacing."""
+
+    title: str
+    file: str
+    assignments: tuple[tuple[str, str], ...]
+    duration: float  # s
+    box: tuple[float, float, float, float]  # where its path is compared, m
+    turns: bool  # whether the angle of its path means something
+    finer: bool  # whether it is one for which one has to wait
+
+
+CASES = (
+    *(
+        Case(
+            f"Kalthoff and Winkler's steel, {1e3 * h:g} mm between nodes",
+            "kalthoff_winkler_steel.py",
+            (("spacing", str(h)),),
+            86e-6,
+            (0.05, 0.1262, 1.0, 0.185),
+            True,
+            h < 5e-4,
+        )
+        for h in (5e-4, 2.5e-4)
+    ),
+    Case(
+        "Duran's glass, 0.25 mm between nodes",
+        "duran50.geo",
+        (("Zones/fine/Spacing", "2.5e-4"), ("Zones/coarse/Spacing", "5e-4")),
+        40e-6,
+        (0.0505, -1.0, 0.068, 1.0),
+        False,
+        False,
+    ),
+)
+
+
+class Found(NamedTuple):
+    """What one run came to."""
+
+    adapt: str
+    share: float  # of the step
+    cpu: float  # s, of the loop
+    steps: int
+    first: float  # s, of the first bond
+    path: NDArray[np.float64]  # (k, 2) m, cracked nodes
+    dissipated: float  # J/m
+    balance: float
+    begins: float  # share of the plate that is fine at the start
+    fine: float  # at the end
+    clipped: float  # over what breaks or softens a bond
+
+
+def model(file: str, assignments: tuple[tuple[str, str], ...] = ()) -> Model:
+    """A shipped scene, as it is built for a fine zone that moves."""
+    built = build(GEOMETRIES / file, [(ADAPT, "hybrid"), *assignments])
+    return Model(built.grid, built.settings, file)
+
+
+def with_run(plate: Model, **changes: object) -> Model:
+    """The same with other settings of the run."""
+    run = msgspec.structs.replace(plate.settings.run, **changes)
+    return dataclasses.replace(plate, settings=msgspec.structs.replace(plate.settings, run=run))
+
+
+def solved(
+    plate: Model, adapt: str, share: float | None = None, duration: float = 0.0, box: tuple[float, ...] | None = None
+) -> Found:
+    """One run, with its step that share of the surely stable one; None: as the scene says."""
+    plate = with_run(plate, adapt=adapt)
+    if share is not None:
+        step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.bound
+        plate = with_run(plate, time_step=step, steps=round(duration / step))
+    problem, steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
+    begins = problem.system.hybrid.told().fine_share if problem.system.hybrid else 1.0
+    began, done = time.thread_time(), 0
+    while done < steps:
+        last = min(done + LOOK, steps)
+        problem.march(done + 1, last + 1)
+        done = last
+    cpu = time.thread_time() - began
+    change = zone_moved(problem.system) if problem.system.hybrid else None
+    system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+    broken, energies = system.operator.broken(), books(system, state, steps)
+    cracked = system.model.grid.position[damage(system, broken) > CRACKED]
+    if box is not None:
+        cracked = cracked[((cracked > box[:2]) & (cracked < box[2:])).all(axis=1)]
+    return Found(
+        adapt,
+        share or 0.0,
+        cpu,
+        steps,
+        float(broken.step.min(initial=np.iinfo(np.int64).max)) * system.time_step if len(broken.step) else np.nan,
+        cracked,
+        energies.dissipated,
+        energies.balance(system.initial_energy),
+        begins,
+        energies.fine_share,
+        energies.clipped_stretch,
+    )
+
+
+def distance(one: Found, other: Found) -> float:
+    """Mean two-way distance of two paths over their length."""
+    apart = np.hypot(*(one.path[:, None] - other.path[None]).T)
+    length = float(np.hypot(*np.ptp(other.path, axis=0)))
+    return float((apart.min(axis=0).mean() + apart.min(axis=1).mean()) / 2) / length
+
+
+def angle(found: Found) -> float:
+    """Of the path to the notch, degrees, through its nodes."""
+    x, y = found.path.T
+    slope = np.polyfit(y - y.mean(), x - x.mean(), 1)[0]
+    return float(np.degrees(np.arctan2(1, slope)))
+
+
+def compared(case: Case, repeat: int) -> str:
+    """A section of the page: one scene at one spacing."""
+    plate = model(case.file, case.assignments)
+    runs: dict[str, list[Found]] = {"none": [], "hybrid": []}
+    for share in STEPS:
+        for adapt, found in runs.items():
+            found.append(solved(plate, adapt, share, case.duration, case.box))
+            print(found[-1]._replace(path=found[-1].path[:0]), file=sys.stderr, flush=True)
+    cpu = {adapt: [found[0].cpu] for adapt, found in runs.items()}
+    for _ in range(repeat - 1):
+        for adapt, times in cpu.items():
+            times.append(solved(plate, adapt, STEPS[0], case.duration).cpu)
+    least = {adapt: min(times) for adapt, times in cpu.items()}
+    lines = [
+        f"## {case.title}: {len(plate.grid)} nodes",
+        "",
+        f"CPU time of the loop, least of {repeat} in turn, one thread: uniform {least['none']:.2f} s, hybrid"
+        f" {least['hybrid']:.2f} s, **{least['none'] / least['hybrid']:.1f} times**.",
+        "",
+        "| run | step / sure step | first bond, us | angle of the path, degrees | path off the uniform runs', % |"
+        " dissipated, J/m | balance, % of the work | fine at the end, % | clipped bonds, of s0 |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for adapt, founds in runs.items():
+        for found in founds:
+            others = [other for other in runs["none"] if other is not found]
+            off = np.mean([distance(found, other) for other in others])
+            turned = f"{angle(found):.1f}" if case.turns else "-"
+            lines.append(
+                f"| {'uniform' if adapt == 'none' else adapt} | {found.share:g} | {1e6 * found.first:.2f} |"
+                f" {turned} | {100 * off:.1f} | {found.dissipated:.4g} | {100 * found.balance:+.2f} |"
+                f" {100 * found.fine:.1f} | {found.clipped:.2f} |"
+            )
+    return "\n".join([*lines, ""])
+
+
+def scenes() -> str:
+    """A section of the page: all shipped scenes, once each, as they are drawn."""
+    lines = [
+        "## All shipped scenes",
+        "",
+        "Built by `pdmesh build SCENE --adapt hybrid`, with the finest spacing of each; the uniform run is of the same"
+        " nodes.",
+        "",
+        "| scene | nodes | fine at the start, end, % | first bond, us: uniform, hybrid | dissipated, J/m | CPU of the"
+        " loop, s | balance, % of the work | clipped bonds |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for path in sorted(GEOMETRIES.iterdir()):
+        if path.suffix not in (".geo", ".py"):
+            continue
+        plate = model(path.name)
+        one, other = (solved(plate, adapt) for adapt in ("none", "hybrid"))
+        print(path.name, other._replace(path=other.path[:0]), file=sys.stderr, flush=True)
+        lines.append(
+            f"| {path.name} | {len(plate.grid)} | {100 * other.begins:.1f}, {100 * other.fine:.1f} |"
+            f" {_time(one)}, {_time(other)} | {one.dissipated:.4g}, {other.dissipated:.4g} | {one.cpu:.2f},"
+            f" {other.cpu:.2f} | {100 * other.balance:+.3f} | {other.clipped:.2f} |"
+        )
+    return "\n".join([*lines, ""])
+
+
+def _time(found: Found) -> str:
+    return "none" if np.isnan(found.first) else f"{1e6 * found.first:.2f}"
+
+
+HEAD = """# Peridynamics where bonds may break, a compact lattice elsewhere
+
+`pdmesh build plate.geo --adapt hybrid`, then `pdsolve plate.json`; or `.adapt()` in a scene, `Peridynamics/Run/Adapt`
+in a drawing, `pdsolve --adapt hybrid` for nodes that are on one lattice already. Written by `python -m
+benchmarks.adaptivity`; times are of the machine it ran on, and only their ratio means something.
+
+A cell of 2 h is fine, with nodes of spacing h and all bonds of the horizon, or coarse: four springs along its edges
+and two along its diagonals, as stiff as the fine lattice is, its anisotropy included. Cells are fine from the start
+within 12 h of the tips of pre-cracks, and within 4 h more than the horizon of where an outline cuts cells or turns
+inwards. Every 8 steps those become fine that are within 8 h of a node one of whose bonds has broken or begun to
+soften, or of a coarse bond stretched to more than 0.7 of what breaks or softens it. Nothing becomes coarse again, and
+no bond heals: a table has a bit for each bond of the whole plate, which is cleared once. Bonds that leave the fine
+cells are clipped at their edge, and as much stiffer as they are shorter, after A. V. Shapeev (Multiscale Model.
+Simul. 9 (2011) 905-932). A linear field is at rest, edges included, momentum and energy are conserved
+(`tests/verification/test_clipped.py`); of a pulse half, one and two times 2 m h wide 5.2, 2.1 and 0.5 % come back.
+Fine nodes at edges, faces of pre-cracks and interfaces have the bonds of a uniform run; a coarse cell has the mean
+stiffness and mass of its materials.
+
+**What it takes**: nodes on one lattice, horizons up to 6 spacings, the conservative mode in double precision; both
+laws, several materials of one micromodulus, holes, notches and any outline, pre-cracks without width in any
+direction, loads, held displacements and velocities, regions that do not break. Frames, histories and all that
+`pdpost` shows are of the coarse nodes and of the fine ones there are; nodes that come and go do so in the first step
+after the last look (ledger or frame) before which they did. `pdmesh build` lays the finest spacing of a drawing
+everywhere and moves cracks, by half a spacing at most, where they would meet a node, and says so.
+
+**What it refuses**, in one line: imported meshes and other nodes on no lattice, several spacings, the thesis mode,
+single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on
+one thread.
+
+**When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; and where a
+plate is so small that 12 h around a tip, or what is around its holes, is most of it. A run stops where a clipped bond
+is stretched beyond what breaks it.
+
+"Path off" is the mean two-way distance from the other uniform runs, over the path's length: for uniform runs this is
+how far they are from each other.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and write the page."""
+    parser = argparse.ArgumentParser(description="Measure what a fine zone that moves costs and is off by.")
+    parser.add_argument("--finer", action="store_true", help="0.25 mm of the steel too: some minutes")
+    parser.add_argument("--repeat", type=int, default=3, help="times each cost is measured")
+    args = parser.parse_args(arguments)
+    warnings.simplefilter("ignore", ModelWarning)
+    sections = [compared(case, args.repeat) for case in CASES if args.finer or not case.finer]
+    PAGE.write_text("\n".join([HEAD, *sections, scenes()]), encoding="utf-8")
+    print(PAGE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,79 @@
+"""The scene of a plate whose fine zone is to move: one lattice, which starts at the plate's corner, and no crack on it.
+
+A fine zone that moves has the finest spacing of all zones, so that what is coarser needs none drawn. The solver's cells
+are twice as large as that, and fit a plate where its nodes lie on its edges; so a crack that meets a node is moved, by
+half a spacing at most, where other lattices are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import LineString
+
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.slits import Crack, Slit
+
+CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
+COMFORT = 0.1  # of a spacing: a crack this far from nodes is far enough
+SHARES = (0.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125, 0.375, -0.375)  # of a spacing: how far one may be moved
+WAYS = tuple(sorted(itertools.product(SHARES, repeat=2), key=lambda way: (np.count_nonzero(way), -abs(sum(way)))))
+ON = 1e-6  # of a spacing: an end this near to the plate's edge lies on it
+
+
+def nested(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the finest spacing everywhere and its cracks between nodes; and what was done to them.
+
+    Raises SceneError for a crack that cannot be cleared.
+    """
+    notes = []
+    if scene.zones or scene.refinements:
+        notes.append(f"nodes of {scene.finest:g} m everywhere: the solver makes them coarser where it can")
+    scene = scene.one_scale()
+    cracks: list[Crack] = []
+    for slit in scene.slits:
+        way = _way(scene, slit)
+        if any(way):
+            notes.append(f"crack '{slit.name}': moved by ({way[0]:g}, {way[1]:g}) m, off the nodes")
+        points = shapely.get_coordinates(slit.line) + way
+        cracks.append(Crack(slit.name, LineString(points)))
+    return replace(scene, cracks=tuple(cracks)), tuple(notes)
+
+
+def _way(scene: Scene, slit: Slit) -> tuple[float, float]:
+    """How far a crack is to be moved, m: an end on the plate's edge stays there, if that can be."""
+    h, points = scene.finest, shapely.get_coordinates(slit.line)
+    if _clearance(scene, points) >= CLEARANCE:
+        return 0.0, 0.0
+    edge = scene.shape.boundary
+    mouths = [end for end in (0, -1) if edge.distance(shapely.Point(points[end])) <= ON * h]
+    best: tuple[float, float, int] | None = None
+    for number, way in enumerate(WAYS):
+        moved = points + h * np.array(way)
+        clear = _clearance(scene, moved)
+        if clear < CLEARANCE:
+            continue
+        off = sum(float(edge.distance(shapely.Point(moved[end]))) for end in mouths) / h
+        worth = (round(off, 6), -min(clear, COMFORT), number)
+        best = worth if best is None else min(best, worth)
+    if best is None:
+        raise SceneError(
+            f"crack '{slit.name}': found a node of spacing {h:g} m on it wherever it is moved, expected it between them"
+        )
+    x, y = WAYS[best[2]]
+    return x * h, y * h
+
+
+def _clearance(scene: Scene, points: NDArray[np.float64]) -> float:
+    """How far the nearest node of the lattice is from a polyline (p, 2), in spacings."""
+    h, corner = scene.finest, np.array(scene.whole.bounds[:2])
+    line = LineString(points)
+    places = shapely.get_coordinates(shapely.segmentize(line, h / 2))
+    near = np.round((places - corner) / h)[:, None] + np.array(list(itertools.product((-1, 0, 1), repeat=2)))
+    nodes = np.unique(near.reshape(-1, 2), axis=0) * h + corner
+    return float(shapely.distance(shapely.points(nodes), line).min()) / h

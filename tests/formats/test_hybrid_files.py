@@ -1,0 +1,76 @@
+"""Databases of runs with a fine zone that moves: their nodes, their books, and what a killed run goes on to."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from whole import contents
+from zones import struck
+
+from pdpost.measures.cracked import damage_at
+from pdsolve.results import Results, ResultsError
+from pdsolve.simulation import Options, resume, simulate
+
+TESTS = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="module", params=["brittle", "bilinear"])
+def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A run of either law, left alone."""
+    path = tmp_path_factory.mktemp("hybrid") / "whole.sqlite"
+    simulate(struck("hybrid", law=request.param), path, Options(threads=1)).close()
+    return path, request.param
+
+
+def test_frames_are_of_the_nodes_there_are(solved: tuple[Path, str]) -> None:
+    """Ever more fine ones, whose area is that of the plate; damage of a frame is what births and bonds say."""
+    with Results.open(solved[0]) as results:
+        steps, fine = results.frames()[0].tolist(), []
+        for step in steps:
+            nodes = results.nodes(step)
+            assert len(results.field("ux", step)) == len(nodes.ids)
+            assert nodes.area.sum() == pytest.approx(0.1 * 0.2, rel=1e-12)
+            fine.append(int((nodes.delta < 3e-3).sum()))
+            assert damage_at(results, step) == pytest.approx(results.field("damage", step), abs=1e-6)
+        assert fine[-1] > 1.2 * fine[0]
+        assert sorted(fine) == fine
+        books = results.history()
+        assert np.all(np.diff(books["fine_share"]) >= 0)
+        assert books["fine_share"][-1] == pytest.approx(results.summary()["hybrid"]["fine_share"])
+        assert 0 < books["clipped_stretch"][-1] < 1
+        assert books["refinement"][-1] != 0
+
+
+def test_a_killed_run_goes_on_to_the_same_tables(solved: tuple[Path, str], tmp_path: Path) -> None:
+    """kill -9 while cells become fine, and steps taken by other numbers at a time: the same to the bit."""
+    whole, law = solved
+    program = f"""
+import sys, time; sys.path.insert(0, {str(TESTS)!r})
+from pathlib import Path
+from zones import struck
+from pdsolve.simulation import Options, simulate
+import pdsolve.simulation
+pdsolve.simulation.PATIENCE = 1e6
+watch = lambda progress: bool(time.sleep(0.02))
+simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), watch)
+"""
+    path, frames = tmp_path / "killed.sqlite", 0
+    child = subprocess.Popen([sys.executable, "-c", program, str(path)])
+    while frames < 4 and child.poll() is None:
+        time.sleep(0.01)
+        try:
+            with Results.open(path) as results:
+                frames = len(results.frames()[0])
+        except ResultsError:
+            continue
+    os.kill(child.pid, signal.SIGKILL)
+    assert child.wait() == -signal.SIGKILL
+    resume(path).close()
+    assert contents(path) == contents(whole)

@@ -1,0 +1,43 @@
+"""Times in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from drawn import lattice, run
+
+from pdpost import figures
+from pdpost.measures.crack_summary import crack, numbers, sentences
+from pdpost.measures.cracks import Event
+from pdpost.reading.times import told
+
+
+def test_the_unit_is_that_of_the_time() -> None:
+    assert [told(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.75, 36)] == [
+        "0 us",
+        "42.5 us",
+        "-1000 us",
+        "0.75 s",
+        "36 s",
+    ]
+    assert told(2e-6, "+.3g", "µs") == "+2 µs"
+
+
+def test_a_crack_at_rest_has_no_speed() -> None:
+    model = '{"material": {"E": 65e9, "rho": 2235, "G0": 204}, "run": {"solver": "static"}}'
+    steps = [(10 * x, x, 0) for x in range(5, 15)]
+    results = run(lattice(), steps, model=model)
+    found = crack(results)
+    assert "m/s" in " ".join(sentences(crack(run(lattice(), steps, model=model.replace("static", "explicit")))))
+    assert "m/s" not in " ".join(sentences(found))
+    assert numbers(found)["branches"][0]["mean_speed"] is None
+    assert np.isnan(found.branches[0].speed.value).all()
+    assert len(figures.crack(results, found).axes) == 2
+
+
+def test_a_crack_of_load_steps_is_told_in_seconds() -> None:
+    model = '{"material": {"E": 65e9, "rho": 2235, "G0": 204}}'
+    found = crack(run(lattice(), [(x, x, 0) for x in range(5, 15)], model=model))
+    slow = replace(found, growth=replace(found.growth, first_break=Event(5, 2.5)))
+    assert sentences(slow)[0] == "first break: step 5, 2.5 s"

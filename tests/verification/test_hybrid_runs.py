@@ -1,0 +1,111 @@
+"""Runs whose fine zone moves, beside the same plates solved on the fine lattice everywhere."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from plates import plate
+from zones import STEEL, again, rectangle, struck
+
+from pdmesh.model.document import Displacement, Load, Run
+from pdsolve.adapt import zone_moved
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import COARSE, FINE
+from pdsolve.measures import books
+from pdsolve.model import Model
+from pdsolve.system import Options, Prepared, prepare
+
+
+def pulled(adapt: str) -> Model:
+    """A cracked plate of glass, 0.5 mm between nodes, pulled by its edges and held at one corner's row."""
+    grid = rectangle(80, 48, 5e-4, [(0, 23.5, 40.5, 23.5)])
+    loads = [
+        Load(box=(-1.0, y - 1.2e-3, 1.0, y + 1.2e-3), traction=(0.0, s), rows=3) for y, s in ((0.024, 1.0), (0.0, -1.0))
+    ]
+    loads = [msgspec.structs.replace(load, traction=(0.0, 14e6 * load.traction[1]), length=0.04) for load in loads]
+    held = Displacement(box=(0.04 - 1e-5, -1.0, 1.0, 1.0), x=0.0)
+    return plate(grid, 4, conditions=(*loads, held), run=Run(steps=260, every=65, adapt=adapt))
+
+
+def hybrid(problem: Prepared) -> Hybrid:
+    """The operator of a hybrid run."""
+    found = problem.system.hybrid
+    assert found is not None
+    return found.hybrid
+
+
+def test_fine_everywhere_it_is_the_uniform_plate() -> None:
+    """With all cells fine: the accelerations of the uniform run, corrected surfaces and faces included."""
+    one, other = prepare(struck("hybrid"), Options()), prepare(struck("none"), Options(threads=1))
+    run = hybrid(one)
+    run.zone.cells[run.zone.cells == COARSE] = FINE
+    again(run)
+    change = zone_moved(one.system)
+    assert change is not None
+    system, nodes = change.system, change.system.hybrid
+    assert nodes is not None
+    rough = 1e-6 * np.random.default_rng(3).standard_normal((len(other.state.value), 2))
+    run.zone.fine.u[0][:, run.plate.place] = rough.T
+    run.renew()
+    other.state.value[:] = rough
+    out = np.zeros_like(rough)
+    other.system.operator.add(other.state, out, 1, 0.0)
+    state = change.state
+    held, _ = nodes.energies(state)
+    back = np.argsort(nodes.rows)
+    assert system.model.grid.ids[back].tolist() == other.system.model.grid.ids.tolist()
+    assert one.system.bound == pytest.approx(other.system.bound, rel=1e-9)
+    assert state.value[back] == pytest.approx(rough, rel=1e-15)
+    free = np.ones_like(out, dtype=bool)
+    free[other.system.drive.holds.node, other.system.drive.holds.axis] = False
+    limit = 1e-11 * np.abs(out).max()  # measured 7e-13
+    assert np.abs(state.second[back] * STEEL.rho - out)[free].max() < limit
+    assert held[back] == pytest.approx(other.system.operator.energies(other.state)[0], rel=1e-9)
+    assert system.family[back].tolist() == other.system.family.tolist()
+    assert system.count[back].tolist() == other.system.count.tolist()
+
+
+def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
+    """Its first bond within a step, energies within a few per cent, both halves alike; no bond heals."""
+    found, first = {}, {}
+    for adapt in ("none", "hybrid"):
+        problem = prepare(struck(adapt), Options(threads=1))
+        seen = None
+        for step in range(1, 171, 10):
+            problem.march(step, step + 10)
+            if adapt == "hybrid":
+                bits = hybrid(problem).zone.bits.copy()
+                assert seen is None or not (bits & ~seen).any()
+                seen = bits
+        change = zone_moved(problem.system) if adapt == "hybrid" else None
+        system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+        found[adapt], broken = books(system, state, 170), system.operator.broken()
+        first[adapt] = int(broken.step.min())
+        y = np.sort(system.model.grid.position[broken.source, 1])
+        assert np.abs(y + y[::-1] - 0.2).max() < 1e-12
+    told = hybrid(problem).told()
+    assert abs(first["hybrid"] - first["none"]) <= 1  # 42, 43
+    assert found["hybrid"].work == pytest.approx(found["none"].work, rel=0.04)
+    assert found["hybrid"].dissipated == pytest.approx(found["none"].dissipated, rel=0.1)
+    assert abs(found["hybrid"].balance(system.initial_energy)) < 0.01
+    assert 0 < told.clipped_stretch < 1
+    assert told.fine_share < 0.8
+    assert abs(told.refinement) < 0.005 * found["hybrid"].work
+
+
+def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
+    """Loads on strips and a held edge, handed to fine and coarse nodes alike."""
+    found = {}
+    for adapt in ("none", "hybrid"):
+        problem = prepare(pulled(adapt), Options(threads=1))
+        problem.march(1, 101)
+        early = books(problem.system, problem.state, 100)
+        problem.march(101, 261)
+        late = books(problem.system, problem.state, 260)
+        found[adapt] = early, late, int(problem.system.operator.broken().step.min())
+    for one, other in zip(found["hybrid"][:2], found["none"][:2], strict=True):
+        assert one.work == pytest.approx(other.work, rel=0.02)
+    assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067
+    assert found["hybrid"][2] == found["none"][2]
+    assert hybrid(problem).told().clipped_stretch < 0.7  # 0.58; 1.01 if faces were to follow the next coarse node alone

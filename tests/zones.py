@@ -1,0 +1,181 @@
+"""Plates with a fine zone of any shape, to ask questions of."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from plates import plate, square_grid
+
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Material, Run, Velocity
+from pdsolve.adapt import zone_moved
+from pdsolve.adaptive.arrays import PIECES, Ground, Zone
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
+from pdsolve.adaptive.system import hybrid_of
+from pdsolve.measures import Ledger, books
+from pdsolve.model import Model, ModelWarning
+from pdsolve.system import Options, prepare, step_of
+
+H = 1e-3  # m
+_fine = getattr(fine_place, "py_func", fine_place)
+_coarse = getattr(coarse_place, "py_func", coarse_place)
+
+Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
+
+
+class Zoned(NamedTuple):
+    """A plate, and where its nodes that move are."""
+
+    hybrid: Hybrid
+
+    @property
+    def ground(self) -> Ground:
+        """What stays."""
+        return self.hybrid.ground
+
+    @property
+    def zone(self) -> Zone:
+        """What changes."""
+        return self.hybrid.zone
+
+    @property
+    def c11(self) -> float:
+        """Of the material, N/m^2."""
+        return float(self.ground.cell[0].max() + self.ground.cell[1].max())
+
+    def lattices(self) -> Iterable[tuple[Any, NDArray[np.int64], NDArray[np.float64]]]:
+        """Fine and coarse nodes, the places (k,) of those that move, and where they are (k, 2), m."""
+        at = self.ground.at
+        for nodes, place, step in ((self.zone.fine, _fine, 1), (self.zone.coarse, _coarse, 2)):
+            y, x = (index.ravel() for index in np.mgrid[0 : at.ny // step + 1, 0 : at.nx // step + 1])
+            places = place(at, x, y)
+            free = nodes.kind[places] == FREE
+            yield nodes, places[free], step * H * np.column_stack([x, y])[free]
+
+    def put(self, displacement: Where | None = None, velocity: Where | None = None) -> None:
+        """Give all nodes that move displacements, m, and velocities, m/s, by where they are."""
+        for nodes, places, position in self.lattices():
+            if displacement is not None:
+                nodes.u[0][:, places] = displacement(*position.T)
+            if velocity is not None:
+                nodes.v[:, places] = velocity(*position.T)
+        self.march(1, 1)
+
+    def march(self, first: int, last: int) -> None:
+        """Take steps; none with last = first, which computes the forces."""
+        if first == last:
+            self.hybrid.renew()
+        self.hybrid.march(first, last)
+        if self.hybrid.now == 1:
+            self.hybrid.now = 0
+            for nodes in (self.zone.fine, self.zone.coarse):
+                nodes.u[0] = nodes.u[1]
+
+    def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces (k, 2), N/m, on all nodes that move, and where these are (k, 2), m."""
+        found = [(nodes.f[:, places].T, position) for nodes, places, position in self.lattices()]
+        return np.concatenate([force for force, _ in found]), np.concatenate([place for _, place in found])
+
+    def energy(self) -> float:
+        """Kinetic and strain energy, J/m."""
+        return float(self.hybrid.motion()[0] + sum(part.sum() for part in self.hybrid.held()))
+
+    def conserved(self) -> float:
+        """The energy that leapfrog conserves where forces are linear, J/m: that of the velocities half a step before
+        and half a step after, v^2 - (a dt / 2)^2."""
+        found = self.energy()
+        for nodes, places, _ in self.lattices():
+            found -= float((nodes.light[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
+        return found
+
+    @property
+    def pieces(self) -> int:
+        """How many pieces of clipped bonds there are."""
+        return int(self.zone.number[PIECES])
+
+
+def rectangle(columns: int, rows: int, delta: float, cracks: Any = ()) -> Grid:
+    """Nodes on the edges of a plate of so many spacings, half and quarter cells there; `cracks` in spacings."""
+    share_x, share_y = np.ones(columns + 1), np.ones(rows + 1)
+    share_x[[0, -1]] = share_y[[0, -1]] = 0.5
+    corners = delta * np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)], dtype=float)
+    return dataclasses.replace(
+        square_grid(columns + 1, rows + 1, delta),
+        areas=delta**2 * np.outer(share_y, share_x).ravel(),
+        outline=(corners,),
+        cracks=delta * np.array(cracks, dtype=float).reshape(-1, 4),
+    )
+
+
+def zoned(
+    columns: int,
+    rows: int,
+    fine: Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]],
+    material: Material,
+    ratio: float = 4.0,
+    step: float = 1.0,
+    cracks: Iterable[tuple[float, float, float, float]] = (),
+) -> Zoned:
+    """A plate of `columns` by `rows` fine spacings, whose cells are fine where `fine(x, y)` of their columns and rows
+    is true; steps of `step` times h sqrt(rho / E), `cracks` in spacings."""
+    run = Run(time_step=step * H * (material.rho / material.E) ** 0.5, adapt="hybrid")
+    grid = rectangle(columns, rows, H, list(cracks))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        shown, _ = hybrid_of(plate(grid, ratio, material=material, run=run), "conservative", "float64", step_of)
+    hybrid = shown.hybrid
+    at = hybrid.plate.at
+    cell = np.arange(at.cells)
+    wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
+    hybrid.zone.cells[hybrid.zone.cells == FINE] = COARSE
+    hybrid.zone.cells[wanted] = FINE
+    return again(hybrid)
+
+
+def again(hybrid: Hybrid) -> Zoned:
+    """The same plate numbered anew, once its cells were changed by hand; at rest."""
+    hybrid.number()
+    hybrid.renew()
+    return Zoned(hybrid)
+
+
+STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")
+
+
+def struck(adapt: str, steps: int = 170, law: str = "brittle") -> Model:
+    """Kalthoff and Winkler's plate of steel, 2 mm between nodes; its bonds may soften."""
+    grid = rectangle(50, 100, 2e-3, [(0, 37.5, 25, 37.5), (0, 62.5, 25, 62.5)])
+    impact = Velocity(box=(-1.0, 75e-3, 1e-4, 125e-3), x=16.5)
+    material = msgspec.structs.replace(STEEL, law=law, kr=1.638, keep_G0=True) if law == "bilinear" else STEEL
+    run = Run(steps=steps, every=34, ledger=17, adapt=adapt)
+    return plate(grid, 4, material=material, conditions=(impact,), run=run)
+
+
+class Solved(NamedTuple):
+    """What a run came to."""
+
+    first: int  # step of the first broken bond; the last step without one
+    books: Ledger
+    balance: float
+
+
+def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved]:
+    """A model solved with a fine zone that moves, and with the fine lattice everywhere."""
+    found, steps = [], steps or model.settings.run.steps
+    for adapt in ("hybrid", "none"):
+        run = msgspec.structs.replace(model.settings.run, adapt=adapt)
+        settings = msgspec.structs.replace(model.settings, run=run)
+        problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
+        problem.march(1, steps + 1)
+        change = zone_moved(problem.system) if adapt == "hybrid" else None
+        system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+        broken, ledger = system.operator.broken(), books(system, state, steps)
+        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance(system.initial_energy)))
+    return found[0], found[1]
