@@ -191,8 +191,9 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        fine = None if notes.system.hybrid is None else notes.system.hybrid.told()
-        return watch is not None and watch(Progress(step, run.steps, notes.last.broken, notes.balance(notes.last), fine))
+        books, hybrid = notes.last, notes.system.hybrid
+        fine = None if hybrid is None else hybrid.told()
+        return watch is not None and watch(Progress(step, run.steps, books.broken, notes.balance(books), fine))
 
     def going(now: Going) -> None:
         """Show how far a load step is; it is lost where the run is to stop meanwhile."""
