@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.fields import CRACKED, USUAL
 from pdmesh.model.graphs import connected
 from pdsolve.state import Broken, State
 from pdsolve.system import System
@@ -92,11 +92,17 @@ def fields(
 ) -> dict[str, NDArray[np.floating]]:
     """The fields (n,) of these names now; `asked` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
-    for name in names:
+    chosen = tuple(names)
+    own = {} if chosen != USUAL and set(chosen) <= set(USUAL) else system.operator.fields(state)
+    if chosen == USUAL:
+        chosen = (*USUAL, *own)
+    for name in chosen:
         if name == "damage":
             found[name] = damage(system, asked and asked.broken)
         elif name == "energy":
             found[name] = asked.held if asked else system.operator.energies(state)[0]
+        elif name in own:
+            found[name] = own[name]
         else:
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
             found[name] = values[:, "xy".index(name[1])]

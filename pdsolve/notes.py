@@ -202,11 +202,11 @@ class Notes:
         check_physics(system, state, self.last, self._most)
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
-        self._watch.look(state.value, self.now.broken, step)
+        self._watch.look(state.value[:, :2], self.now.broken, step)
         self._ledgers.append(self.last)
         u, v, a = state.value, state.rate, state.second
         for row in dict.fromkeys(self._probed):
-            values = (*u[row].tolist(), *v[row].tolist(), *a[row].tolist())
+            values = (*u[row, :2].tolist(), *v[row, :2].tolist(), *a[row, :2].tolist())
             self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values))
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
 

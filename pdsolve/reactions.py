@@ -64,7 +64,7 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     found = []
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, time)) * pushes[profile]).tolist()
-        mean = state.value[grip.rows].astype(float).mean(axis=0).tolist()
+        mean = state.value[grip.rows, :2].astype(float).mean(axis=0).tolist()
         found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
     return found
 

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.fields import USUAL
 from pdsolve.adaptive.energy import held
 from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
@@ -23,13 +24,14 @@ from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
-from pdsolve.loading import in_load_steps
+from pdsolve.loading import followed_at_rest, in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
 from pdsolve.operators.blocks.operator import InBlocks
-from pdsolve.operators.listed import Listed, add_rows
+from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
+from pdsolve.operators.rows import add_rows
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -200,10 +202,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     rho = model.rho.astype(kind)
     bound = stable(operator.stiffest(), model.rho)
     step = step_of(model, bound)
-    driven = drive(model, filling.area, scheme.exact_load, kind)
-    velocity, nodes = initial_velocity(model), len(model.grid)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, filling.area, scheme.exact_load, kind), width)
+    velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
+    velocity[:, :2] = initial_velocity(model)
     state = State(
-        value=np.zeros((nodes, 2), dtype=kind),
+        value=np.zeros((nodes, width), dtype=kind),
         rate=velocity.astype(kind),
         second=initial_acceleration(driven, rho),
         dissipated=np.zeros(nodes),
@@ -217,6 +221,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    _refuse_fields(model, operator, state)
     system = System(
         model,
         options,
@@ -235,8 +240,27 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
+def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
+    """Raises ModelError for a field of the frames that the model does not have."""
+    asked = [name for name in model.settings.run.fields if name not in USUAL]
+    there = operator.fields(state) if asked else {}
+    for name in asked:
+        if name not in there:
+            expected = ", ".join((*USUAL, *there))
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
+
+
+def widened(driven: Drive, width: int) -> Drive:
+    """The same, nothing acting on components (n, width) beyond those of the displacement."""
+    more = ((0, 0), (0, width - driven.force.shape[1]))
+    return (
+        driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
+    )
+
+
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
     """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    followed_at_rest(model, breaks)
     lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
     filling = lasting.filling()
     operator, survey = _operator(model, options, scheme, filling)

@@ -9,7 +9,9 @@
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
-    -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane
+    -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane,
+                                              Model, Influence, Failure, Strength, Solid, Form, Control, Control
+                                              factor, Order, Constant term, Yield stress, Hardening
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
     -                                         Run/Solver (explicit, static), Start, Load steps, Damping, Adapt

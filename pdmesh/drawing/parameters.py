@@ -26,7 +26,16 @@ SHARED = ("Rows", "Profile", "Breakable", "Box")  # of every condition
 LOAD = ("Traction x", "Traction y", "Body force x", "Body force y")
 FIX = ("Components", "Displacement x", "Displacement y")
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xy")
-MATERIAL = ("E", "rho", "G0", "nu", "Force law", "kr", "Keep G0", "Micromodulus", "Plane")
+WORDS = {"law": "Force law", "micromodulus": "Micromodulus", "plane": "Plane"} | {
+    word: word.capitalize() for word in ("model", "influence", "failure", "solid", "form", "control")
+}  # of a material: in the model, and in drawings
+NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr")} | {
+    "strength": "Strength",
+    "control_factor": "Control factor",
+    "yield_stress": "Yield stress",
+    "hardening": "Hardening",
+}
+MATERIAL = (*NUMBERS.values(), *WORDS.values(), "Keep G0", "Order", "Constant term")
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
     f"Loads/{ANY}": LOAD + SHARED,
@@ -203,18 +212,13 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder; what it leaves out is that of `base`. None where nothing says any."""
-    keep = parameters.maybe(f"{folder}/Keep G0")
-    given = {
-        "E": parameters.maybe(f"{folder}/E"),
-        "rho": parameters.maybe(f"{folder}/rho"),
-        "G0": parameters.maybe(f"{folder}/G0"),
-        "nu": parameters.maybe(f"{folder}/nu"),
-        "law": parameters.text(f"{folder}/Force law") or None,
-        "kr": parameters.maybe(f"{folder}/kr"),
-        "keep_G0": None if keep is None else parameters.flag(f"{folder}/Keep G0", True),
-        "micromodulus": parameters.text(f"{folder}/Micromodulus") or None,
-        "plane": parameters.text(f"{folder}/Plane") or None,
-    }
+    given: dict[str, Any] = {name: parameters.maybe(f"{folder}/{own}") for name, own in NUMBERS.items()}
+    given |= {name: parameters.text(f"{folder}/{own}") or None for name, own in WORDS.items()}
+    for name, own in (("keep_G0", "Keep G0"), ("constant_term", "Constant term")):
+        if parameters.maybe(f"{folder}/{own}") is not None:
+            given[name] = parameters.flag(f"{folder}/{own}", True)
+    if parameters.maybe(f"{folder}/Order") is not None:
+        given["order"] = parameters.whole(f"{folder}/Order", 1)
     given = {name: value for name, value in given.items() if value is not None}
     if base is not None:
         given = msgspec.to_builtins(base) | given

@@ -45,9 +45,29 @@ def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArra
     return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
 
 
+def poisson(material: Material) -> float:
+    """The Poisson's ratio that a material's model has: its own, or that of bonds."""
+    return BONDS_NU[material.plane] if material.model == "bond" or material.nu is None else material.nu
+
+
+def lame(E: float, nu: float) -> tuple[float, float]:
+    """Lamé's constants lambda and mu in space, and in plane strain, in the unit of E."""
+    return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+
+
+def bulk_modulus(E: float, nu: float, space: str) -> float:
+    """Mean stress over dilatation: in "stress" and "strain" within the plane, or in "space"."""
+    if space == "stress":
+        return E / (2 * (1 - nu))
+    first, shear = lame(E, nu)
+    return first + shear if space == "strain" else first + 2 * shear / 3
+
+
 def pressure_speed(material: Material) -> float:
-    """Speed of P waves in a bond-based plate, m/s."""
-    return float(np.sqrt(C11[material.plane] * material.E / material.rho))
+    """Speed of P waves in a plate, m/s."""
+    nu = poisson(material)
+    C11 = 1 / (1 - nu**2) if material.plane == "stress" else (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    return float(np.sqrt(C11 * material.E / material.rho))
 
 
 def rayleigh_ratio(nu: float) -> float:
@@ -62,11 +82,11 @@ def rayleigh_ratio(nu: float) -> float:
     return float(np.sqrt(real[(real > 0) & (real < 1)].min()))
 
 
-def rayleigh_speed(E: float, rho: float, plane: str) -> float:
-    """Speed of Rayleigh waves, m/s, along the edge of a bond-based plate; E in Pa, rho in kg/m^3.
+def rayleigh_speed(E: float, rho: float, plane: str, nu: float | None = None) -> float:
+    """Speed of Rayleigh waves, m/s, along the edge of a plate; E in Pa, rho in kg/m^3. `nu` is that of bonds if None.
 
     In plane stress the edge of a plate is that of plane strain with the Poisson ratio nu / (1 + nu).
     """
-    nu = BONDS_NU[plane]
+    nu = BONDS_NU[plane] if nu is None else nu
     shear = np.sqrt(E / (2 * (1 + nu)) / rho)
     return float(shear * rayleigh_ratio(nu / (1 + nu) if plane == "stress" else nu))

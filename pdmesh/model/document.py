@@ -10,12 +10,12 @@ SI units throughout; the model is plane, per unit thickness.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
-from pdmesh.model.fields import Column
+from pdmesh.model.fields import USUAL, Column
 
 FORMAT_VERSION = 1
 
@@ -41,12 +41,24 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     E: Positive  # Young's modulus, Pa
     rho: Positive  # density, kg/m^3
     G0: Positive  # fracture energy, J/m^2
-    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # as published; springs have 1/3 or 1/4
-    law: str = USUAL_LAW  # one of those that the solver knows
+    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # of bonds as published: they have 1/3 or 1/4
+    model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
+    law: str = USUAL_LAW  # of bonds: one of those that the solver knows
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
+    influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
+    failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
+    strength: Positive | None = None  # correspondence: largest principal stress of a bond that fails by it, Pa
+    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # correspondence: what stress follows strain
+    form: Literal["total", "rate"] = "total"  # correspondence: from the start, or from step to step
+    control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # correspondence: of modes without energy
+    control_factor: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # silling
+    order: Annotated[int, msgspec.Meta(ge=1, le=7)] = 1  # correspondence: of the polynomials gradients are fitted by
+    constant_term: bool = False  # correspondence: the fit does not have to pass through its own node
+    yield_stress: Positive | None = None  # j2, Pa
+    hardening: float = 0.0  # j2: stress per plastic strain, Pa
 
     def __post_init__(self) -> None:
         if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
@@ -154,7 +166,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Column, ...] = get_args(Column)  # what a frame holds
+    fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more

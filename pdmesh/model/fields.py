@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
-Column = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
+Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
+Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J"]  # of some
+Column = Usual | Own
+USUAL: tuple[Column, ...] = get_args(Usual)
 
 CRACKED = 0.35  # damage above which a node belongs to a crack
 
@@ -27,5 +30,9 @@ FIELDS = {
     "acceleration": Field("m/s^2", ("ax", "ay")),
     "energy": Field("J/m^3", ("energy",)),
     "damage": Field("1", ("damage",)),
+    "stress": Field("Pa", ("sxx", "syy", "sxy", "szz")),
+    "plastic": Field("1", ("plastic",)),  # equivalent plastic strain
+    "rotation": Field("rad", ("rotation",)),
+    "volume": Field("1", ("J",)),  # over that of the start
 }
 UNITS: dict[str, str] = {column: field.unit for field in FIELDS.values() for column in field.columns}  # in order

@@ -46,7 +46,10 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "velocity": "draw the velocity of the nodes",
     "acceleration": "draw the acceleration of the nodes",
     "strain": "draw the strain of the nodes, fitted to their bonds",
-    "stress": "draw the stress of the nodes, Hooke's with their strain",
+    "stress": "draw the stress of the nodes, that of their model, or Hooke's with their strain",
+    "plastic": "draw the equivalent plastic strain of the nodes, of materials that flow",
+    "rotation": "draw the rotation of the nodes, of models that have one",
+    "volume": "draw the volume of the nodes over that at the start, of models that have one",
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),

@@ -54,6 +54,9 @@ FIELDS = {
         _stored("acceleration", "Acceleration", VECTOR),
         Field("strain", "Strain", "", TENSOR),
         Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
+        _stored("plastic", "Equivalent plastic strain"),
+        _stored("rotation", "Rotation"),
+        _stored("volume", "Volume over that at the start"),
     )
 }
 
@@ -83,7 +86,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
 
 def signed(name: str, part: str) -> bool:
     """Whether the values of a component may be below zero as well as above."""
-    return bool(part) and part not in ("magnitude", "mises")
+    return name == "rotation" or (bool(part) and part not in ("magnitude", "mises"))
 
 
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
@@ -105,11 +108,15 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     if field.components == VECTOR:
         x, y = vector(results, name, step).T
         return {"magnitude": np.hypot(x, y), "x": x, "y": y}
-    strain = green(gradients(results, step))
-    modulus, plane = stiffness(results, step)
-    if name == "strain":
-        return {**_principal(strain), "zz": thinning(strain, plane)}
-    stress = hooke(strain, modulus, plane)
+    if not field.components:
+        return {"": scalar(results, fields.FIELDS[name].columns[0], step)}
+    if name == "stress" and "sxx" in results.stored(step):
+        stress = vector(results, "stress", step)
+    else:
+        strain, elastic = green(gradients(results, step)), stiffness(results, step)
+        if name == "strain":
+            return {**_principal(strain), "zz": thinning(strain, elastic)}
+        stress = hooke(strain, elastic)
     xx, yy, xy, zz = stress.T
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
     return {**_principal(stress[:, :3]), "mises": mises, "zz": zz}

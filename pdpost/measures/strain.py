@@ -3,19 +3,20 @@
 The gradient H of a node is the weighted least squares fit of eta = H xi to its bonds, xi the bond and eta the
 difference of the displacements, weighted by the neighbour's area over |xi|: exact where the displacement is affine,
 at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which a piece that turns does not feel; stress is Hooke's with
-it, for the Poisson's ratio that bonds have. Cut and broken bonds do not count; a node whose bonds lie on a line, or
+it, for the Poisson's ratio that the model has. Cut and broken bonds do not count; a node whose bonds lie on a line, or
 are all gone, has no strain: NaN.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import BONDS_NU
+from pdmesh.model.continuum import poisson
 from pdmesh.model.document import Material, Region
 from pdmesh.model.selection import selected
 from pdmesh.model.trees import tree_of
@@ -116,38 +117,48 @@ def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def hooke(strain: NDArray[np.float64], modulus: NDArray[np.float64], plane: str) -> NDArray[np.float64]:
-    """Stress (n, 4), xx, yy, xy, zz, Pa, of strains (n, 3) with Young's modulus (n,), Pa, in plane stress or strain."""
-    nu = BONDS_NU[plane]
+class Elastic(NamedTuple):
+    """What nodes are made of."""
+
+    E: NDArray[np.float64]  # (n,) Young's modulus, Pa
+    nu: NDArray[np.float64]  # (n,) Poisson's ratio of the material's model
+    plane: str  # stress or strain
+
+
+def hooke(strain: NDArray[np.float64], elastic: Elastic) -> NDArray[np.float64]:
+    """Stress (n, 4), xx, yy, xy, zz, Pa, of strains (n, 3)."""
+    modulus, nu, plane = elastic
     xx, yy, xy = strain.T
     if plane == "stress":
-        factor, side, out = modulus / (1 - nu**2), nu, 0.0
-        sxx, syy = factor * (xx + side * yy), factor * (yy + side * xx)
+        factor, out = modulus / (1 - nu**2), 0 * nu
+        sxx, syy = factor * (xx + nu * yy), factor * (yy + nu * xx)
     else:
         factor, out = modulus / ((1 + nu) * (1 - 2 * nu)), nu
         sxx, syy = factor * ((1 - nu) * xx + nu * yy), factor * ((1 - nu) * yy + nu * xx)
     return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, out * (sxx + syy)])
 
 
-def thinning(strain: NDArray[np.float64], plane: str) -> NDArray[np.float64]:
+def thinning(strain: NDArray[np.float64], elastic: Elastic) -> NDArray[np.float64]:
     """The strain (n,) across the plane, zz, that goes with strains (n, 3) in it."""
-    nu = BONDS_NU[plane]
-    return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if plane == "stress" else 0.0)
+    nu = elastic.nu
+    return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if elastic.plane == "stress" else 0.0)
 
 
-def stiffness(results: Results, step: int) -> tuple[NDArray[np.float64], str]:
-    """Young's modulus (n,), Pa, of each node at `step`, and "stress" or "strain": which plane. Raises ResultsError.
+def stiffness(results: Results, step: int) -> Elastic:
+    """What the nodes at `step` are made of. Raises ResultsError.
 
     Nodes that were born later are of the material of the node of the start that is nearest.
     """
     model = read(results, _Materials)
     nodes = results.nodes(0)
-    modulus = np.full(len(nodes.ids), model.material.E)
-    for region in model.regions:
-        modulus[selected(nodes, region.nodes, region.box)] = region.material.E
+    which = np.zeros(len(nodes.ids), dtype=np.int64)
+    for number, region in enumerate(model.regions):
+        which[selected(nodes, region.nodes, region.box)] = number + 1
     if results.epoch(step):
-        modulus = modulus[tree_of(nodes.position).query(results.nodes(step).position)[1]]
-    return modulus, model.material.plane
+        which = which[tree_of(nodes.position).query(results.nodes(step).position)[1]]
+    materials = (model.material, *(region.material for region in model.regions))
+    E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
+    return Elastic(E, nu, model.material.plane)
 
 
 def _blocks(count: int) -> Iterator[tuple[int, int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from pdmesh.model.continuum import rayleigh_speed
+from pdmesh.model.continuum import poisson, rayleigh_speed
 from pdmesh.model.document import Material
 from pdpost.reading.embedded import read
 from pdsolve.results import Results
@@ -19,4 +19,4 @@ class _Plate(msgspec.Struct):
 def rayleigh_of(results: Results) -> float:
     """Speed of Rayleigh waves of the plate's own material, m/s, regions of others aside."""
     material = read(results, _Plate).material
-    return rayleigh_speed(material.E, material.rho, material.plane)
+    return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

@@ -1,4 +1,4 @@
-"""What one bond does, a law a file; the names users give them in one table."""
+"""What one bond does, a law a file; the names users give them in two tables."""
 
 from __future__ import annotations
 
@@ -6,25 +6,32 @@ import warnings
 from types import ModuleType
 
 from pdmesh.model.continuum import BONDS_NU
-from pdsolve.laws import bilinear, brittle, ordinary
+from pdmesh.model.document import Material
+from pdsolve.laws import bilinear, breitzman_dayal, brittle, correspondence, gradients, micropolar, ordinary
+from pdsolve.laws.possible import refuse
 from pdsolve.model import Model, ModelError, ModelWarning
 
-LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear, "ordinary": ordinary}
+LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear}  # of bonds alone
+MODELS: dict[str, ModuleType] = {  # of families, and of beams
+    "ordinary": ordinary,
+    "correspondence": correspondence,
+    "micropolar": micropolar,
+}
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
 
 
 def law_of(model: Model) -> ModuleType:
     """The law of a model's bonds.
 
-    Raises ModelError for one that is not known, and for several that do not mix; warns where a material was measured
-    to have a Poisson's ratio that its law does not have.
+    Raises ModelError for one that is not known or cannot be, and for several that do not mix; warns where a material
+    was measured to have a Poisson's ratio that its law does not have.
     """
     laws: dict[str, ModuleType] = {}
     for number, material in enumerate(model.materials):
-        if material.law not in LAWS:
-            expected = ", ".join(LAWS)
-            raise ModelError(f"{model.place_of(number)}.law: found '{material.law}', expected one of {expected}")
-        law = laws[material.law] = LAWS[material.law]
+        place = model.place_of(number)
+        name, law = _named(material, place)
+        laws[name] = law
+        refuse(material, place)
         fixed = BONDS_NU[material.plane]
         if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
@@ -36,3 +43,16 @@ def law_of(model: Model) -> ModuleType:
     if others and any(law not in PAIRS for law in laws.values()):
         raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
     return bilinear if others else first  # a bilinear bond whose peak is its limit is brittle
+
+
+def _named(material: Material, place: str) -> tuple[str, ModuleType]:
+    if material.model != "bond":
+        if material.control == "breitzman-dayal":
+            return f"{material.model} with {material.control}", breitzman_dayal
+        if material.order > 1 or material.constant_term:
+            return f"{material.model} of order {material.order}", gradients
+        return material.model, MODELS[material.model]
+    if material.law not in LAWS:
+        hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""
+        raise ModelError(f"{place}.law: found '{material.law}', expected one of {', '.join(LAWS)}{hint}")
+    return material.law, LAWS[material.law]

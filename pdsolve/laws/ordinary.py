@@ -1,14 +1,25 @@
-"""A linear ordinary state-based solid of any Poisson's ratio, whose bonds do not break.
+"""A linear ordinary state-based solid of any Poisson's ratio.
 
-S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, eq. 104, with an influence of 1.
-In d dimensions, per unit thickness in the plane, the energy density of node i is
+S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, section 15, with weights of bonds
+that make it exact where families are not full, in the way of J. A. Mitchell, S. A. Silling, D. J. Littlewood, J. Mech.
+Mater. Struct. 10 (2015) 539-557 (position-aware linear solid). In d dimensions, per unit thickness in the plane, the
+energy density of node i is
 
-    W = K theta^2 / 2 + alpha / 2 sum V_j (e - theta |xi| / d)^2        e = |xi + eta| - |xi|
-    theta = d / m sum V_j |xi| e,  m = sum V_j |xi|^2,                  alpha = d (d + 2) mu / m
+    W = K theta^2 / 2 + mu sum S_ij (e - theta |xi| / d)^2        theta = sum D_ij e        e = |xi + eta| - |xi|
 
-with V_j the neighbour's cell as far as it is within the horizon, K the bulk modulus (in the plane E / 2 (1 - nu) for
-plane stress and lambda + mu for plane strain) and mu the shear modulus. The force density is the sum over bonds of
-(t_i + t_j) V_j along the deformed bond, t = d K theta |xi| / m + alpha (e - theta |xi| / d).
+with K the bulk modulus (in the plane E / 2 (1 - nu) for plane stress and lambda + mu for plane strain) and mu the
+shear modulus. With w the neighbour's cell times its influence and n = xi / |xi|, the weights are
+
+    D_ij = w |xi| (n . B n)        such that theta is the trace of any uniform strain
+    S_ij = w sum A_ab y_a y_b      such that the rest of W is mu times the square of any traceless one
+
+where y are the components of n n^T in a basis of traceless tensors, and B, A the least that do it. In a full family
+they are d w |xi| / m and d (d + 2) w / 2 m, m = sum w |xi|^2, but for what a lattice is stiffer along some ways than
+along others; bonds that pre-cracks cut are none. Bonds that fail in a run are not corrected for.
+
+The force density is the sum over bonds of (t_i + t_j) along the deformed bond, t_i = D p + 2 mu S (e - theta |xi| / d),
+p = K theta - 2 mu / d sum S |xi| (e - theta |xi| / d). A bond fails where its stretch is over its limit, or its energy
+(t_i + t_j) e / 2 w is.
 """
 
 from __future__ import annotations
@@ -19,64 +30,134 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
-from pdsolve.bonds import Bonds
-from pdsolve.laws.law import INNER
-from pdsolve.model import Model, ModelError
+from pdmesh.model.continuum import bulk_modulus
+from pdsolve.bonds import Bonds, find
+from pdsolve.laws.law import INLINE
+from pdsolve.model import Model
 
-ROWS = 1  # theta
+ROWS = 3  # theta, p, and what p is made of
+NEVER, STRETCH, ENERGY = range(3)
+LEAST = 0.1  # of the mean shear weight: less leaves a bond without stiffness of its own
+KNOWN = 1e-6  # of the largest: smaller eigenvalues of moments are round-off, or of ways that families do not reach
 
 
 class Law(NamedTuple):
     """Columns of n nodes and b bonds."""
 
-    bulk: NDArray[np.floating]  # (n,) d K / m
-    shear: NDArray[np.floating]  # (n,) alpha
-    weighted: NDArray[np.floating]  # (n,) d / m, 0 without a bond
-    cell: NDArray[np.floating]  # (b,) V_j, m^2 in the plane
+    bulk: NDArray[np.floating]  # (n,) K, Pa
+    shear: NDArray[np.floating]  # (n,) 2 mu, Pa
+    dilating: NDArray[np.floating]  # (b,) D_ij, 1/m
+    dilating_back: NDArray[np.floating]  # (b,) D_ji V_j / V_i
+    shearing: NDArray[np.floating]  # (b,) S_ij, 1/m^2
+    shearing_back: NDArray[np.floating]  # (b,) S_ji V_j / V_i
+    weight: NDArray[np.floating]  # (b,) w, m^d
+    limit: NDArray[np.floating]  # (b,) stretch or energy, J/m^(3 d), at which the bond fails
+    broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
+    failure: int  # what it fails by
+    d: int  # dimensions
 
 
-def columns(model: Model, bonds: Bonds) -> Law:
-    """The law of these bonds (b,) and their nodes. Raises ModelError where a material has none such."""
-    moduli = np.array([_moduli(material, model.place_of(k)) for k, material in enumerate(model.materials)])
-    moduli = moduli[model.material_of]
-    return of_moduli(moduli[:, 0], moduli[:, 1], bonds)
-
-
-def of_moduli(bulk: NDArray[np.float64], shear: NDArray[np.float64], bonds: Bonds) -> Law:
-    """The law of these bonds (b,) with nodes of the moduli K and mu (n,), Pa."""
-    dimension, squared = bonds.xi.shape[1], (bonds.xi.astype(np.float64) ** 2).sum(axis=1)
-    m = np.bincount(_sources(bonds), bonds.weight * squared, minlength=len(bonds.start) - 1)
-    inverse = np.divide(1.0, m, out=np.zeros_like(m), where=m > 0)
+def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Law:
+    """The law of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
+    dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
+    bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
+    dilating, shearing = (_weights if corrected else _plain_weights)(exact)
+    own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    back = find(bonds, bonds.neighbour.astype(np.int64), own)
+    ratio = exact.weight / exact.weight[back]  # V_j / V_i, as influence and share are the same both ways
+    every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
+    numbers = [np.asarray(column, dtype=kind) for column in every]
     return Law(
-        bulk=(dimension * bulk * inverse).astype(kind),
-        shear=(dimension * (dimension + 2) * shear * inverse).astype(kind),
-        weighted=(dimension * inverse).astype(kind),
-        cell=bonds.weight,
+        bulk=numbers[0],
+        shear=numbers[1],
+        dilating=numbers[2],
+        dilating_back=numbers[3],
+        shearing=numbers[4],
+        shearing_back=numbers[5],
+        weight=bonds.weight,
+        limit=bonds.limit,
+        broken=np.zeros(len(bonds.limit), np.int32),
+        failure={"stretch": STRETCH, "energy": ENERGY}.get(model.materials[0].failure, NEVER),
+        d=dimension,
     )
 
 
-def _moduli(material: Material, place: str) -> tuple[float, float]:
-    """K and mu of a material, Pa."""
-    most = 1.0 if material.plane == "stress" else 0.5
-    if material.nu is None or material.nu >= most:
-        found = "none" if material.nu is None else f"{material.nu:g}"
-        raise ModelError(f"{place}.nu: found {found}, expected Poisson's ratio below {most:g} for the ordinary law")
-    shear = material.E / (2 * (1 + material.nu))
-    if material.plane == "stress":
-        return material.E / (2 * (1 - material.nu)), shear
-    return material.E / (2 * (1 + material.nu) * (1 - 2 * material.nu)), shear
+def _moduli(material, dimension: int) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """K and 2 mu, Pa."""
+    space = "space" if dimension == 3 else material.plane
+    return bulk_modulus(material.E, material.nu, space), material.E / (1 + material.nu)
 
 
-def springs(law: Law, bonds: Bonds) -> NDArray[np.floating]:
-    """Force densities (b,) for a unit stretch of linear bonds that are nowhere softer than these, N/m^3.
+def rows(law: Law, dimension: int) -> int:
+    """As in `pdsolve.laws.law`."""
+    return ROWS
 
-    By Cauchy's inequality theta^2 <= d^2 / m sum V_j e^2, so that W is at most max(d^2 K / m, alpha) / 2 sum V_j e^2.
-    """
-    stiffest = np.maximum(bonds.xi.shape[1] * law.bulk, law.shear)
+
+def _plain_weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """D and S (b,) of full families, whatever they are."""
+    own, d = _sources(bonds), bonds.xi.shape[1]
+    squared = (bonds.xi**2).sum(axis=1)
+    m = np.bincount(own, bonds.weight * squared, minlength=len(bonds.start) - 1)[own]
+    return d / m * bonds.weight * np.sqrt(squared), d * (d + 2) / (2 * m) * bonds.weight
+
+
+def _weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """D and S (b,) of families as they are."""
+    own, d, nodes = _sources(bonds), bonds.xi.shape[1], len(bonds.start) - 1
     length = np.sqrt((bonds.xi**2).sum(axis=1))
-    return np.asarray((stiffest[_sources(bonds)] + stiffest[bonds.neighbour]) * length * law.cell)
+    nn, y = _dyads(bonds.xi / length[:, None])
+    share, trace = bonds.weight * length**2, np.zeros(nn.shape[1])
+    trace[:d] = 1
+    B = _least(_moments(own, nodes, share, nn), np.broadcast_to(trace, (nodes, len(trace))))
+    dilating = bonds.weight * length * np.einsum("ba,ba->b", nn, B[own])
+    first, second = np.triu_indices(y.shape[1])
+    products = y[:, first] * y[:, second]
+    wanted = np.broadcast_to((first == second).astype(float), (nodes, len(first)))
+    A = _least(_moments(own, nodes, share, products), wanted)
+    factor = np.einsum("ba,ba->b", products, A[own])
+    m = np.bincount(own, share, minlength=nodes)[own]
+    return dilating, bonds.weight * np.maximum(factor, LEAST * d * (d + 2) / (2 * m))
+
+
+def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Components of n n^T (b, d (d + 1) / 2), those off the diagonal doubled, and of its traceless part in an
+    orthonormal basis (b, d (d + 1) / 2 - 1)."""
+    d = n.shape[1]
+    off = [n[:, a] * n[:, b] for a in range(d) for b in range(a + 1, d)]
+    traceless = [(n[:, 0] ** 2 - n[:, 1] ** 2) / np.sqrt(2)]
+    if d == 3:
+        traceless.append((n[:, 0] ** 2 + n[:, 1] ** 2 - 2 * n[:, 2] ** 2) / np.sqrt(6))
+    root = np.sqrt(2)
+    return np.column_stack([*(n.T**2), *(2 * x for x in off)]), np.column_stack([*traceless, *(root * x for x in off)])
+
+
+def _moments(
+    own: NDArray[np.int64], nodes: int, share: NDArray[np.float64], p: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The sums (n, k, k) of share p p^T over each node's bonds."""
+    size = p.shape[1]
+    found = np.empty((nodes, size, size))
+    for a in range(size):
+        for b in range(a, size):
+            found[:, a, b] = found[:, b, a] = np.bincount(own, share * p[:, a] * p[:, b], minlength=nodes)
+    return found
+
+
+def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least x (n, k) with moments (n, k, k) x = wanted (n, k), as far as there is one."""
+    values, vectors = np.linalg.eigh(moments)
+    known = values > KNOWN * values[:, -1:]
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=known & (values > 0))
+    return np.asarray(np.einsum("nab,nb,ncb,nc->na", vectors, inverse, vectors, wanted, optimize=True))
+
+
+def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+    """How the resistance of nodes (n,) compares, N/m^4."""
+    own, nodes = _sources(bonds), len(bonds.start) - 1
+    squared = np.bincount(own, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
+    weight = np.bincount(own, law.weight, minlength=nodes)
+    return np.asarray((law.bulk + law.shear) * np.divide(weight, squared, out=np.zeros(nodes), where=squared > 0))
 
 
 def _sources(bonds: Bonds) -> NDArray[np.int64]:
@@ -84,28 +165,49 @@ def _sources(bonds: Bonds) -> NDArray[np.int64]:
 
 
 def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-    m[i, 0] += law.cell[k] * bond.length * (bond.length * bond.stretch)
+    if law.broken[k] == 0:
+        e = bond.length * bond.stretch
+        m[i, 0] += law.dilating[k] * e
+        m[i, 1] += law.shearing[k] * bond.length * e
+        m[i, 2] += law.shearing[k] * bond.length * bond.length
 
 
 def close(law, i, m):  # type: ignore[no-untyped-def]
-    m[i, 0] *= law.weighted[i]
+    m[i, 1] = law.bulk[i] * m[i, 0] - law.shear[i] / law.d * (m[i, 1] - m[i, 0] / law.d * m[i, 2])
+
+
+def alert(law, i, m):  # type: ignore[no-untyped-def]
+    return law.failure != NEVER
+
+
+def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0 or bond.stretch <= 0:
+        return False
+    if law.failure == STRETCH:
+        return bond.stretch > law.limit[k]
+    return _both(law, bond, m, i, j, k) * (bond.length * bond.stretch) > 2 * law.weight[k] * law.limit[k]
 
 
 def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-    force = law.cell[k] * (_scalar(law, bond, m, i) + _scalar(law, bond, m, j))
-    for a in range(len(bond.xi)):
-        f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+    if law.broken[k] == 0:
+        force = _both(law, bond, m, i, j, k)
+        for a in range(len(bond.xi)):
+            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    stretched = bond.length * bond.stretch
-    rest = stretched - m[i, 0] * bond.length / len(bond.xi)
-    # K theta^2 / 2 is the sum over bonds of d K / m theta V_j |xi| e / 2
-    return law.cell[k] / 2 * (law.bulk[i] * m[i, 0] * bond.length * stretched + law.shear[i] * rest * rest), 0.0
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    e = bond.length * bond.stretch
+    rest = e - m[i, 0] * bond.length / law.d
+    # K theta^2 / 2 is the sum over bonds of K theta D e / 2
+    return (law.bulk[i] * m[i, 0] * law.dilating[k] * e + law.shear[i] * law.shearing[k] * rest * rest) / 2, 0.0
 
 
-@njit(**INNER)
-def _scalar(law, bond, m, i):  # type: ignore[no-untyped-def]
-    """t of node i, N/m^5 in the plane."""
-    rest = bond.length * bond.stretch - m[i, 0] * bond.length / len(bond.xi)
-    return law.bulk[i] * m[i, 0] * bond.length + law.shear[i] * rest
+@njit(**INLINE)
+def _both(law, bond, m, i, j, k):  # type: ignore[no-untyped-def]
+    """t_i + t_j of a bond, N/m^3 in the plane."""
+    e, part = bond.length * bond.stretch, bond.length / law.d
+    own = law.dilating[k] * m[i, 1] + law.shear[i] * law.shearing[k] * (e - m[i, 0] * part)
+    other = law.dilating_back[k] * m[j, 1] + law.shear[j] * law.shearing_back[k] * (e - m[j, 0] * part)
+    return own + other

@@ -1,7 +1,4 @@
-"""Any law over a list of bonds, one by one: the reference, in the plane and in space, in one pass or two.
-
-A row is summed by one thread in the order of its neighbours: the result does not depend on the number of threads.
-"""
+"""Any law over a list of bonds, one by one: the reference, in the plane and in space, in one pass or more."""
 
 from __future__ import annotations
 
@@ -10,71 +7,19 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds, ends, find, in_precision, stiffest
-from pdsolve.laws.law import List, Now, age, bind, close, deformed, energy, gather, pull
+from pdsolve.laws.law import List, Now, bind
 from pdsolve.model import Model
+from pdsolve.operators import rows as loops
+from pdsolve.operators.bound import resistance
 from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.threads import share
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
-
-
-@njit(**KERNEL)
-def _gather_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
-    """Fill the rows `first` to `last` - 1 of m."""
-    for i in range(first, last):
-        m[i] = 0
-        for k in range(bonds.start[i], bonds.start[i + 1]):
-            j = bonds.neighbour[k]
-            gather(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
-        close(law, i, m)
-
-
-@njit(**KERNEL)
-def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
-    """Add to the rows of `out` and `spent` what bonds pull with, and spend."""
-    f = np.empty(out.shape[1], dtype=out.dtype)
-    for i in range(first, last):
-        f[:] = 0
-        for k in range(bonds.start[i], bonds.start[i + 1]):
-            j = bonds.neighbour[k]
-            bond = deformed(bonds, now.value, i, j, k)
-            spent[i] += age(law, bond, now, m, i, j, k)
-            pull(law, bond, now, m, i, j, k, f)
-        for a in range(len(f)):
-            out[i, a] += f[a]
-
-
-@njit(**KERNEL)
-def _pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
-    """The same, of bonds that do not age; at complex values too, which gives derivatives without cancellation."""
-    f = np.empty(out.shape[1], dtype=out.dtype)
-    for i in range(first, last):
-        f[:] = 0
-        for k in range(bonds.start[i], bonds.start[i + 1]):
-            j = bonds.neighbour[k]
-            pull(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
-        for a in range(len(f)):
-            out[i, a] += f[a]
-
-
-@njit(**KERNEL)
-def _energy_rows(bonds, law, now, m, held, spent, first, last):  # type: ignore[no-untyped-def]
-    """Fill the rows with what bonds hold, and have spent on softening."""
-    for i in range(first, last):
-        held[i] = spent[i] = 0.0
-        for k in range(bonds.start[i], bonds.start[i + 1]):
-            j = bonds.neighbour[k]
-            own = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
-            held[i] += own[0]
-            spent[i] += own[1]
 
 
 class Listed:
@@ -93,24 +38,107 @@ class Listed:
     ) -> None:
         """The law of the model for bonds in double precision, to be summed in this `precision`."""
         bind(law)
-        self._stiffest = stiffest(exact, law.springs(law.columns(model, exact), exact), symmetric)
         bonds = in_precision(exact, precision)
+        self.symmetric, self._threads = symmetric, threads
+        self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
+        dimension, unknowns = bonds.xi.shape[1], getattr(law, "unknowns", None)
+        self.unknowns: tuple[Unknown, ...] = unknowns(dimension) if unknowns else (Unknown("u", dimension, 2),)
+        self._stiffest = self._bound(law, model, exact)
+        self.law, self._bonds = law, bonds
+        self._take(law.columns(model, bonds), bonds)
+        self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
+
+    def _take(self, columns: Any, bonds: Bonds) -> None:
+        """Go on with these columns of these bonds."""
         xi = tuple(np.ascontiguousarray(bonds.xi[:, axis]) for axis in range(bonds.xi.shape[1]))
-        self.unknowns: tuple[Unknown, ...] = (Unknown("u", len(xi), 2),)
-        self.symmetric = symmetric
-        self.law, self.columns, self._bonds = law, law.columns(model, bonds), bonds
-        self._list, self._nodes, self._threads = List(bonds.start, bonds.neighbour, xi), len(bonds.start) - 1, threads
+        self.columns, self._list = columns, List(bonds.start, bonds.neighbour, xi)
+
+    def _bound(self, law: ModuleType, model: Model, exact: Bonds) -> NDArray[np.float64]:
+        """What resists each node's motion at rest, bonds in double precision."""
+        columns = law.columns(model, exact)
+        if not hasattr(law, "rows"):
+            return stiffest(exact, law.springs(columns, exact), self.symmetric)
+        self.law = law
+        self._take(columns, exact)
+        width = sum(unknown.width for unknown in self.unknowns)
+
+        def pulls(value: NDArray[np.float64]) -> NDArray[np.float64]:
+            out = np.zeros_like(value)
+            now = Now(value, np.zeros_like(value), 0, 0.0)
+            self._share(loops.pull_rows, now, self._between(now), out)
+            return out
+
+        return resistance(pulls, law.scale(columns, exact), exact, width)
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """As in `Operator`."""
         now = Now(state.value, state.rate, step, dt)
-        self._share(add_rows, now, self._between(now), out, state.dissipated)
+        between = self._between(now)
+        if not between.shape[1]:
+            self._share(loops.add_rows, now, between, out, state.dissipated)
+            return
+        torn = self._torn(now, between) if step > 0 and hasattr(self.columns, "broken") else None
+        if torn is not None:
+            before = np.zeros_like(out)
+            self._share(loops.pull_rows, now, between, before)
+            between = self._fail(now, between, torn, state.dissipated)
+        if step > 0 and self._remembered_by_nodes():
+            self._share(loops.remember_rows, now, between)
+        pulls = out if torn is None else np.zeros_like(out)
+        self._share(loops.pull_rows, now, between, pulls)
+        if torn is not None:  # the last half step already went without the forces that are lost
+            state.dissipated[:] += dt / 2 * ((before - pulls) * state.rate).sum(axis=1)
+            out += pulls
+
+    def _torn(self, now: Now, between: NDArray[Any]) -> NDArray[np.int64] | None:
+        """The nodes (k,) whose bonds fail now, if any; the bonds are marked."""
+        near, torn = np.zeros((2, self._nodes), dtype=np.bool_)
+        self._share(loops.alert_rows, between, near)
+        if near.any():
+            self._share(loops.fail_rows, now, between, near, self._failing, torn)
+        return np.flatnonzero(torn) if torn.any() else None
+
+    def _fail(
+        self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
+    ) -> NDArray[Any]:
+        """Let the marked bonds of these nodes (k,) fail, and book what nodes do not hold any more; what is then between
+        the passes."""
+        start, touched = self._list.start, rows
+        bonds = np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
+        spread = hasattr(self.law, "spread") and self.law.spread(self.columns)
+        if spread:
+            near = np.zeros(self._nodes, dtype=np.bool_)
+            near[rows] = True
+            near[self._list.neighbour[np.concatenate([np.arange(start[i], start[i + 1]) for i in rows])]] = True
+            touched = np.flatnonzero(near)
+        held, spent = np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, touched, now, between, held, spent)
+        before = held[touched]
+        self.columns.broken[bonds] = now.step
+        self._failing[bonds] = False
+        if hasattr(self.law, "mend"):
+            self.law.mend(self.columns, self._list, rows)
+        if spread:
+            between = self._between(now)
+        else:
+            self._share_some(loops.gather_rows, rows, now, between)
+        self._share_some(loops.energy_rows, touched, now, between, held, spent)
+        dissipated[touched] += before - held[touched]
+        return between
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """As in `Operator`."""
         now, held, spent = Now(state.value, state.rate, 0, 0.0), np.empty(self._nodes), np.empty(self._nodes)
-        self._share(_energy_rows, now, self._between(now), held, spent)
+        self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
         return held, spent
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """As in `Operator`."""
+        if not hasattr(self.law, "fields"):
+            return {}
+        between = self._between(Now(state.value, state.rate, 0, 0.0))
+        found: dict[str, NDArray[np.float64]] = self.law.fields(self.columns, state.value, between)
+        return found
 
     def stiffest(self) -> NDArray[np.float64]:
         """As in `Operator`."""
@@ -122,12 +150,12 @@ class Listed:
 
         def pulls(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
             now, out = Now(value, value, 0, 0.0), np.zeros_like(value)
-            self._share(_pull_rows, now, self._between(now), out)
+            self._share(loops.pull_rows, now, self._between(now), out)
             return out
 
         value = state.value.astype(np.complex128)
-        if getattr(self.law, "ROWS", 0):
-            return tangent.of_two_passes(self._list, pulls, value)
+        if hasattr(self.law, "rows"):
+            return tangent.of_passes(self._list, pulls, value, 3 if hasattr(self.law, "spread") else 2)
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
     def bonds(
@@ -151,7 +179,7 @@ class Listed:
             which = np.flatnonzero(column)
             source, target = ends(self._bonds, which)
             kept |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
-        return kept
+        return kept | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """As in `Operator`."""
@@ -161,10 +189,15 @@ class Listed:
             if column is not None:
                 column[:] = 0
                 column[find(self._bonds, source, target)] = values
+        for name in self._remembered_by_nodes():
+            column = getattr(self.columns, name)
+            column[:] = kept[name].reshape(column.shape)
+        if hasattr(self.law, "mend"):
+            self.law.mend(self.columns, self._list, self._every)
 
     def bytes(self) -> int:
         """As in `Operator`."""
-        return sum(column.nbytes for column in (*self._bonds, *self._list.xi, *self.columns))
+        return sum(getattr(column, "nbytes", 0) for column in (*self._bonds, *self._list.xi, *self.columns))
 
     def place(self, state: State) -> State:
         """As in `Operator`."""
@@ -174,16 +207,29 @@ class Listed:
         """Names of the columns that change, but for who is broken."""
         return getattr(self.law, "MEMORY", ())
 
+    def _remembered_by_nodes(self) -> tuple[str, ...]:
+        """The same of columns of nodes."""
+        return tuple(name for name in getattr(self.law, "NODE_MEMORY", ()) if getattr(self.columns, name).size)
+
     def _steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""
         return getattr(self.columns, "broken", np.zeros(len(self._list.neighbour), dtype=np.int32))
 
     def _between(self, now: Now) -> NDArray[Any]:
-        """What nodes have between the two passes."""
-        between = np.empty((self._nodes, getattr(self.law, "ROWS", 0)), dtype=now.value.dtype)
-        if between.shape[1]:
-            self._share(_gather_rows, now, between)
+        """What nodes have between the passes."""
+        law, dimension = self.law, len(self._list.xi)
+        wide = law.rows(self.columns, dimension) if hasattr(law, "rows") else 0
+        between = np.empty((self._nodes, wide), dtype=now.value.dtype)
+        if wide:
+            self._share_some(loops.gather_rows, self._every, now, between)
+        if hasattr(law, "spread") and law.spread(self.columns):
+            more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
+            self._share(loops.gather_rows_again, now, between, more)
+            self._share(loops.close_rows_again, between, more)
         return between
 
     def _share(self, loop: Callable[..., None], *arrays: Any) -> None:
         share(lambda first, last: loop(self._list, self.columns, *arrays, first, last), self._nodes, self._threads)
+
+    def _share_some(self, loop: Callable[..., None], rows: NDArray[np.int64], *arrays: Any) -> None:
+        share(lambda first, last: loop(self._list, self.columns, *arrays, rows, first, last), len(rows), self._threads)

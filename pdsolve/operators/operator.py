@@ -39,6 +39,9 @@ class Operator(Protocol):
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Densities (n,), J/m^3, of the energy that is held, and that softening has spent so far."""
 
+    def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
+        """What it knows of nodes (n,) besides, by the names of columns of results, in SI units."""
+
     def stiffest(self) -> NDArray[np.float64]:
         """A bound (n,) of what resists a node's motion, N/m^4: densities rho are stable up to sqrt(2 rho / it)."""
 

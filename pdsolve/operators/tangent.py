@@ -63,16 +63,19 @@ def _matrix(
     return coo_array((values, (np.tile(row, 2), column)), (width * nodes, width * nodes)).tocsr()
 
 
-def of_two_passes(
-    bonds: List, pulls: Callable[[NDArray[np.complex128]], NDArray[np.complex128]], value: NDArray[np.complex128]
+def of_passes(
+    bonds: List,
+    pulls: Callable[[NDArray[np.complex128]], NDArray[np.complex128]],
+    value: NDArray[np.complex128],
+    far: int,
 ) -> csr_array:
-    """The same of any law, from what it pulls with at values (n, w): a node feels those two bonds away.
+    """The same of any law, from what it pulls with at values (n, w): a node feels those as `far` bonds away.
 
     Nodes that no common node feels are moved at once (A. R. Curtis, M. J. D. Powell, J. K. Reid, IMA J. Appl. Math. 13
     (1974) 117-119).
     """
     nodes, width = value.shape
-    near = _reach(bonds)
+    near = _reach(bonds, far)
     colour = _colours(near.indptr, near.indices)
     i, rows, columns_of, values = np.repeat(np.arange(nodes), np.diff(near.indptr)), [], [], []
     for number in range(int(colour.max()) + 1):
@@ -112,12 +115,15 @@ def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignor
         slope[k, c, a] = f[c].imag / step
 
 
-def _reach(bonds: List) -> csr_array:
-    """Who (n, n) is two bonds away or nearer."""
+def _reach(bonds: List, far: int) -> csr_array:
+    """Who (n, n) is so many bonds away or nearer."""
     nodes = len(bonds.start) - 1
     entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
     near = (csr_array(entries, (nodes, nodes)) + eye_array(nodes)).tocsr()
-    return (near @ near).tocsr()
+    found = near
+    for _ in range(far - 1):
+        found = found @ near
+    return found.tocsr()
 
 
 @njit(cache=True)

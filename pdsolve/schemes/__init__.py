@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from pdsolve.schemes import average_horizon, one_sided
+from pdsolve.bonds import Filling
+from pdsolve.model import Model, ModelError
+from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.scheme import Scheme
+
+
+def _bonds_of_their_own(model: Model) -> Filling:
+    """The thesis's bonds. Raises ModelError for a model that has others."""
+    kind = model.materials[0].model
+    if kind != "bond":
+        raise ModelError(f"{model.place_of(0)}.model: found '{kind}', expected 'bond' in the thesis mode")
+    return one_sided.fill(model)
+
+
+def _symmetric(model: Model) -> Filling:
+    """Bonds that are the same from both ends, of whatever model."""
+    return average_horizon.fill(model) if model.materials[0].model == "bond" else families.fill(model)
+
 
 SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
     for scheme in (
-        Scheme("thesis", one_sided.fill, symmetric=False, partial_cells=False, exact_load=False),
-        Scheme("conservative", average_horizon.fill, symmetric=True, partial_cells=True, exact_load=True),
+        Scheme("thesis", _bonds_of_their_own, symmetric=False, partial_cells=False, exact_load=False),
+        Scheme("conservative", _symmetric, symmetric=True, partial_cells=True, exact_load=True),
     )
 }

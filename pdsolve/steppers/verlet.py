@@ -32,7 +32,7 @@ class Verlet:
         velocity, 1/s, on what is not held."""
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._damping = damping if damping is not None and damping.any() else None
-        self._held = np.zeros((len(rho), 2), dtype=np.bool_)
+        self._held = np.zeros(drive.force.shape, dtype=np.bool_)
         self._held[drive.holds.node, drive.holds.axis] = True
 
     def march(self, state: State, first: int, last: int) -> None:

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from clouds import CASES
+from clouds import CASES, SLOW
 
 SCRIPT = """
 import sys
@@ -25,9 +25,9 @@ class Compiled(event.Listener):
 
 event.register("numba:compile", Compiled())
 
-from clouds import CASES, cloud
+from clouds import CASES, SLOW, cloud
 
-for case in CASES:
+for case in (case for case in CASES if case not in SLOW):
     Compiled.names.clear()
     made = cloud(case, 6)
     made.march(1, 3)
@@ -48,4 +48,4 @@ def compiled() -> dict[str, list[str]]:
 
 def test_a_second_process_compiles_nothing() -> None:
     compiled()
-    assert compiled() == {str(case): [] for case in CASES}
+    assert compiled() == {str(case): [] for case in CASES if case not in SLOW}

@@ -8,12 +8,18 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from clouds import CASES, Case, Cloud, cloud, turn
+from clouds import CASES, SLOW, Case, Cloud, cloud, turn
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
-every = pytest.mark.parametrize("case", CASES, ids=str)
-exact = pytest.mark.parametrize("case", [case for case in CASES if not case.single], ids=str)
+
+def of(cases: list[Case]) -> pytest.MarkDecorator:
+    """A test of all of these; those that take long to compile are slow."""
+    marked = [pytest.param(case, marks=[pytest.mark.slow] if case in SLOW else []) for case in cases]
+    return pytest.mark.parametrize("case", marked, ids=str)
+
+
+every, exact = of(CASES), of([case for case in CASES if not case.single])
 SIDE = {2: 15, 3: 7}
 
 

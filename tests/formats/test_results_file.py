@@ -59,6 +59,13 @@ def test_plain_sql_sees_the_numbers(small_results: Path) -> None:
         "az",
         "energy",
         "damage",
+        "sxx",
+        "syy",
+        "sxy",
+        "szz",
+        "plastic",
+        "rotation",
+        "J",
     ]
     connection.close()
 

@@ -6,13 +6,13 @@ import msgspec
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.document import Material, Region
+from pdmesh.model.document import Displacement, Material, Region, Run
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
 from pdsolve.system import Options, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
-STATE_BASED = msgspec.structs.replace(GLASS, law="ordinary", nu=0.2)
+STATE_BASED = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
 
 
 def of(material: Material, other: Material | None = None) -> Model:
@@ -32,15 +32,23 @@ def test_springs_mix_and_have_the_law_that_both_follow() -> None:
 @pytest.mark.parametrize(
     ("material", "other", "says"),
     [
-        ({"law": "elastic"}, None, r"\$\.material\.law: found 'elastic', expected one of brittle, bilinear, ordinary"),
+        ({"law": "elastic"}, None, r"\$\.material\.law: found 'elastic', expected one of brittle, bilinear"),
+        ({"law": "ordinary"}, None, r"law: found 'ordinary', expected .* \(or material\.model = 'ordinary'\)"),
         ({}, {"law": "elastic"}, r"\$\.regions\[0\]\.material\.law: found 'elastic', expected one of"),
-        ({}, {"law": "ordinary", "nu": 0.2}, "law: found brittle and ordinary in one plate, expected one of them"),
-        ({"law": "ordinary"}, None, r"\$\.material\.nu: found none, expected Poisson's ratio below 1 for the ordinary"),
+        ({}, {"model": "ordinary", "nu": 0.2}, "law: found brittle and ordinary in one plate, expected one of them"),
+        ({"model": "ordinary"}, None, r"\$\.material\.nu: found none, expected Poisson's ratio below 0\.5"),
+        ({"model": "ordinary", "nu": 0.5}, None, r"\$\.material\.nu: found 0\.5, expected .* below 0\.5"),
+        ({"model": "ordinary", "nu": 0.2, "kr": 2.0}, None, r"\.kr: found 2, expected none with model 'ordinary'"),
+        ({"order": 2}, None, r"\.order: found '2', expected none with model 'bond'"),
+        ({"model": "micropolar", "nu": 0.35}, None, r"\.nu: found 0\.35, expected 0\.3333 at most"),
+        ({"model": "correspondence", "nu": 0.2, "order": 7}, None, r"order: found 7, expected \d at most"),
+        ({"model": "correspondence", "nu": 0.2, "solid": "j2"}, None, r"yield_stress: found none"),
         (
-            {"law": "ordinary", "nu": 0.5, "plane": "strain"},
+            {"model": "correspondence", "nu": 0.2, "hardening": -1.0},
             None,
-            r"\$\.material\.nu: found 0\.5, expected .* below 0\.5",
+            r"hardening: found -1, expected 0 Pa or more",
         ),
+        ({"failure": "none"}, None, r"\.failure: found 'none', expected one of stretch with model 'bond'"),
     ],
 )
 def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dict[str, object], says: str) -> None:
@@ -52,3 +60,22 @@ def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dic
 def test_the_fast_kernel_is_for_springs() -> None:
     with pytest.raises(ModelError, match=r"kernel: found .* a law that is no pair's"):
         prepare(of(STATE_BASED), Options(kernel="blocks"))
+
+
+@pytest.mark.parametrize(
+    ("material", "says"),
+    [
+        ({"model": "ordinary", "nu": 0.2}, r"failure: found 'stretch', expected 'none' at rest with 'ordinary'"),
+        ({"model": "micropolar", "nu": 0.2, "failure": "none"}, r"model: found 'micropolar', expected one without"),
+        ({"model": "correspondence", "nu": 0.2, "failure": "none", "form": "rate"}, r"form: found 'rate'"),
+    ],
+)
+def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], says: str) -> None:
+    pulled = (
+        Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=-1e-6, y=0.0),
+        Displacement(box=(7.9e-3, -1.0, 1.0, 1.0), x=0.0),
+    )
+    kind = msgspec.structs.replace(GLASS, **material)
+    made = plate(square_grid(9, 8), material=kind, conditions=pulled, run=Run(solver="static"))
+    with pytest.raises(ModelError, match=says):
+        prepare(made, Options())

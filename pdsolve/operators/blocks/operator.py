@@ -66,6 +66,10 @@ class InBlocks:
         energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], held, spent)
         return held[: len(self._stiffest)], spent[: len(self._stiffest)]
 
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """As in `Operator`."""
+        return {}
+
     def stiffest(self) -> NDArray[np.float64]:
         """As in `Operator`."""
         return self._stiffest

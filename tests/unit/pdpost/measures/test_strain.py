@@ -143,7 +143,7 @@ def test_hookes_law(plane: str, nu: float) -> None:
     effective = nu if plane == "stress" else nu / (1 - nu)
     modulus = 70e9 if plane == "stress" else 70e9 / (1 - nu**2)
     pulled = np.array([[1e-3, -effective * 1e-3, 0.0], [0.0, 0.0, 1e-3]])
-    stress = strain.hooke(pulled, np.full(2, 70e9), plane)
+    stress = strain.hooke(pulled, strain.Elastic(np.full(2, 70e9), np.full(2, nu), plane))
     out = 0.0 if plane == "stress" else nu * modulus * 1e-3
     assert stress[0] == pytest.approx([modulus * 1e-3, 0.0, 0.0, out], abs=1e-3)
     assert stress[1] == pytest.approx([0.0, 0.0, 70e9 / (1 + nu) * 1e-3, 0.0], abs=1e-3)
@@ -170,8 +170,9 @@ def test_regions_have_their_own_stiffness() -> None:
         "material": {**MODEL["material"], "plane": "strain"},  # type: ignore[dict-item]
         "regions": [{"material": other, "nodes": [3, 6]}, {"material": {**other, "E": 2.0}, "box": [0, 0, 0, 2e-3]}],
     }
-    modulus, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
+    modulus, nu, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
     assert plane == "strain"
+    assert set(nu.tolist()) == {0.25}
     assert modulus.tolist() == [2.0, 1.0, 70e9, 2.0, 70e9, 70e9, 2.0, 70e9, 70e9]
 
 

@@ -1,0 +1,219 @@
+"""Correspondence with a gradient for each bond, which sees every mode of its own.
+
+T. Breitzman, K. Dayal, J. Mech. Phys. Solids 110 (2018) 409-425.
+
+With H_m the mean of the gradients of both ends (see `pdsolve.laws.correspondence`), that of a bond is
+
+    H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w at the start
+
+and forces are the exact derivative of that: with P = W'(H), C = w (P_i / w_i + P_j / w_j), B_i = sum C (I - n n^T) / 2
+and A_i = B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. Where one end
+has no gradient, the other's alone is the mean. There is no history: materials that flow, and rates, have
+other laws.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.bonds import Bonds
+from pdsolve.laws import correspondence
+from pdsolve.laws.correspondence import ENERGY, NEVER, STRESS, STRETCH
+from pdsolve.laws.law import INNER, List
+from pdsolve.laws.materials.solid import Solid, holds, respond
+from pdsolve.model import Model
+
+
+class Law(NamedTuple):
+    """Columns of n nodes and b bonds, in d dimensions."""
+
+    inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
+    total: NDArray[np.floating]  # (n,) w_i
+    weight: NDArray[np.floating]  # (b,) w, m^d
+    limit: NDArray[np.floating]  # (b,)
+    broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
+    solid: Solid
+    failure: int
+    d: int
+
+
+def columns(model: Model, bonds: Bonds) -> Law:
+    """The law of these bonds (b,) and their nodes."""
+    nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
+    own = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    total = np.bincount(own, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
+    shared = {name: getattr(nodal, name) for name in Law._fields if name != "total"}
+    return Law(total=total, **shared)
+
+
+def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+    """K^-1 of these nodes (k,) from the bonds that are left."""
+    correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+
+
+def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+    """How the resistance of nodes (n,) compares, N/m^4."""
+    return correspondence.scale(law, bonds)  # type: ignore[arg-type]
+
+
+def rows(law: Law, dimension: int) -> int:
+    """A, H, sigma, J, as in `correspondence`."""
+    return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
+
+
+def spread(law: Law) -> bool:
+    """There is a pass between the two."""
+    return True
+
+
+def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+    """As in `Operator`."""
+    return correspondence.shown(law.d, law.solid, m, law.d * law.d)
+
+
+def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        d = len(bond.xi)
+        for a in range(d):
+            for b in range(d):
+                m[i, d * a + b] += law.weight[k] * bond.eta[a] * bond.xi[b]
+
+
+def close(law, i, m):  # type: ignore[no-untyped-def]
+    d = law.d
+    for a in range(d):
+        for b in range(d):
+            total = m[i, 0] * 0
+            for c in range(d):
+                total += m[i, d * a + c] * law.inverse[i, d * c + b]
+            m[i, d * d + d * a + b] = total
+    correspondence.answer(law, i, m, d * d)
+
+
+def gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0 or law.inverse[i, 0] == 0:
+        return
+    d, share = len(bond.xi), _share(law, i, j)
+    P = _stress(law, bond, m, i, j)
+    for a in range(d):
+        along = bond.length * 0 * bond.q
+        for b in range(d):
+            along += P[3 * a + b] * bond.xi[b] / (bond.length * bond.length)
+        for b in range(d):
+            more[i, d * a + b] += law.weight[k] * share * (P[3 * a + b] - along * bond.xi[b])
+
+
+def close_again(law, i, m, more):  # type: ignore[no-untyped-def]
+    d = law.d
+    for a in range(d):
+        for b in range(d):
+            total = m[i, 0] * 0
+            for c in range(d):
+                total += more[i, d * a + c] * law.inverse[i, d * c + b]
+            m[i, d * a + b] = total
+
+
+@njit(**INNER)
+def _share(law, i, j):  # type: ignore[no-untyped-def]
+    """How much of the mean gradient is node i's."""
+    if law.inverse[i, 0] == 0:
+        return 0.0
+    return 0.5 if law.inverse[j, 0] != 0 else 1.0
+
+
+@njit(**INNER)
+def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
+    """H of a bond, nine."""
+    d, s, t = len(bond.xi), _share(law, i, j), _share(law, j, i)
+    squared, none = bond.length * bond.length, m[i, 0] * 0
+    r0, r1, r2 = bond.eta[0] + none, bond.eta[1] + none, bond.eta[d - 1] + none
+    g = d * d
+    for b in range(d):
+        r0 -= (s * m[i, g + b] + t * m[j, g + b]) * bond.xi[b]
+        r1 -= (s * m[i, g + d + b] + t * m[j, g + d + b]) * bond.xi[b]
+        r2 -= (s * m[i, g + g - d + b] + t * m[j, g + g - d + b]) * bond.xi[b]
+    x, y = bond.xi[0] / squared, bond.xi[1] / squared
+    xx, xy = s * m[i, g] + t * m[j, g] + r0 * x, s * m[i, g + 1] + t * m[j, g + 1] + r0 * y
+    yx, yy = s * m[i, g + d] + t * m[j, g + d] + r1 * x, s * m[i, g + d + 1] + t * m[j, g + d + 1] + r1 * y
+    if d == 2:
+        return (xx, xy, none, yx, yy, none, none, none, none)
+    z, e = bond.xi[d - 1] / squared, g + g - d
+    return (
+        xx,
+        xy,
+        s * m[i, g + d - 1] + t * m[j, g + d - 1] + r0 * z,
+        yx,
+        yy,
+        s * m[i, g + d + d - 1] + t * m[j, g + d + d - 1] + r1 * z,
+        s * m[i, e] + t * m[j, e] + r2 * x,
+        s * m[i, e + 1] + t * m[j, e + 1] + r2 * y,
+        s * m[i, e + d - 1] + t * m[j, e + d - 1] + r2 * z,
+    )
+
+
+@njit(**INNER)
+def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
+    """P_i / w_i + P_j / w_j, nine."""
+    h = _gradient(law, bond, m, i, j)
+    p, q = respond(law.solid, i, h).P, respond(law.solid, j, h).P
+    a = 1 / law.total[i] if law.inverse[i, 0] != 0 or law.inverse[j, 0] != 0 else law.total[i] * 0
+    b = 1 / law.total[j] if a != 0 else a
+    return (
+        a * p[0] + b * q[0],
+        a * p[1] + b * q[1],
+        a * p[2] + b * q[2],
+        a * p[3] + b * q[3],
+        a * p[4] + b * q[4],
+        a * p[5] + b * q[5],
+        a * p[6] + b * q[6],
+        a * p[7] + b * q[7],
+        a * p[8] + b * q[8],
+    )
+
+
+@njit(**INNER)
+def _component(law, bond, P, m, i, j, k, a):  # type: ignore[no-untyped-def]
+    d, f = len(bond.xi), m[i, 0] * 0
+    for b in range(d):
+        f += P[3 * a + b] * bond.xi[b] / (bond.length * bond.length)
+        f += (m[i, d * a + b] + m[j, d * a + b]) * bond.xi[b]
+    return law.weight[k] * f
+
+
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        P = _stress(law, bond, m, i, j)
+        for a in range(len(bond.xi)):
+            f[a] += _component(law, bond, P, m, i, j, k, a)
+
+
+def alert(law, i, m):  # type: ignore[no-untyped-def]
+    return law.failure != NEVER
+
+
+def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return False
+    if law.failure == STRESS:
+        s = respond(law.solid, i, _gradient(law, bond, m, i, j)).sigma
+        t = respond(law.solid, j, _gradient(law, bond, m, i, j)).sigma
+        return correspondence.largest(law.d, s, t) > law.limit[k]
+    if bond.stretch <= 0:
+        return False
+    if law.failure == STRETCH:
+        return bond.stretch > law.limit[k]
+    P, along = _stress(law, bond, m, i, j), bond.stretch * 0
+    for a in range(len(bond.xi)):
+        along += _component(law, bond, P, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
+    return law.failure == ENERGY and along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
+
+
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
+        return 0.0, 0.0
+    held = holds(law.solid, i, _gradient(law, bond, m, i, j))[0]
+    return law.weight[k] / law.total[i] * held, 0.0

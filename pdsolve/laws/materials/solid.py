@@ -1,0 +1,216 @@
+"""What stress follows the deformation of a node of any of the materials, and what the node remembers.
+
+Deformations are gradients of the displacement in space; in the plane the rows and columns of z are 0 but for what the
+material makes of zz. From the start (total), or from step to step (rate, T. J. R. Hughes, J. Winget, Int. J. Numer.
+Methods Eng. 15 (1980) 1862-1867): with F in the middle of a step, L = dF F^-1, D and W its parts,
+
+    sigma' = R sigma R^T + lambda tr D I + 2 mu D        R = (I - W / 2)^-1 (I + W / 2)
+
+What a node remembers: of j2, total: plastic strain (6), alpha; of rates: F (9), sigma (6), alpha.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdmesh.model.continuum import lame
+from pdsolve.laws.law import INNER
+from pdsolve.laws.materials import j2, linear, neo_hooke, svk
+from pdsolve.laws.materials.tensors import (
+    added,
+    compliant,
+    contracted,
+    det,
+    difference,
+    full,
+    grown,
+    hooke,
+    inverse,
+    mean,
+    product,
+    symmetric,
+    transposed,
+    with_zz,
+)
+from pdsolve.model import Model
+
+LINEAR, SVK, NEO_HOOKE, J2 = range(4)
+KINDS = {"linear": LINEAR, "svk": SVK, "neo hooke": NEO_HOOKE, "j2": J2}
+ALPHA_TOTAL, ALPHA_RATE = 6, 15  # where alpha is in what is remembered
+
+
+class Solid(NamedTuple):
+    """Columns of n nodes."""
+
+    kind: NDArray[np.int8]  # (n,) as above
+    first: NDArray[np.floating]  # (n,) lambda, Pa
+    shear: NDArray[np.floating]  # (n,) mu, Pa
+    yields: NDArray[np.floating]  # (n,) sigma_y, Pa
+    hardening: NDArray[np.floating]  # (n,) H, Pa
+    history: NDArray[np.floating]  # (n, 0, 7 or 16)
+    plane_stress: bool
+    rate: bool
+
+
+class Response(NamedTuple):
+    """What a deformation leads to."""
+
+    P: Any  # first Piola-Kirchhoff stress, Pa, nine
+    sigma: Any  # Cauchy's, six
+    F: Any  # with zz, nine
+    more: Any  # alpha since what is remembered, over sqrt(2/3)
+
+
+def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
+    """The columns of a model's nodes, in this precision."""
+    of, first = model.material_of, model.materials[0]
+    rate, plastic = first.form == "rate", any(material.solid == "j2" for material in model.materials)
+    moduli = np.array([lame(material.E, material.nu or 0.0) for material in model.materials])[of]
+    yields = np.array([[m.yield_stress or np.inf, m.hardening] for m in model.materials])[of]
+    history = np.zeros((len(of), 16 if rate else 7 if plastic else 0))
+    if rate:
+        history[:, [0, 4, 8]] = 1
+    first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli.T, *yields.T, history))
+    kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
+    flat = dimension == 2 and first.plane == "stress"
+    return Solid(kinds, first_, shear, flow, hardening, past, flat, rate)
+
+
+@njit(**INNER)
+def respond(solid, i, h):  # type: ignore[no-untyped-def]
+    """The response of node i to the gradient h, nine."""
+    first, shear, kind, none = solid.first[i], solid.shear[i], solid.kind[i], h[0] * 0
+    if solid.rate:
+        return _rated(solid, i, grown(h))
+    if kind == SVK:
+        P = svk.stress(h, first, shear, solid.plane_stress)
+        return _finite(P, h, svk.strain(h, first, shear, solid.plane_stress), solid.plane_stress)
+    if kind == NEO_HOOKE:
+        E = neo_hooke.strain(h, first, shear, solid.plane_stress)
+        return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
+    if kind == J2:
+        e = _elastic(solid, i, h)
+        trial, alpha = hooke(first, shear, e), solid.history[i, ALPHA_TOTAL]
+        zz = h[0] * 0
+        if solid.plane_stress:
+            zz = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i])
+            trial = hooke(first, shear, with_zz(e, e[2] + zz))
+        sigma, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
+        return Response(full(sigma), sigma, _with_zz(grown(h), zz), more)
+    e = linear.strain(h, first, shear, solid.plane_stress)
+    sigma = hooke(first, shear, e)
+    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), none)
+
+
+@njit(**INNER)
+def holds(solid, i, h):  # type: ignore[no-untyped-def]
+    """What node i holds, and has spent on flowing so far, J/m^3."""
+    first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
+    if solid.rate or kind == J2:
+        found = respond(solid, i, h)
+        alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL] + j2.ROOT * found.more
+        spent = h[0] * 0
+        if kind == J2:
+            spent = alpha * (solid.yields[i] + solid.hardening[i] * alpha / 2)
+        held = contracted(found.sigma, compliant(first, shear, found.sigma)) / 2
+        if solid.rate:
+            held *= det(found.F)
+        return held, spent
+    if kind == SVK:
+        E = svk.strain(h, first, shear, solid.plane_stress)
+        return contracted(E, hooke(first, shear, E)) / 2, h[0] * 0
+    if kind == NEO_HOOKE:
+        return neo_hooke.energy(neo_hooke.strain(h, first, shear, solid.plane_stress), first, shear), h[0] * 0
+    e = linear.strain(h, first, shear, solid.plane_stress)
+    return contracted(e, hooke(first, shear, e)) / 2, h[0] * 0
+
+
+@njit(**INNER)
+def keep(solid, i, h):  # type: ignore[no-untyped-def]
+    """Let node i remember what the gradient h did to it."""
+    found, past = respond(solid, i, h), solid.history[i]
+    if solid.rate:
+        _put(past, 0, found.F)
+        _put(past, 9, found.sigma)
+        past[ALPHA_RATE] += j2.ROOT * found.more
+    elif solid.kind[i] == J2 and found.more > 0:
+        first, shear = solid.first[i], solid.shear[i]
+        e, left = symmetric(h), compliant(first, shear, found.sigma)
+        _put(past, 0, (e[0] - left[0], e[1] - left[1], e[2] - left[2], e[3] - left[3], e[4] - left[4], e[5] - left[5]))
+        if solid.plane_stress:
+            past[2] = -past[0] - past[1]
+        past[ALPHA_TOTAL] += j2.ROOT * found.more
+
+
+@njit(**INNER)
+def _put(row, at, values):  # type: ignore[no-untyped-def]
+    for a in range(len(values)):
+        row[at + a] = values[a]
+
+
+@njit(**INNER)
+def _elastic(solid, i, h):  # type: ignore[no-untyped-def]
+    """The strain less what is plastic, six."""
+    e, p = symmetric(h), solid.history[i]
+    return (e[0] - p[0], e[1] - p[1], e[2] - p[2], e[3] - p[3], e[4] - p[4], e[5] - p[5])
+
+
+@njit(**INNER)
+def _with_zz(a, zz):  # type: ignore[no-untyped-def]
+    """Nine, zz more in the last."""
+    return (a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8] + zz)
+
+
+@njit(**INNER)
+def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
+    """With Cauchy's stress P F^T / det F; in plane stress F_zz is that of the strain."""
+    F = grown(h)
+    if plane_stress:
+        F = _with_zz(F, np.sqrt(1 + 2 * E[2]) - 1)
+    s, c = symmetric(product(P, transposed(F))), 1 / det(F)
+    sigma = (c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])
+    return Response(P, sigma, F, h[0] * 0)
+
+
+@njit(**INNER)
+def _rated(solid, i, F):  # type: ignore[no-untyped-def]
+    """The response from what is remembered on."""
+    p, first, shear, one = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
+    flat = solid.plane_stress
+    zz = p[8] * one if flat else F[8]  # not known yet
+    F = (F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], zz)
+    before = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
+    way, half = difference(F, before), mean(before, F)
+    L = product(way, inverse(half))
+    D = symmetric(L)
+    w = ((L[1] - L[3]) / 4, (L[2] - L[6]) / 4, (L[5] - L[7]) / 4)  # half of W
+    R = product(
+        inverse((one, -w[0], -w[1], w[0], one, -w[2], w[1], w[2], one)),
+        (one, w[0], w[1], -w[0], one, w[2], -w[1], -w[2], one),
+    )
+    sigma = (p[9], p[10], p[11], p[12], p[13], p[14])
+    turned = symmetric(product(product(R, full(sigma)), transposed(R)))
+    trial = added(turned, hooke(first, shear, D))
+    alpha, plastic, more = p[ALPHA_RATE], solid.kind[i] == J2, F[0] * 0
+    if flat:
+        d = -trial[2] / (first + 2 * shear)
+        if plastic:
+            d = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i])
+        trial = (
+            trial[0] + first * d,
+            trial[1] + first * d,
+            trial[2] + (first + 2 * shear) * d,
+            trial[3],
+            trial[4],
+            trial[5],
+        )
+        F = _with_zz(F, before[8] * d / (1 - d / 2))
+    if plastic:
+        trial, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
+    c, s = det(F), trial
+    P = product(full((c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])), transposed(inverse(F)))
+    return Response(P, trial, F, more)

@@ -1,0 +1,42 @@
+"""St Venant-Kirchhoff: S = lambda tr E I + 2 mu E, E = (F^T F - I) / 2, P = F S.
+
+In plane stress E_zz = -lambda / (lambda + 2 mu) (E_xx + E_yy). Unstable in strong compression: of F = 0 it holds as
+little as it wants.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pdsolve.laws.law import INNER
+from pdsolve.laws.materials.tensors import full, grown, hooke, product, symmetric, transposed, with_zz
+
+
+@njit(**INNER)
+def green(h):  # type: ignore[no-untyped-def]
+    """E, six, of the gradient h of the displacement."""
+    square, e = symmetric(product(transposed(h), h)), symmetric(h)
+    return (
+        e[0] + square[0] / 2,
+        e[1] + square[1] / 2,
+        e[2] + square[2] / 2,
+        e[3] + square[3] / 2,
+        e[4] + square[4] / 2,
+        e[5] + square[5] / 2,
+    )
+
+
+@njit(**INNER)
+def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
+    """The same, with what plane stress makes of zz."""
+    E = green(h)
+    if plane_stress:
+        return with_zz(E, -first / (first + 2 * shear) * (E[0] + E[1]))
+    return E
+
+
+@njit(**INNER)
+def stress(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
+    """P, nine; what is out of the plane is left out in plane stress, where it is none."""
+    S = hooke(first, shear, strain(h, first, shear, plane_stress))
+    return product(grown(h), full(S))

@@ -1,0 +1,122 @@
+"""Micropolar bonds in the plane: beams that resist stretching, shearing and bending, with a rotation at each node.
+
+W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258. Bond k from i to j has, for small motions, with
+the direction n, the one across t, the elongation e, and w = t . eta the way across,
+
+    energy    c e^2 / 2 |xi| + 6 d (w - |xi| (phi_i + phi_j) / 2)^2 / |xi|^3 + d (phi_j - phi_i)^2 / 2 |xi|
+
+    plane stress    c = 6 E / pi horizon^3 (1 - nu)                  d = E (1 - 3 nu) / 6 pi horizon (1 - nu^2)
+    plane strain    c = 6 E / pi horizon^3 (1 + nu) (1 - 2 nu)       d = E (1 - 4 nu) / 6 pi horizon (1 + nu) (1 - 2 nu)
+
+so that Poisson's ratio is free up to that of bonds, beyond which d would be less than nothing. The third unknown is the
+rotation times the node's horizon, a length with the inertia of the others. A bond is a beam along its first direction:
+small rotations only. It fails where its stretch is over its limit, and is not corrected for at surfaces.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.bonds import Bonds
+from pdsolve.laws.law import INLINE
+from pdsolve.model import Model, ModelError
+from pdsolve.state import Unknown
+
+
+class Law(NamedTuple):
+    """Columns of n nodes and b bonds."""
+
+    along: NDArray[np.floating]  # (b,) c w / |xi|, N/m^4, w the neighbour's cell as far as it counts
+    across: NDArray[np.floating]  # (b,) 12 d w / |xi|^3
+    bending: NDArray[np.floating]  # (b,) d w / |xi|
+    turn: NDArray[np.floating]  # (n,) rotation over the third unknown, 1/m
+    limit: NDArray[np.floating]  # (b,) stretch at which the bond fails
+    broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
+    breaks: bool
+
+
+def columns(model: Model, bonds: Bonds) -> Law:
+    """The law of these bonds (b,). Raises ModelError in space."""
+    if bonds.xi.shape[1] != 2:
+        raise ModelError(f"{model.place_of(0)}.model: found 'micropolar' in space, expected it in the plane")
+    own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
+    reach, length = (horizon[own] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))
+    constants = np.array([stiffnesses(material.E, material.nu or 0.0, material.plane) for material in model.materials])
+    c, d = (constants[model.material_of][own] + constants[model.material_of][bonds.neighbour]).T / 2
+    numbers = (
+        bonds.weight * c / reach**3 / length,
+        12 * bonds.weight * d / reach / length**3,
+        bonds.weight * d / reach / length,
+        1 / horizon,
+    )
+    kind = bonds.xi.dtype
+    broken, breaks = np.zeros(len(bonds.limit), np.int32), model.materials[0].failure == "stretch"
+    along, across, bending, turn = (np.asarray(column, dtype=kind) for column in numbers)
+    return Law(along, across, bending, turn, bonds.limit, broken, breaks)
+
+
+def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
+    """c horizon^3 and d horizon, Pa."""
+    if plane == "stress":
+        return 6 * E / (np.pi * (1 - nu)), E * (1 - 3 * nu) / (6 * np.pi * (1 - nu**2))
+    return 6 * E / (np.pi * (1 + nu) * (1 - 2 * nu)), E * (1 - 4 * nu) / (6 * np.pi * (1 + nu) * (1 - 2 * nu))
+
+
+def unknowns(dimension: int) -> tuple[Unknown, ...]:
+    """Displacement, and rotation times horizon."""
+    return Unknown("u", 2, 2), Unknown("rotation", 1, 2)
+
+
+def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+    """How the resistance of nodes (n,) compares, N/m^4."""
+    own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
+    return np.bincount(own, law.along + law.across, minlength=len(law.turn)).astype(float)
+
+
+def rows(law: Law, dimension: int) -> int:
+    """Nothing is gathered; bonds fail all at once, and forces are sums over them."""
+    return 1
+
+
+def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+    """As in `Operator`."""
+    return {"rotation": (law.turn * value[:, 2]).astype(float)}
+
+
+@njit(**INLINE)
+def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
+    """Direction, e, w less what the ends' rotations make of it, and the mean and the difference of rotations."""
+    x, y = bond.xi[0] / bond.length, bond.xi[1] / bond.length
+    one, other = law.turn[i] * now.value[i, 2], law.turn[j] * now.value[j, 2]
+    e = x * bond.eta[0] + y * bond.eta[1]
+    w = x * bond.eta[1] - y * bond.eta[0] - bond.length * (one + other) / 2
+    return x, y, e, w, other - one
+
+
+def alert(law, i, m):  # type: ignore[no-untyped-def]
+    return law.breaks
+
+
+def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return law.broken[k] == 0 and bond.stretch > law.limit[k]
+
+
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        x, y, e, w, bent = _beam(law, bond, now, i, j)
+        n, q = law.along[k] * e, law.across[k] * w
+        f[0] += n * x - q * y
+        f[1] += n * y + q * x
+        f[2] += law.turn[i] * (q * bond.length / 2 + law.bending[k] * bent)
+
+
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    _, _, e, w, bent = _beam(law, bond, now, i, j)
+    return (law.along[k] * e * e + law.across[k] * w * w + law.bending[k] * bent * bent) / 4, 0.0

@@ -1,0 +1,116 @@
+"""Families: whom a node of a state-based model sees, and how much each neighbour counts.
+
+Two nodes see each other within the mean of their horizons, with one influence a pair. A neighbour counts by its
+influence times its cell; where the influence is 0 at the horizon, or stress follows a gradient that is exact for any
+weights (correspondence), by its whole cell, else by the share of it within the horizon (Hu's beta) in a family that
+reaches half a spacing further.
+
+What a bond fails at is set so that a crack along a row costs G0, as it does where one half of a lattice is moved away
+from the other (`pdsolve.schemes.opening`).
+
+The cubic spline, with q = |xi| / horizon, is 2/3 - 4 q^2 + 4 q^3 up to q = 1/2 and 4/3 (1 - q)^3 beyond, times 3/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import hu_beta
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
+from pdmesh.model.visibility import Sight
+from pdsolve.bonds import Filling, Paired, Part, areas, part_of
+from pdsolve.conditions import unbreakable
+from pdsolve.laws import law_of
+from pdsolve.model import Model
+from pdsolve.schemes.opening import cost, patch
+
+USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar": "constant"}
+
+
+def influence(material: Material, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """That of neighbours at q = |xi| / horizon, 1 at the node itself or, of the inverse one, at the horizon."""
+    kind = material.influence or USUAL[material.model]
+    if kind == "constant":
+        return np.ones_like(q)
+    if kind == "inverse":
+        return np.asarray(1 / q)
+    near, far = 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3
+    return np.where(q <= 0.5, near, np.where(q <= 1 - ROUND_OFF, far, 0.0))
+
+
+def whole_cells(material: Material) -> bool:
+    """Whether a neighbour's cell counts in full."""
+    return material.model == "correspondence" or (material.influence or USUAL[material.model]) == "cubic spline"
+
+
+Limit = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # of a horizon (b,), m
+
+
+def fill(model: Model) -> Filling:
+    """The families of the model. Raises ModelError, GridError."""
+    law_of(model)
+    return filled(model, [_limit(material, model.settings.horizon.ratio) for material in model.materials])
+
+
+def filled(model: Model, limits: list[Limit]) -> Filling:
+    """The same, with what bonds of each material fail at."""
+    grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
+    first, whole = model.materials[0], whole_cells(model.materials[0])
+    margin = 0.0 if whole else grid.delta / 2
+    neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
+    sight = Sight(grid, model.name)
+
+    def part(rows: NDArray[np.int64]) -> Part:
+        pairs = neighbours.pairs(rows)
+        i, j, length = pairs
+        reach = (horizon[i] + horizon[j]) / 2
+        if whole:
+            beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
+        else:
+            beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
+        counts = beta * influence(first, length / reach)
+        kept = np.flatnonzero(counts > ROUND_OFF)
+        pairs = type(pairs)(i[kept], j[kept], length[kept])
+        inside = sight.inside(pairs)
+        pairs, kept = chosen(pairs, inside), kept[inside]
+        limit = np.zeros(len(kept))
+        for number, of in enumerate(limits):
+            for end in (pairs.source, pairs.target):
+                limit += np.where(model.material_of[end] == number, of(reach[kept]) / 2, 0.0)
+        weight = counts[kept] * area[pairs.target]
+        nothing = np.zeros(len(kept))
+        return part_of(grid.position, held, rows, Paired(pairs, ~sight.cut(pairs), nothing, limit, limit, weight))
+
+    return Filling(area, part)
+
+
+def _limit(material: Material, ratio: float) -> Limit:
+    """What bonds of a material fail at, for families of a horizon over spacing."""
+    if material.failure == "none":
+        return lambda reach: np.full_like(reach, np.inf)
+    if material.failure == "stress":
+        return lambda reach: np.full_like(reach, material.strength or np.inf)
+    unit = msgspec.structs.replace(
+        material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", law="brittle", kr=1.0
+    )
+    spent = _cost(unit, ratio)
+    if material.failure == "stretch":
+        return lambda reach: np.sqrt(material.G0 / (spent * material.E * reach))
+    return lambda reach: material.G0 / (spent * reach**3)
+
+
+@lru_cache
+def _cost(material: Material, ratio: float) -> float:
+    """What a crack costs in units of E horizon s^2, for the stretch s that bonds fail at, or of w horizon^3, for the
+    energy w."""
+    size = 1e-6 if material.failure == "stretch" else 1e-12
+    model = patch(material, ratio)
+    bonds = filled(model, [lambda reach: np.full_like(reach, size)]).whole().bonds
+    spent = cost(law_of(model), model, bonds)
+    return spent / (ratio * size**2) if material.failure == "stretch" else spent / (ratio**3 * size)
