@@ -63,16 +63,6 @@ def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped
 
 
 @njit(**INNER)
-def _at_fine(at, cells, x, y):  # type: ignore[no-untyped-def]
-    """Whether a coarse node is at a fine cell."""
-    some = False
-    for sy in (-1, 0):
-        for sx in (-1, 0):
-            some |= cells[cell_place(at, x + sx, y + sy)] == FINE
-    return some
-
-
-@njit(**INNER)
 def _mark(ground, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns the columns and rows of nodes that they are
     in."""
@@ -93,10 +83,9 @@ def _mark(ground, zone):  # type: ignore[no-untyped-def]
 def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
     """List the nodes that the new cells concern, in order; returns how many rows of fine nodes that are.
 
-    Those are the fine nodes within the family's reach, and coarse ones at fine cells; to begin with all of these.
+    Those are the fine nodes within the family's reach, and the coarse ones at corners; to begin with all of these.
     """
-    at, begins = ground.at, zone.number[REGRIDS] == 0
-    x0, y0, x1, y1 = _mark(ground, zone)
+    at, (x0, y0, x1, y1) = ground.at, _mark(ground, zone)
     dirty, rows, last = 0, 0, -1
     for iy in range(y0, y1):
         for p in range(fine_place(at, x0, iy), fine_place(at, x1, iy)):
@@ -106,16 +95,30 @@ def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
                     zone.dirty[dirty] = p
                     rows += p // ROW != last
                     dirty, last = dirty + 1, p // ROW
-    zone.number[DIRTY], around = dirty, 0
+    zone.number[DIRTY] = dirty
+    _list_around(at, zone, x0, y0, x1, y1)
+    return rows
+
+
+@njit(**INNER)
+def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """List the coarse nodes at the corners of the new cells, which are within these columns and rows of fine nodes, in
+    order; to begin with all coarse nodes."""
+    begins, around = zone.number[REGRIDS] == 0, 0
     if begins:
-        x0, y0, x1, y1 = 0, 0, at.nx, at.ny
-    for y in range(y0 // 2, y1 // 2 + 1):
-        for x in range(x0 // 2, x1 // 2 + 1):
-            if begins or _at_fine(at, zone.cells, x, y):
-                zone.around[around] = coarse_place(at, x, y)
+        x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
+    for c in zone.new[: zone.number[NEW]]:
+        p = fine_place(at, 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM))
+        for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
+            zone.mark[corner] = True
+    for iy in range(y0 + y0 % 2, y1, 2):
+        for ix in range(x0 + x0 % 2, x1, 2):
+            p = fine_place(at, ix, iy)
+            if begins or zone.mark[p]:
+                zone.mark[p] = False
+                zone.around[around] = coarse_place(at, ix // 2, iy // 2)
                 around += 1
     zone.number[AROUND] = around
-    return rows
 
 
 @njit(**INNER)
