@@ -77,8 +77,9 @@ class Hybrid:
         """Make all nodes what the cells say, whatever they were."""
         zone = self.zone
         zone.fine.own[: zone.number[ENTRIES]] = 0
-        zone.fine.entry[:] = -1
-        zone.fine.kind[:] = IDLE
+        for nodes in (zone.fine, zone.coarse):
+            nodes.entry[:] = -1
+            nodes.kind[:] = IDLE
         zone.stirred[:] = False
         zone.number[:] = 0
         cells = np.flatnonzero(zone.cells == FINE)

@@ -36,7 +36,7 @@ from pdsolve.adaptive.lattice import (
     fine_place,
     fine_row,
 )
-from pdsolve.adaptive.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_coarse_row, set_fine
+from pdsolve.adaptive.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
 
@@ -161,8 +161,6 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
         if fine.kind[p] == BORDER:
             copy_border_node(ground.at, ground.edge_cut, coarse.kind, fine.u[now], coarse.u[now], p)
             fine.v[0, p] = fine.v[1, p] = 0.0
-    for q in dirty_coarse:
-        set_coarse_row(coarse, q // ROW, ground.coarse_table)
     for p in dirty:
         if p // ROW != last:
             last = p // ROW
