@@ -58,12 +58,8 @@ class Model:
             place, found = beyond
             raise ModelError(f"{self.name}: {place}: found {found:g}, expected a number from {-MOST:g} to {MOST:g}")
         self._check_end(self.settings.run)
-        order = np.lexsort(self.grid.position.T)
-        same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
-        if same.any():
-            at = int(same.argmax())
-            first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
-            raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
+        if self.grid.lattice is None:
+            self._check_places()
         try:
             selection.check(self.settings, self.grid, self.name)
         except GridError as error:
@@ -74,6 +70,14 @@ class Model:
                     f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
                     f" '{self.settings.material.plane}' as elsewhere"
                 )
+
+    def _check_places(self) -> None:
+        order = np.lexsort(self.grid.position.T)
+        same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
+        if same.any():
+            at = int(same.argmax())
+            first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
+            raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
 
     def _check_end(self, run: Run) -> None:
         if run.until == "quiet" and run.quiet is None:

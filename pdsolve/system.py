@@ -15,7 +15,6 @@ from pdmesh.model.fields import USUAL
 from pdsolve.adaptive.energy import held
 from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
-from pdsolve.adaptive.regrid import refine
 from pdsolve.adaptive.shown import Shown
 from pdsolve.adaptive.system import hybrid_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
@@ -54,6 +53,8 @@ class Stepper(Protocol):
 # Nodes in blocks that are worth a thread. On two cores all shipped scenes, of 2700 to 13 000 nodes, took 1.0 to 2 times
 # as long on two threads, which wait for each other at each step and leave no core to what writes their frames.
 WORTH = 10_000
+# Nodes of a plate with a fine zone that moves, were they all there
+WORTH_HYBRID = 25_000
 
 
 class Options(NamedTuple):
@@ -150,12 +151,13 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
-    settle(march, refine, held, begin_coarse)
-    shown, bound = hybrid_of(model, options.mode, options.precision, step_of)
+    settle(march, held, begin_coarse)
+    threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
+    shown, bound = hybrid_of(model, options.mode, options.precision, step_of, threads)
     state = shown.state()
     system = System(
         model=shown.model,
-        options=options._replace(threads=1),
+        options=options._replace(threads=threads),
         scheme=scheme,
         operator=shown,
         stepper=shown,

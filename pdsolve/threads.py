@@ -68,33 +68,39 @@ def meet(gate):  # type: ignore[no-untyped-def]
     """Go on when all threads have come here."""
     if gate.threads == 1:
         return
-    goal, looks = (_arrive(gate.arrived) // gate.threads + 1) * gate.threads, 0
-    while _arrived(gate.arrived) < goal:
+    wait(gate.arrived, 0, (take(gate.arrived, 0) // gate.threads + 1) * gate.threads, gate)
+
+
+@njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def wait(counts, at, goal, gate):  # type: ignore[no-untyped-def]
+    """Go on when a count is at its goal."""
+    looks = 0
+    while counted(counts, at) < goal:
         looks += 1
         if looks > PATIENCE:
             _call(gate.idle, NAP)
 
 
 @intrinsic
-def _arrive(typingctx: Any, arrived: Any) -> Any:
-    """Count one more; returns how many there were before."""
+def take(typingctx: Any, counts: Any, at: Any) -> Any:
+    """Count one more, in an element that all threads see; returns how many there were before."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        data = context.make_array(arrived)(context, builder, values[0]).data
-        return builder.atomic_rmw("add", data, ir.IntType(64)(1), "seq_cst")
+        data = context.make_array(counts)(context, builder, values[0]).data
+        return builder.atomic_rmw("add", builder.gep(data, [values[1]]), ir.IntType(64)(1), "seq_cst")
 
-    return types.int64(arrived), generate
+    return types.int64(counts, types.int64), generate
 
 
 @intrinsic
-def _arrived(typingctx: Any, arrived: Any) -> Any:
+def counted(typingctx: Any, counts: Any, at: Any) -> Any:
     """How many there are now."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        data = context.make_array(arrived)(context, builder, values[0]).data
-        return builder.load_atomic(data, "seq_cst", 8)
+        data = context.make_array(counts)(context, builder, values[0]).data
+        return builder.load_atomic(builder.gep(data, [values[1]]), "seq_cst", 8)
 
-    return types.int64(arrived), generate
+    return types.int64(counts, types.int64), generate
 
 
 @intrinsic

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pdmesh.grid import soundness
+from pdmesh.grid import soundness, whole
 from pdmesh.grid.lattice import Shift, build_grid
 from pdmesh.grid.nested import nested
 from pdmesh.model.cloud import Grid, document_of
@@ -39,6 +39,10 @@ def build(scene: Scene) -> Built:
     if scene.run.adapt == "hybrid":
         scene, more = nested(scene)
         notes = (*notes, *more)
+    lattice = whole.lattice_of(scene)
+    if lattice is not None:
+        notes = (*notes, *soundness.remarks(*whole.stand_in(scene)))
+        return Built(*whole.build(scene, lattice), notes)
     grid, settings, shifts = build_grid(scene)
     return looked_at(Built(grid, settings, notes, shifts))
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.cells import cell_areas
 from pdmesh.grid.zones import Level, levels
-from pdmesh.model.cloud import Grid
+from pdmesh.model.cloud import Grid, places
 from pdmesh.model.document import Horizon, Settings
 from pdmesh.model.trees import tree_of
 from pdmesh.scene.conditions import SLACK
@@ -147,14 +147,12 @@ def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[
     low, high = np.array(level.shape.bounds[:2]), np.array(level.shape.bounds[2:])
     first = np.ceil((low - origin) / spacing - SLACK).astype(int)
     last = np.floor((high - origin) / spacing + SLACK).astype(int)
-    decimals = 9 - int(np.floor(np.log10(spacing)))  # mirrored nodes get mirrored bits
-    x, y = (
-        np.round(origin[axis] + np.arange(first[axis], last[axis] + 1) * spacing, decimals) + 0.0 for axis in (0, 1)
-    )
+    x, y = (places(origin[axis], spacing, np.arange(first[axis], last[axis] + 1)) for axis in (0, 1))
     return np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
 
 
-def _segments(scene: Scene) -> NDArray[np.float64]:
+def segments(scene: Scene) -> NDArray[np.float64]:
+    """Of all cracks (k, 4), m."""
     lines = [shapely.get_coordinates(slit.line) for slit in scene.slits]
     return np.concatenate([np.empty((0, 4)), *(np.hstack([line[:-1], line[1:]]) for line in lines)])
 
@@ -193,7 +191,7 @@ def grid_of_nodes(
         delta=delta,
         border=border,
         hole_id=hole_id,
-        cracks=_segments(scene),
+        cracks=segments(scene),
         outline=tuple(shapely.get_coordinates(part.exterior) for part in scene.parts),
         holes=tuple(shapely.get_coordinates(hole.exterior) for hole in scene.holes),
         areas=areas,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import LARGEST, Document, GridError, NodeRecord, Point, Settings
+from pdmesh.model.document import LARGEST, Document, GridError, Lattice, NodeRecord, Point, Settings
+
+MOST_NODES = 10**8  # of a lattice
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class Grid:
     source: str = ""
     parameters: tuple[tuple[str, float | str], ...] = ()
     drawing: str = ""
+    lattice: Lattice | None = None  # what the nodes are all of, where they are
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -35,6 +39,8 @@ class Grid:
 def grid_of(document: Document, name: str) -> Grid:
     """The document's nodes as arrays. Raises GridError for what types alone cannot rule out."""
     nodes = document.nodes
+    if document.lattice is not None:
+        return _grid_of_lattice(document, document.lattice, name)
     if not nodes:
         raise GridError(f"{name}: $.nodes: found none, expected at least one")
     ids = np.array([node.id for node in nodes])
@@ -60,6 +66,58 @@ def grid_of(document: Document, name: str) -> Grid:
         source=document.source,
         parameters=tuple(document.parameters.items()),
         drawing=document.drawing,
+    )
+
+
+def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
+    """The same of a document that holds a lattice."""
+    if document.nodes or document.areas is not None:
+        raise GridError(f"{name}: $.lattice: found nodes or areas besides it, expected none")
+    count = lattice.columns * lattice.rows
+    if count > MOST_NODES:
+        raise GridError(f"{name}: $.lattice: found {count} nodes, expected at most {MOST_NODES}")
+    ends = np.array([lattice.origin, (lattice.columns * lattice.spacing, lattice.rows * lattice.spacing)])
+    if np.abs(ends).max() > LARGEST:
+        raise GridError(f"{name}: $.lattice: found {np.abs(ends).max():g}, expected at most {LARGEST:g} m")
+    _check_shapes(name, document)
+    return whole_lattice(
+        lattice,
+        cracks=np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]],
+        outline=_rings(document.outline),
+        source=document.source,
+        parameters=tuple(document.parameters.items()),
+        drawing=document.drawing,
+    )
+
+
+def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Where columns or rows (k,) of a lattice are whose first is there; mirrored ones get mirrored bits. All in m."""
+    decimals = 9 - int(np.floor(np.log10(spacing)))
+    return np.asarray(np.round(first + numbers * spacing, decimals) + 0.0)
+
+
+def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
+    """The nodes of a lattice; what is the same for all of them takes no memory."""
+    x, y = (
+        places(first, lattice.spacing, np.arange(count))
+        for first, count in zip(lattice.origin, (lattice.columns, lattice.rows), strict=True)
+    )
+    shape, size = (len(y), len(x)), len(x) * len(y)
+    position = np.empty((*shape, 2))
+    position[..., 0], position[..., 1] = x, y[:, None]
+    border, areas = np.ones(shape, dtype=np.bool_), np.full(shape, lattice.spacing**2)
+    border[1:-1, 1:-1] = False
+    for side in (areas[0], areas[-1], areas[:, 0], areas[:, -1]):
+        side /= 2
+    return Grid(
+        ids=np.arange(1, size + 1),
+        position=position.reshape(-1, 2),
+        delta=np.broadcast_to(lattice.spacing, size),
+        border=border.ravel(),
+        hole_id=np.broadcast_to(np.int64(-1), size),
+        areas=areas.ravel(),
+        lattice=lattice,
+        **more,
     )
 
 
@@ -92,23 +150,28 @@ def _rings(rings: Sequence[Sequence[Point]]) -> tuple[NDArray[np.float64], ...]:
 
 def document_of(grid: Grid, settings: Settings) -> Document:
     """The document that `grid` and `settings` are written as."""
-    labels = np.where(grid.border, "true", "false").tolist()
-    columns = zip(
-        grid.ids.tolist(),
-        labels,
-        grid.position.tolist(),
-        grid.hole_id.tolist(),
-        grid.delta.tolist(),
-        strict=True,
-    )
     return Document(
         notch=tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in grid.cracks.tolist()),
-        nodes=tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns),
+        nodes=() if grid.lattice is not None else _records(grid),
+        lattice=grid.lattice,
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
-        areas=None if grid.areas is None else tuple(grid.areas.tolist()),
+        areas=None if grid.areas is None or grid.lattice is not None else tuple(grid.areas.tolist()),
         source=grid.source,
         drawing=grid.drawing,
         parameters=dict(grid.parameters),
         **{field: getattr(settings, field) for field in Settings.__struct_fields__},
     )
+
+
+def _records(grid: Grid) -> tuple[NodeRecord, ...]:
+    """All nodes, one by one."""
+    columns = zip(
+        grid.ids.tolist(),
+        np.where(grid.border, "true", "false").tolist(),
+        grid.position.tolist(),
+        grid.hole_id.tolist(),
+        grid.delta.tolist(),
+        strict=True,
+    )
+    return tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns)

@@ -198,6 +198,19 @@ class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=Tr
     delta: tuple[float, float, float]  # m
 
 
+class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All nodes of a rectangle, which a file holds in place of millions of them.
+
+    Their ids count from 1, row by row from the lower left corner; those at its sides have half a cell, those at its
+    corners a quarter.
+    """
+
+    origin: Point  # of the first node, m
+    spacing: Positive  # m
+    columns: Annotated[int, msgspec.Meta(ge=2, le=10**6)]
+    rows: Annotated[int, msgspec.Meta(ge=2, le=10**6)]
+
+
 class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A whole file: the thesis's two keys, then the optional ones."""
 
@@ -207,6 +220,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     outline: tuple[tuple[Point, ...], ...] = ()  # exterior rings of the plate, m
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
     areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2
+    lattice: Lattice | None = None  # all nodes, in place of a list of them
     source: str = ""  # the drawing the grid was built from
     drawing: str = ""  # its text, so that the grid can be built again
     parameters: dict[str, float | str] = {}  # of that drawing, as used

@@ -75,7 +75,8 @@ def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
     if (selection.nodes is None) == (selection.box is None):
         raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
     if selection.nodes is not None:
-        missing = np.setdiff1d(np.array(selection.nodes, dtype=np.int64), cloud.ids)
+        asked = np.array(selection.nodes, dtype=np.int64)
+        missing = asked[~np.isin(asked, cloud.ids)]
         if len(missing):
             raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
         if not selection.nodes:

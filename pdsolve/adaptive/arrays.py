@@ -21,6 +21,7 @@ PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
 ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
+NEW, DIRTY, AROUND, SHORT = range(11, 15)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 
@@ -73,6 +74,8 @@ class Nodes(NamedTuple):
         np.int32
     ]  # (n / 16,) row of `own`; below 0 where all is as in the table, -2 less the row if it has one
     own: NDArray[np.float64]  # (., k, 16) stiffnesses
+    masks: NDArray[np.uint16]  # (., 2, k) which lanes have a spring, and which half of one, of rows that are `masked`
+    masked: NDArray[np.bool_]  # (.,) whether a row of `own` has springs of the table, half of them, or none
     edge: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
     touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
@@ -127,11 +130,16 @@ class Zone(NamedTuple):
     stirs: NDArray[np.int64]  # (n,) those, in order
     loads: Entries
     holds: Entries
-    mark: NDArray[np.bool_]  # (n,) scratch
+    mark: NDArray[np.bool_]  # (n,) scratch, False
     new: NDArray[np.int64]  # scratch: cells that are to be fine
+    dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
+    around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
     number: NDArray[np.int64]
     total: NDArray[np.float64]
-    s: NDArray[np.float64]  # scratch of the vector code
+    s: NDArray[np.float64]  # (threads, .) scratch of the vector code
+    turns: NDArray[np.int64]  # (48,) what has been handed out to threads, as `forces` has it
+    aside: NDArray[np.int64]  # (threads, .) where bonds are to break
+    asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
 def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> Nodes:
@@ -151,6 +159,8 @@ def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> N
         rows=np.zeros(rows, dtype=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
         own=zeros(entries, springs, ROW),
+        masks=np.zeros((entries, 2, springs), dtype=np.uint16),
+        masked=np.zeros(entries, dtype=np.bool_),
         edge=zeros(entries if varied else 0, springs, ROW),
         touched=np.zeros(rows, dtype=np.bool_),
         wide=np.zeros(rows, dtype=np.uint8),
@@ -165,7 +175,9 @@ def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return room[first : first + wanted].view(np.float64).reshape(shape)
 
 
-def zone_of(at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False) -> Zone:
+def zone_of(
+    at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False, threads: int = 1
+) -> Zone:
     """A plate of these cells (c,), its nodes still idle, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
@@ -189,9 +201,14 @@ def zone_of(at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, vari
         holds=nothing,
         mark=np.zeros(at.places, dtype=np.bool_),
         new=np.zeros(at.cells, dtype=np.int64),
-        number=np.zeros(11, dtype=np.int64),
+        dirty=np.zeros(at.places, dtype=np.int64),
+        around=np.zeros(at.coarse_places, dtype=np.int64),
+        number=np.zeros(15, dtype=np.int64),
         total=np.zeros(5),
-        s=_aligned_zeros((3 * ROW,)),
+        s=_aligned_zeros((threads, 3 * ROW)),
+        turns=np.zeros(48, dtype=np.int64),
+        aside=np.zeros((threads, 2 * at.places // ROW), dtype=np.int64),
+        asides=np.zeros(8 * threads, dtype=np.int64),
     )
 
 
@@ -204,7 +221,12 @@ def grown(zone: Zone) -> Zone:
         return more
 
     return zone._replace(
-        fine=zone.fine._replace(own=_aligned_twice(zone.fine.own), edge=_aligned_twice(zone.fine.edge)),
+        fine=zone.fine._replace(
+            own=_aligned_twice(zone.fine.own),
+            edge=_aligned_twice(zone.fine.edge),
+            masks=twice(zone.fine.masks),
+            masked=twice(zone.fine.masked),
+        ),
         pieces=Pieces(*map(twice, zone.pieces)),
         spare=Pieces(*map(twice, zone.spare)),
         border=Border(*map(twice, zone.border)),

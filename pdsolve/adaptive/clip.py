@@ -81,9 +81,17 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
             _set_lane(ground, zone.cells, zone.bits, fine.kind, p, own, lane)
             if ground.varied and zone.stirred[p]:
                 _soften(ground, p, own, fine.edge[entry], lane)
+    masks, alike = fine.masks[entry], not ground.varied
     for k in range(len(ground.dx)):
+        whole, there, half = ground.table[k, 5], 0, 0
         for lane in range(ROW):
-            same &= own[k, lane] == ground.table[k, 5]
+            some = own[k, lane]
+            there |= (some > 0) << lane
+            half |= (some == 0.5 * whole) << lane
+            alike &= some == whole or some == 0 or some == 0.5 * whole
+            same &= some == whole
+        masks[0, k], masks[1, k] = there, half
+    fine.masked[entry] = alike
     fine.entry[row] = -2 - entry if same else entry
 
 
@@ -183,8 +191,7 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
                     continue
                 t0, t1 = cut.t[begin, 0], cut.t[n - 1, 1]
                 pieces.owner[count] = p
-                _set_end(ground, kind, p, k, begin, 0, pieces, count)
-                _set_end(ground, kind, p, k, n - 1, 1, pieces, count)
+                _set_ends(ground, kind, p, k, (begin, n - 1), pieces, count)
                 value, length = pieces.value[count], t1 - t0
                 value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
                 value[4] = ground.table[k, 4] / length**2
@@ -192,6 +199,12 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
                 value[6] = 0.0 if ground.lasting[p] or ground.lasting[p + ground.ways[k]] else 1.0
                 count += 1
     return count
+
+
+@njit(forceinline=True, **INNER)
+def _set_ends(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
+    for which in range(2):
+        _set_end(ground, kind, p, k, stretches[which], which, pieces, count)
 
 
 @njit(**INNER)
@@ -220,7 +233,8 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
 @njit(**INNER)
 def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces that these fine nodes, in order, own; the order of all stays that of their owners."""
-    old, new, count, kept, made = zone.pieces, zone.spare, zone.number[PIECES], 0, 0
+    old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
+    kept = made = count - count  # a plain 0 would be compiled for once more
     for p in dirty:
         made = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, made)
         zone.mark[p] = True

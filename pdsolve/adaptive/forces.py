@@ -1,7 +1,10 @@
 """Forces on all nodes that move: those of loads, of clipped bonds, of fine rows and of coarse rows.
 
-Rows are kicked and drifted on at once, as the displacements of two steps are kept in turn. Forces on border nodes go to
-the coarse nodes they move with, before these are moved.
+Threads take rows as they come, and each row is summed and moved by one of them, so that it does not show by which.
+What is one after the other is done by the first thread, while the others are at coarse rows on which nothing acts but
+their springs. A fine row with a bond that is to break waits until all are summed, and then its turn; forces on border
+nodes go to the coarse nodes they move with before these are moved. Coarse rows are kicked and drifted on at once, as
+the displacements of two steps are kept in turn.
 """
 
 from __future__ import annotations
@@ -12,37 +15,41 @@ from numba import njit
 from pdsolve.adaptive.arrays import (
     AXIS,
     BORDERS,
-    BREAKS,
     CLIPPED,
     COARSE_ROWS,
-    DISSIPATED,
     LARGEST,
     LOADS,
     PIECES,
     PROFILE,
     ROWS,
-    STIRS,
     VALUE,
     WORK,
 )
-from pdsolve.adaptive.clip import own_entry, share_of, stretch_of
+from pdsolve.adaptive.breaking import break_bonds
 from pdsolve.adaptive.energy import place_of, strain_e
-from pdsolve.adaptive.precracks import peak_and_limit
 from pdsolve.adaptive.rows import (
     sum_edges,
     sum_edges_wide,
     sum_green,
     sum_green_own,
+    sum_masked,
+    sum_masked_wide,
     sum_own,
     sum_own_wide,
     sum_whole,
     sum_whole_wide,
 )
 from pdsolve.conditions import factor_at
-from pdsolve.laws.bilinear import spent_share
 from pdsolve.operators.blocks.kernel import INNER, across
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.vectors import kick_and_drift
+from pdsolve.threads import counted, meet, take, wait
+
+# of `Zone.turns`: what is handed out, a part at a time, and how far the first thread is
+SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE = range(0, 48, 8)
+ACTED, BROKE, LOADED, REST = range(1, 5)  # stages of a step: the first two are those the others wait for
+PART = 8  # fine rows that are handed out at once
+COARSE_PART = 64
 
 
 @njit(forceinline=True, **INNER)
@@ -72,11 +79,11 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_far(ground, fine, u, row, lane0, count, s):  # type: ignore[no-untyped-def]
-    """Forces on lanes one by one, whatever the stretch."""
-    entry = fine.entry[row]
-    for lane in range(lane0, lane0 + count):
-        p, fx, fy = row * ROW + lane, 0.0, 0.0
+def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
+    """Forces on nodes of a row one by one, whatever the stretch."""
+    entry = fine.entry[p0 // ROW]
+    for p in range(p0, p0 + count):
+        lane, fx, fy = p % ROW, 0.0, 0.0
         for k in range(len(ground.ways)):
             pull = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
             if pull == 0:
@@ -87,176 +94,148 @@ def _sum_far(ground, fine, u, row, lane0, count, s):  # type: ignore[no-untyped-
             pull *= e / (1 + e + np.sqrt(1 + e))
             fx += pull * (ground.table[k, 0] + eta_x)
             fy += pull * (ground.table[k, 1] + eta_y)
-        s[lane - lane0], s[ROW + lane - lane0] = fx, fy
-
-
-@njit(**INNER)
-def _soften_on(ground, zone, entry, k, lane, e, peak, limit):  # type: ignore[no-untyped-def]
-    """Soften a bond that is stretched to e, further than ever, and book what it spends."""
-    own, edge = zone.fine.own, zone.fine.edge
-    past, now = edge[entry, k, lane], min(e, limit)
-    peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
-    whole = own[entry, k, lane] / share_of(past, peak, limit)
-    spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
-    spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
-    zone.total[DISSIPATED] += whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4
-    own[entry, k, lane] = whole * share_of(now, peak, limit)
-    edge[entry, k, lane] = now
-
-
-@njit(**INNER)
-def _stir(zone, p):  # type: ignore[no-untyped-def]
-    """Note a node one of whose bonds has softened or broken."""
-    if not zone.stirred[p]:
-        zone.stirred[p] = True
-        zone.stirs[zone.number[STIRS]] = p
-        zone.number[STIRS] += 1
-
-
-@njit(**INNER)
-def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
-    """Note a bond that breaks."""
-    n = zone.number[BREAKS]
-    zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
-    zone.number[BREAKS] += 1
+        s[p - p0], s[ROW + p - p0] = fx, fy
 
 
 @njit(forceinline=True, **INNER)
-def _ends(p, j, lane0, count):  # type: ignore[no-untyped-def]
-    """For how many of its two ends what a bond spends is booked at node p: velocities of lanes before are new ones."""
-    first = p // ROW * ROW + lane0
-    return (j >= first) + (j >= first + count)
-
-
-@njit(**INNER)
-def _break(ground, zone, u, row, lane0, count, step):  # type: ignore[no-untyped-def]
-    """Take out the bonds of some lanes that are over their limit, and book what they spent; returns whether any was."""
-    fine, half, some = zone.fine, len(ground.ways) // 2, False
-    for lane in range(lane0, lane0 + count):
-        p = row * ROW + lane
-        for k in range(2 * half):
-            entry, j = fine.entry[row], p + ground.ways[k]
-            stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
-            if stiffness == 0 or ground.lasting[p] or ground.lasting[j]:
-                continue
-            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
-            e = strain_e(ground.table, k, eta_x, eta_y)
-            peak, limit = peak_and_limit(ground, p, k)
-            if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):
-                continue
-            some = True
-            _stir(zone, p)
-            if entry < 0:
-                entry = own_entry(fine.entry, zone.number, row)
-                fine.entry[row] = entry
-            if peak < limit:
-                _soften_on(ground, zone, entry, k, lane, e, peak, limit)
-                if e <= limit:
-                    continue
-            fine.own[entry, k, lane] = 0.0
-            if k < half:
-                zone.bits[p] &= ~(np.uint64(1) << np.uint64(k))
-            if peak == limit:
-                eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
-                eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
-                spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-                zone.total[DISSIPATED] += _ends(p, j, lane0, count) * stiffness / ground.table[k, 4] * spent / 4
-            _note(zone, step, p, k)
-    return some
-
-
-@njit(forceinline=True, **INNER)
-def _sum_wide(ground, fine, u, entry, at, p, s):  # type: ignore[no-untyped-def]
-    """Forces on some lanes, |e| up to WIDE."""
-    table, ways, slots = ground.table, ground.ways, len(ground.ways)
+def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
+    """Forces on some nodes of a row, |e| up to NARROW."""
+    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
+    at = entry * slots * ROW + lane
     if entry < 0:
-        return sum_whole_wide(u, table, ways, fine.own, slots, at, p, ground.least[0], s)
+        return sum_whole(u, table, ways, fine.own, slots, at, p, least, s)
+    if ground.varied:
+        return sum_edges(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+    if fine.masked[entry]:
+        return sum_masked(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
+    return sum_own(u, table, ways, fine.own, slots, at, p, least, s)
+
+
+@njit(forceinline=True, **INNER)
+def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
+    """The same, |e| up to WIDE."""
+    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
+    at = entry * slots * ROW + lane
+    if entry < 0:
+        return sum_whole_wide(u, table, ways, fine.own, slots, at, p, least, s)
     if ground.varied:
         return sum_edges_wide(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
-    return sum_own_wide(u, table, ways, fine.own, slots, at, p, ground.least[0], s)
-
-
-@njit(forceinline=True, **INNER)
-def _sum_row(ground, zone, u, row, lane, step, s):  # type: ignore[no-untyped-def]
-    """Forces on some lanes of a fine row, from `lane` on."""
-    fine, p, slots, entry = zone.fine, row * ROW + lane, len(ground.ways), zone.fine.entry[row]
-    table, ways, own, limit = ground.table, ground.ways, fine.own, ground.least[0]
-    at, found = entry * slots * ROW + lane, 1
-    if fine.wide[row] == 0:
-        if entry < 0:
-            found = sum_whole(u, table, ways, own, slots, at, p, limit, s)
-        elif ground.varied:
-            found = sum_edges(u, table, ways, own, fine.edge, slots, at, p, 0.0, s)
-        else:
-            found = sum_own(u, table, ways, own, slots, at, p, limit, s)
-    if found & 1:
-        fine.wide[row] = 1
-        found = _sum_wide(ground, fine, u, entry, at, p, s)
-    if found > 0:
-        if found & 2:
-            _break(ground, zone, u, row, lane, across(s), step)
-        entry = fine.entry[row]
-        at = entry * slots * ROW + lane
-        found = _sum_wide(ground, fine, u, entry, at, p, s)
-        if found & 1:
-            _sum_far(ground, fine, u, row, lane, across(s), s)
+    if fine.masked[entry]:
+        return sum_masked_wide(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
+    return sum_own_wide(u, table, ways, fine.own, slots, at, p, least, s)
 
 
 @njit(**INNER)
-def _add_touched(f, p, count, s):  # type: ignore[no-untyped-def]
-    """Put all forces together, in s and in f."""
+def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
+    """Forces on all fine rows, into f. Those with a bond that is to break are put aside; they are the job `BROKEN`,
+    done by the first thread alone."""
+    fine, s = zone.fine, zone.s[thread]
+    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
+    each = ROW // wide
+    count = zone.asides[0] if breaks else zone.number[ROWS] * each
+    while True:
+        first = take(zone.turns, job) * PART
+        if first >= count:
+            return
+        for n in range(first, min(first + PART, count)):
+            p = aside[n] if breaks else fine.rows[n // each] * ROW + n % each * wide
+            row, found = p // ROW, 1
+            if breaks:
+                break_bonds(ground, zone, u, p, wide, step)
+            elif fine.wide[row] == 0:
+                found = _sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, s)
+            if found & 1:
+                fine.wide[row] = fine.wide[row] or not breaks
+                found = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
+            if found & 2 and not breaks:
+                aside[zone.asides[8 * thread]] = p
+                zone.asides[8 * thread] += 1
+                continue
+            if found & 1:
+                _sum_far(ground, fine, u, p, wide, s)
+            if fine.touched[row]:
+                add_forces(fine.f, p, wide, s)
+            keep_forces(fine.f, p, wide, s)
+
+
+@njit(forceinline=True, **INNER)
+def add_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+    """Put all forces together, in s."""
     for k in range(count):
         s[k] += f[0, p + k]
         s[ROW + k] += f[1, p + k]
-        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
 
 
-@njit(**INNER)
-def _keep(f, p, count, s):  # type: ignore[no-untyped-def]
+@njit(forceinline=True, **INNER)
+def keep_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+    """Put them into f."""
     for k in range(count):
         f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
 
 
 @njit(**INNER)
-def _sweep_fine(ground, zone, now, dt, step, ends, s):  # type: ignore[no-untyped-def]
-    """Forces on all fine rows; kick and drift unless a sequence `ends`, then they are kept."""
-    fine, wide = zone.fine, across(s)
-    u, after = fine.u[now], fine.u[1 - now]
-    for n in range(zone.number[ROWS]):
-        row = fine.rows[n]
-        for lane in range(0, ROW, wide):
-            p = row * ROW + lane
-            _sum_row(ground, zone, u, row, lane, step, s)
-            if fine.touched[row]:
-                _add_touched(fine.f, p, wide, s)
-            elif ends:
-                _keep(fine.f, p, wide, s)
-            if not ends:
+def _put_aside(zone):  # type: ignore[no-untyped-def]
+    """List what all threads have put aside, in order."""
+    aside, count = zone.aside[0], zone.asides[0]
+    for thread in range(1, len(zone.s)):
+        for n in range(zone.asides[8 * thread]):
+            p, m = zone.aside[thread, n], count
+            while m > 0 and aside[m - 1] > p:
+                aside[m] = aside[m - 1]
+                m -= 1
+            aside[m] = p
+            count += 1
+    zone.asides[0] = count
+
+
+@njit(**INNER)
+def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
+    """Kick and drift of all fine rows."""
+    fine, s = zone.fine, zone.s[thread]
+    wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.number[ROWS]
+    while True:
+        first = take(zone.turns, MOVE) * PART
+        if first >= count:
+            return
+        for row in fine.rows[first : min(first + PART, count)]:
+            for p in range(row * ROW, row * ROW + ROW, wide):
+                for k in range(wide):
+                    s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
                 kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
 
 
 @njit(**INNER)
-def _sweep_coarse(ground, coarse, count, now, dt, ends, s):  # type: ignore[no-untyped-def]
-    """The same for coarse rows; notes those with a hot bond."""
-    wide = across(s)
-    u, after = coarse.u[now], coarse.u[1 - now]
+def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-untyped-def]
+    """Forces on coarse rows, and kick and drift unless a sequence `ends`; then forces are kept.
+
+    On touched ones in the stage LOADED, else on others, until the first thread has reached the stage. Notes rows with
+    a hot bond.
+    """
+    coarse, s, dt = zone.coarse, zone.s[thread], ground.dt
+    wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
     table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.least[2]
-    for n in range(count):
-        row, hot = coarse.rows[n], 0
-        entry = coarse.entry[row]
-        for lane in range(0, ROW, wide):
-            q = row * ROW + lane
-            if entry >= 0:
-                hot |= sum_green_own(u, table, ways, own, 8, entry * 8 * ROW + lane, q, limit, s)
-            else:
-                hot |= sum_green(u, table, ways, own, 8, 0, q, limit, s)
-            if coarse.touched[row]:
-                _add_touched(coarse.f, q, wide, s)
-            elif ends:
-                _keep(coarse.f, q, wide, s)
-            if not ends:
-                kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
-        coarse.wide[row] = hot > 0
+    touched, count = stage == LOADED, zone.number[COARSE_ROWS]
+    while counted(zone.turns, STAGE) < stage:
+        first = take(zone.turns, TOUCHED if touched else PLAIN) * COARSE_PART
+        if first >= count:
+            return
+        for row in coarse.rows[first : min(first + COARSE_PART, count)]:
+            if coarse.touched[row] != touched:
+                continue
+            entry, hot = coarse.entry[row], 0
+            for lane in range(0, ROW, wide):
+                q = row * ROW + lane
+                if entry >= 0:
+                    hot |= sum_green_own(u, table, ways, own, 8, entry * 8 * ROW + lane, q, limit, s)
+                else:
+                    hot |= sum_green(u, table, ways, own, 8, 0, q, limit, s)
+                if touched:
+                    add_forces(coarse.f, q, wide, s)
+                if touched or ends:
+                    keep_forces(coarse.f, q, wide, s)
+                if not ends:
+                    kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
+            coarse.wide[row] = hot > 0
 
 
 @njit(**INNER)
@@ -308,8 +287,8 @@ def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignor
 
 
 @njit(**INNER)
-def forces(ground, zone, profiles, now, step, ends):  # type: ignore[no-untyped-def]
-    """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`."""
+def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
+    """Begin the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
     _clear(fine, zone.number[ROWS])
     _clear(coarse, zone.number[COARSE_ROWS])
@@ -318,6 +297,38 @@ def forces(ground, zone, profiles, now, step, ends):  # type: ignore[no-untyped-
     largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
     zone.total[CLIPPED] = largest
     zone.total[LARGEST] = max(zone.total[LARGEST], largest)
-    _sweep_fine(ground, zone, now, dt, step, ends, zone.s)
-    _pass_on(fine.f, coarse.f, zone.border, zone.number[BORDERS])
-    _sweep_coarse(ground, coarse, zone.number[COARSE_ROWS], now, dt, ends, zone.s)
+
+
+@njit(**INNER)
+def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: ignore[no-untyped-def]
+    """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
+
+    All threads call this, and the first one calls `again` before they do so anew.
+    """
+    for stage in (ACTED, BROKE, LOADED, REST):
+        if thread == 0 and stage == ACTED:
+            _act(ground, zone, profiles, now, step)
+            take(zone.turns, STAGE)
+        elif thread == 0 and stage == BROKE:
+            _put_aside(zone)
+        else:
+            _sweep_coarse(ground, zone, now, ends, thread, stage)
+            wait(zone.turns, STAGE, min(stage, BROKE), gate)
+        if stage == ACTED or (thread == 0 and stage == BROKE):
+            _sum_fine(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
+        if stage == ACTED:
+            meet(gate)
+        elif stage == BROKE:
+            if thread == 0:
+                _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.number[BORDERS])
+                take(zone.turns, STAGE)
+            if not ends:
+                _move_fine(zone, now, ground.dt, thread)
+    meet(gate)
+
+
+@njit(**INNER)
+def again(zone):  # type: ignore[no-untyped-def]
+    """All is to be handed out anew."""
+    zone.turns[:] = 0
+    zone.asides[:] = 0

@@ -14,6 +14,7 @@ from pdsolve.adaptive.arrays import (
     ENTRIES,
     KNOWN,
     LARGEST,
+    NEW,
     REFINEMENT,
     REGRIDS,
     ROWS,
@@ -28,13 +29,12 @@ from pdsolve.adaptive.energy import held
 from pdsolve.adaptive.lattice import AROUND, BELOW, BELOW_COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptive.march import CLIP, DONE, march
 from pdsolve.adaptive.plate import Plate, squares
-from pdsolve.adaptive.regrid import refine
 from pdsolve.conditions import Drive
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.operator import Kept
+from pdsolve.threads import gate_of, side_by_side
 from pdsolve.unstable import UnstableError
 
-GROWN = 64  # rows: room for so many more is always kept
 _stretch = getattr(stretch_of, "py_func", stretch_of)
 
 
@@ -71,50 +71,22 @@ class Hybrid:
 
     def renew(self) -> None:
         """Compute the forces at the start anew."""
-        march(self.ground, self.zone, self.drive.profiles, self.now, 1, 1, False)
+        self._march(1, 1)
 
     def number(self) -> None:
         """Make all nodes what the cells say, whatever they were."""
-        at, zone = self.plate.at, self.zone
+        zone = self.zone
         zone.fine.own[: zone.number[ENTRIES]] = 0
-        zone.fine.entry[:] = -1
-        zone.fine.kind[:] = IDLE
+        for nodes in (zone.fine, zone.coarse):
+            nodes.entry[:] = -1
+            nodes.kind[:] = IDLE
         zone.stirred[:] = False
         zone.number[:] = 0
-        y, x = np.mgrid[0 : at.ny // 2 + 1, 0 : at.nx // 2 + 1]
-        coarse = ((y + BELOW_COARSE) * at.coarse_stride + LEFT + x).ravel()
-        self._refine(np.flatnonzero(self.zone.cells == FINE), coarse)
+        cells = np.flatnonzero(zone.cells == FINE)
+        zone.new[: len(cells)] = cells
+        zone.number[NEW] = len(cells)
+        self.renew()
         self.zone.total[:] = 0.0
-
-    def _refine(self, new: NDArray[np.int64], coarse: NDArray[np.int64] | None = None) -> None:
-        """Make these cells (k,) fine; `coarse` are places of nodes that are to be looked at, None: those around."""
-        at, reach = self.plate.at, self.ground.reach + 2
-        y, x = np.divmod(new, at.cell_stride)
-        if coarse is None:
-            corner = (y - AROUND + BELOW_COARSE) * at.coarse_stride + LEFT + x - AROUND
-            coarse = np.unique(corner[:, None] + [0, 1, at.coarse_stride, at.coarse_stride + 1])
-        marked = self.zone.mark.reshape(-1, at.stride)
-        for left, low in zip((2 * (x - AROUND)).tolist(), (2 * (y - AROUND)).tolist(), strict=True):
-            marked[
-                max(BELOW + low - reach, 0) : BELOW + low + reach + 3, LEFT + left - reach : LEFT + left + reach + 3
-            ] = True
-        low, high = (max(0, BELOW + 2 * (int(end) - AROUND)) for end in (y.min(initial=AROUND), y.max(initial=AROUND)))
-        some = np.s_[max(low - reach, 0) * at.stride : (high + reach + 3) * at.stride]
-        dirty = some.start + np.flatnonzero(self.zone.mark[some])
-        self.zone.mark[some] = False
-        self._make_room(len(np.unique(dirty // ROW)))
-        refine(self.ground, self.zone, new, dirty[self.plate.row[dirty] >= 0], coarse, self.now)
-
-    def _make_room(self, rows: int) -> None:
-        """Grow until there is room for so many more rows, and for all of their bonds to break."""
-        while True:
-            zone = self.zone
-            events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
-            if zone.number[ENTRIES] + rows + GROWN <= len(zone.fine.own) and (
-                zone.number[BREAKS] + events <= len(zone.breaks.step)
-            ):
-                return
-            self.zone = arrays.grown(zone)
 
     def coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Places of coarse nodes, and the rows of fine nodes that they lie on."""
@@ -126,25 +98,37 @@ class Hybrid:
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises UnstableError where a clipped bond is over its limit."""
-        if first == last:
-            return
+        if first < last:
+            self._march(first, last)
+
+    def _march(self, first: int, last: int) -> None:
+        """The same; with last = first as `march` has it."""
         drifted = False
         while True:
-            how, first, self.now, count = march(
-                self.ground, self.zone, self.drive.profiles, self.now, first, last, drifted
-            )
+            how, step, self.now = self._on_threads(first, last, drifted)
             if how == DONE:
                 return
             if how == CLIP:
                 raise UnstableError(
-                    f"step {first}: found a bond at the border of the fine zone stretched to"
+                    f"step {step}: found a bond at the border of the fine zone stretched to"
                     f" {self.told().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone is too"
                     " narrow for this motion; solve it with run.adapt none"
                 )
-            if count:
-                self._refine(self.zone.new[:count].copy())
-            self._make_room(0)
-            drifted = True
+            self.zone = arrays.grown(self.zone)
+            if first < last:
+                first, drifted = step, True
+
+    def _on_threads(self, *steps: int) -> tuple[int, int, int]:
+        """March side by side until it ends in any way."""
+        threads, found = len(self.zone.s), (0, 0, 0)
+        arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
+
+        def work(thread: int) -> None:
+            nonlocal found
+            found = march(*arguments, thread, gate)
+
+        side_by_side(work, threads)
+        return found
 
     def told(self) -> Told:
         """What there is to say of the fine zone."""

@@ -42,7 +42,7 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     there = plate.row >= 0
     asked = there & _within(odd, 2 * reach).ravel()
     around = there & _within(odd, 4 * reach).ravel()
-    some = np.sort(plate.row[around])
+    some = np.sort(plate.row[around]).astype(np.int64)
     wanted = np.zeros(len(grid), dtype=bool)
     wanted[plate.row[asked]] = True
     wanted = wanted[some]

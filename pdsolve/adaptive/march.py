@@ -8,21 +8,36 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptive.arrays import AHEAD, BREAKS, CLIPPED, COARSE_ROWS, EVERY, HOLDS, KNOWN, ROWS, STIRS
+from pdsolve.adaptive.arrays import (
+    AHEAD,
+    BREAKS,
+    CLIPPED,
+    COARSE_ROWS,
+    ENTRIES,
+    EVERY,
+    HOLDS,
+    KNOWN,
+    NEW,
+    REGRIDS,
+    ROWS,
+    SHORT,
+    STIRS,
+)
 from pdsolve.adaptive.energy import strain_e
-from pdsolve.adaptive.forces import forces
+from pdsolve.adaptive.forces import again, forces
 from pdsolve.adaptive.lattice import IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
 from pdsolve.adaptive.move import begin_holds, drift, end_holds, hold
-from pdsolve.adaptive.regrid import mark_disc
+from pdsolve.adaptive.regrid import mark_dirty, mark_disc, refine
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
+from pdsolve.threads import meet
 
-DONE, MORE, CLIP = 0, 1, 2  # how a march ends: at its last step; as there is more to refine, or to make room for; as a
-# clipped bond is over its limit
+DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
+SPARE = 64  # rows: room for so many more is always kept
 
 
 @njit(**INNER)
-def _look(ground, zone):  # type: ignore[no-untyped-def]
+def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
     """List the cells that are to be fine as they are near nodes one of whose bonds has broken or softened."""
     at, count = ground.at, 0
     for n in range(zone.number[KNOWN], zone.number[STIRS]):
@@ -69,63 +84,68 @@ def _lasts(ground, q):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _is_short(zone):  # type: ignore[no-untyped-def]
-    """Whether there may not be room for what the next steps break."""
-    return zone.number[BREAKS] + ROW * zone.number[ROWS] * zone.fine.own.shape[1] > len(zone.breaks.step)
+def _has_room(zone, rows):  # type: ignore[no-untyped-def]
+    """Whether there is room for so many more fine rows, for those that begin to differ, and for all bonds to break."""
+    events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
+    return zone.number[ENTRIES] + rows + SPARE <= len(zone.fine.own) and zone.number[BREAKS] + events <= len(
+        zone.breaks.step
+    )
+
+
+@njit(**INNER)
+def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
+    """Refine what is known to be, or what is seen if it `looks`; or note that there is no room to."""
+    if looks:
+        zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
+    begins, rows = zone.number[REGRIDS] == 0, 0
+    if begins or zone.number[NEW] > 0:
+        rows = mark_dirty(ground, zone)
+    zone.number[SHORT] = not _has_room(zone, rows)
+    if zone.number[SHORT] == 0 and (begins or zone.number[NEW] > 0):
+        refine(ground, zone, now)
+
+
+@njit(**INNER)
+def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-untyped-def]
+    """Begin a sequence by a drift, and hold what is held until the next step; or note what holds it at the start."""
+    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.number[HOLDS]
+    if starts and ends:
+        begin_holds(fine, coarse, holds, count)
+    else:
+        if starts:
+            drift(ground, zone, now, starts)
+        hold(fine, coarse, holds, count, zone.total, ground.dt, profiles, now, step, ends, starts)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def march(ground, zone, profiles, now, first, last, drifted):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1; returns how it ended, in which step, which displacements are now, and how
-    many cells of `zone.new` are to become fine.
+def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
+    """Take the steps `first` to `last` - 1; returns how it ended, in which step, and which displacements are now.
 
     At the end velocities are those of displacements, and all forces are kept. `drifted` goes on where a march ended as
-    there was more to refine. With last = first the forces at the start are computed.
+    it was short of room. With last = first all nodes become what the cells say, if they are not, and the forces at the
+    start are computed. Threads run this side by side.
     """
-    if last == first:
-        forces(ground, zone, profiles, now, 0, True)
-        begin_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
-        return DONE, first, now, 0
-    if not drifted:
-        drift(ground, zone, now, True)
-        hold(
-            zone.fine,
-            zone.coarse,
-            zone.holds,
-            zone.number[HOLDS],
-            zone.total,
-            ground.dt,
-            profiles,
-            now,
-            first - 1,
-            False,
-            True,
-        )
-        now = 1 - now
-    for step in range(first, last):
-        if step % EVERY == 0 and not (drifted and step == first):
-            count = _look_for_hot(ground, zone, now, _look(ground, zone))
-            if count > 0 or _is_short(zone):
-                return MORE, step, now, count
-        ends = step == last - 1
-        forces(ground, zone, profiles, now, step, ends)
-        hold(
-            zone.fine,
-            zone.coarse,
-            zone.holds,
-            zone.number[HOLDS],
-            zone.total,
-            ground.dt,
-            profiles,
-            now,
-            step,
-            ends,
-            False,
-        )
-        if zone.total[CLIPPED] > ground.least[0]:
-            return CLIP, step, now, 0
+    for step in range(first if drifted else first - 1, max(first, last)):
+        starts, ends, largest = step < first, step == last - 1, 0.0
+        if not starts or ends:
+            if starts or step % EVERY == 0:
+                if thread == 0:
+                    _adapt(ground, zone, now, step >= first + drifted)
+                meet(gate)
+                if zone.number[SHORT] != 0:
+                    return ROOM, step, now
+            forces(ground, zone, profiles, now, step, ends, thread, gate)
+            largest = zone.total[CLIPPED]
+            meet(gate)
+        if thread == 0:
+            again(zone)
+            _go_on(ground, zone, profiles, now, step, starts, ends)
+        meet(gate)
+        if largest > ground.least[0]:
+            return CLIP, step, now
         if not ends:
             now = 1 - now
-    drift(ground, zone, now, False)
-    end_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
-    return DONE, last - 1, now, 0
+    if thread == 0 and last > first:
+        drift(ground, zone, now, last == first)
+        end_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
+    return DONE, last - 1, now

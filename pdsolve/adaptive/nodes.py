@@ -81,18 +81,31 @@ def border_end(at, edge_cut, kind, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
+def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
+    """Give a row, whose coarse nodes had all springs of the table until now, stiffnesses of its own."""
+    coarse.entry[row] = row
+    for k in range(8):
+        for lane in range(ROW):
+            coarse.own[row, k, lane] = table[k, 5] if coarse.kind[row * ROW + lane] == FREE else 0.0
+
+
+@njit(**INNER)
 def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
-    """Kind, mass and springs of a coarse node; its row's stiffnesses are written, be they needed or not."""
+    """Kind, mass and springs of a coarse node; its row has stiffnesses of its own from when it first needs them."""
     at = ground.at
     x, y = coarse_column(at, q), coarse_row(at, q)
-    mass, entry, lane = 0.0, q // ROW, q % ROW
+    mass, row = 0.0, q // ROW
     for sy in (-1, 0):
         for sx in (-1, 0):
             c = cell_place(at, x + sx, y + sy)
             mass += ground.cell[2, c] * (cells[c] == COARSE)
     coarse.kind[q] = FREE if mass > 0 else IDLE
     for k in range(8):
-        coarse.own[entry, k, lane] = spring_of(ground, cells, q, x, y, k)
+        stiffness = spring_of(ground, cells, q, x, y, k)
+        if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
+            _begin_own(coarse, row, ground.coarse_table)
+        if coarse.entry[row] >= 0:
+            coarse.own[row, k, q % ROW] = stiffness
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
@@ -127,16 +140,6 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     other = c - at.cell_stride if dy == 0 else c - 1
     found = 0.5 * ground.cell[0, c] if cells[c] == COARSE else 0.0
     return found + (0.5 * ground.cell[0, other] if cells[other] == COARSE else 0.0)
-
-
-@njit(**INNER)
-def set_coarse_row(coarse, row, standard):  # type: ignore[no-untyped-def]
-    """Whether a row of coarse nodes has all springs as in the table."""
-    whole = True
-    for k in range(8):
-        for lane in range(ROW):
-            whole &= coarse.own[row, k, lane] == standard[k, 5]
-    coarse.entry[row] = -1 if whole else row
 
 
 @njit(**INNER)

@@ -27,7 +27,7 @@ class Plate(NamedTuple):
     h: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
     place: NDArray[np.int64]  # (n,) fine place of each row of the grid
-    row: NDArray[np.int64]  # (places,) row of the grid at each fine place, -1 without a node
+    row: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
     area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
     cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
 
@@ -80,13 +80,13 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     _clear(model, cracks, nx, ny)
     place = (row + BELOW) * at.stride + LEFT + column
-    rows = np.full(at.places, -1, dtype=np.int64)
+    rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     return Plate(model, at, h, origin, place, rows, _areas(model, at, h, place, rows), cracks)
 
 
 def _areas(
-    model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int64]
+    model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Areas (n,) of nodes over h^2: those of the grid, or else by the squares between nodes around."""
     if model.grid.areas is not None:

@@ -6,11 +6,14 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptive.arrays import (
+    AROUND,
     BORDERS,
     COARSE_ROWS,
+    DIRTY,
     HOLDS,
     KNOWN,
     LOADS,
+    NEW,
     PIECES,
     PLACE,
     REFINEMENT,
@@ -21,6 +24,7 @@ from pdsolve.adaptive.arrays import (
 from pdsolve.adaptive.clip import put_pieces, set_row
 from pdsolve.adaptive.energy import copy_border_node, energy_of
 from pdsolve.adaptive.forces import follow
+from pdsolve.adaptive.lattice import AROUND as RIM
 from pdsolve.adaptive.lattice import (
     BORDER,
     COARSE,
@@ -29,9 +33,10 @@ from pdsolve.adaptive.lattice import (
     cell_place,
     coarse_place,
     fine_column,
+    fine_place,
     fine_row,
 )
-from pdsolve.adaptive.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_coarse_row, set_fine
+from pdsolve.adaptive.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
 from pdsolve.operators.blocks.kernel import INNER
 from pdsolve.operators.blocks.lanes import ROW
 
@@ -57,12 +62,73 @@ def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def refine(ground, zone, new, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
-    """Make cells (.,) fine, which are marked so, at displacements `now`; `dirty` are the nodes that concerns, in order.
+@njit(**INNER)
+def _mark(ground, zone):  # type: ignore[no-untyped-def]
+    """Mark all places within the family's reach of the new cells; returns the columns and rows of nodes that they are
+    in."""
+    at, reach = ground.at, ground.reach + 2
+    x0, y0, x1, y1 = at.nx, at.ny, 0, 0
+    for c in zone.new[: zone.number[NEW]]:
+        x, y = 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM)
+        left, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
+        low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
+        x0, y0, x1, y1 = min(x0, left), min(y0, low), max(x1, right), max(y1, high)
+        for iy in range(low, high):
+            for p in range(fine_place(at, left, iy), fine_place(at, right, iy)):
+                zone.mark[p] = True
+    return x0, y0, x1, y1
+
+
+@njit(**INNER)
+def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
+    """List the nodes that the new cells concern, in order; returns how many rows of fine nodes that are.
+
+    Those are the fine nodes within the family's reach, and the coarse ones at corners; to begin with all of these.
+    """
+    at, (x0, y0, x1, y1) = ground.at, _mark(ground, zone)
+    dirty, rows, last = 0, 0, -1
+    for iy in range(y0, y1):
+        for p in range(fine_place(at, x0, iy), fine_place(at, x1, iy)):
+            if zone.mark[p]:
+                zone.mark[p] = False
+                if ground.mass[p] > 0:
+                    zone.dirty[dirty] = p
+                    rows += p // ROW != last
+                    dirty, last = dirty + 1, p // ROW
+    zone.number[DIRTY] = dirty
+    _list_around(at, zone, x0, y0, x1, y1)
+    return rows
+
+
+@njit(**INNER)
+def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """List the coarse nodes at the corners of the new cells, which are within these columns and rows of fine nodes, in
+    order; to begin with all coarse nodes."""
+    begins, around = zone.number[REGRIDS] == 0, 0
+    if begins:
+        x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
+    for c in zone.new[: zone.number[NEW]]:
+        p = fine_place(at, 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM))
+        for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
+            zone.mark[corner] = True
+    for iy in range(y0 + y0 % 2, y1, 2):
+        for ix in range(x0 + x0 % 2, x1, 2):
+            p = fine_place(at, ix, iy)
+            if begins or zone.mark[p]:
+                zone.mark[p] = False
+                zone.around[around] = coarse_place(at, ix // 2, iy // 2)
+                around += 1
+    zone.number[AROUND] = around
+
+
+@njit(**INNER)
+def refine(ground, zone, now):  # type: ignore[no-untyped-def]
+    """Make the cells of `zone.new` fine, which are marked so, at displacements `now`.
 
     New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
     """
+    new, dirty, dirty_coarse = zone.new[: zone.number[NEW]], zone.dirty[: zone.number[DIRTY]], zone.around
+    dirty_coarse = dirty_coarse[: zone.number[AROUND]]
     follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.number[BORDERS])
     for p in dirty:
         zone.mark[p] = True
@@ -79,7 +145,8 @@ def refine(ground, zone, new, dirty, dirty_coarse, now):  # type: ignore[no-unty
         zone.mark[p] = False
     zone.number[REGRIDS] += 1
     zone.number[KNOWN] = zone.number[STIRS]
-    _number(ground, zone)
+    zone.number[NEW] = 0
+    _number(ground, zone, dirty_coarse)
 
 
 @njit(**INNER)
@@ -94,8 +161,6 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
         if fine.kind[p] == BORDER:
             copy_border_node(ground.at, ground.edge_cut, coarse.kind, fine.u[now], coarse.u[now], p)
             fine.v[0, p] = fine.v[1, p] = 0.0
-    for q in dirty_coarse:
-        set_coarse_row(coarse, q // ROW, ground.coarse_table)
     for p in dirty:
         if p // ROW != last:
             last = p // ROW
@@ -105,7 +170,7 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
 @njit(**INNER)
 def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
     """Give the nodes that are to be free the motion of the coarse ones around them; then the new cells are fine."""
-    at, fine, coarse, two = ground.at, zone.fine, zone.coarse, zone.s[:2]
+    at, fine, coarse, two = ground.at, zone.fine, zone.coarse, zone.s[0, :2]
     for p in dirty:
         if fine.kind[p] == FREE:
             continue
@@ -142,28 +207,37 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _list_coarse(at, coarse):  # type: ignore[no-untyped-def]
-    """List rows with coarse nodes; returns how many."""
+def _list_coarse(at, coarse, count, dirty):  # type: ignore[no-untyped-def]
+    """List rows with coarse nodes, of `count` that did before these nodes changed; returns how many."""
+    if count == 0:
+        for y in range(at.ny // 2 + 1):
+            for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
+                coarse.rows[count] = row
+                count += 1
+    for q in dirty:
+        coarse.touched[q // ROW] = True
     rows = 0
-    for y in range(at.ny // 2 + 1):
-        for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
-            some = False
+    for n in range(count):
+        row = coarse.rows[n]
+        some = not coarse.touched[row]
+        if not some:
+            coarse.touched[row] = False
             for q in range(row * ROW, row * ROW + ROW):
                 some |= coarse.kind[q] == FREE
-            if some:
-                coarse.rows[rows] = row
-                rows += 1
+        if some:
+            coarse.rows[rows] = row
+            rows += 1
     return rows
 
 
 @njit(**INNER)
-def _number(ground, zone):  # type: ignore[no-untyped-def]
+def _number(ground, zone, dirty_coarse):  # type: ignore[no-untyped-def]
     """List rows and border nodes anew, and what acts on whom."""
     fine, coarse = zone.fine, zone.coarse
     fine.touched[:] = False
     coarse.touched[:] = False
+    zone.number[COARSE_ROWS] = _list_coarse(ground.at, coarse, zone.number[COARSE_ROWS], dirty_coarse)
     _list_fine(ground, zone)
-    zone.number[COARSE_ROWS] = _list_coarse(ground.at, coarse)
     for n in range(zone.number[PIECES]):
         for which in range(2):
             a, b = zone.pieces.end[n, 2 * which], zone.pieces.end[n, 2 * which + 1]

@@ -3,8 +3,9 @@
     u        (2, m) displacements of all places         table    (k, 8) springs, as in `family.Springs`
     ways     (k,) places from a node to its neighbours   weights  (., k, 16) stiffnesses of the lanes' own, 0 without a
     at       where those of the row begin, if it has              bond
-             its own                                     p        place of the first lane
-    limit    of e                                        s        scratch: forces, x then y
+             its own                                     masks    (., 2, k) a bit for each lane with a bond, and for
+    limit    of e                                                 each with half a bond
+    p        place of the first lane                     s        scratch: forces, x then y
 
 Each returns 1 where |e| is beyond what it can do, so that its sums are wrong, plus 2 where an e is above the limit.
 """
@@ -21,13 +22,14 @@ from pdsolve.operators.blocks.lanes import INT, ROW, Code
 from pdsolve.operators.blocks.pull import NARROW, WIDE
 
 FY = ROW  # where the sums along y begin in s
+WHOLE, MASKED, OWN = range(3)  # rows: all lanes have all springs; those of the table, half of them, or none; others
 
 
 class _Sum:
     """The loop over the springs of some lanes."""
 
-    def __init__(self, code: Code, kinds: Any, values: Any, own: bool, edges: Any) -> None:
-        self._code, self._own, self._edges = code, own, edges
+    def __init__(self, code: Code, kinds: Any, values: Any, kind: int, edges: Any) -> None:
+        self._code, self._kind, self._edges = code, kind, edges
         u = kinds[0]
         self._u = [code.data(u, values[0], axis) for axis in (0, 1)]
         self._table, self._ways, self._weights = (
@@ -72,13 +74,19 @@ class _Sum:
         xi_x, xi_y, x2, y2, inverse, stiffness = (
             code.same(builder.load(builder.gep(self._table, [builder.add(row, INT(c))]))) for c in range(6)
         )
-        there = builder.add(self._p, builder.load(builder.gep(self._ways, [slot])))
+        other = builder.add(self._p, builder.load(builder.gep(self._ways, [slot])))
         eta_x, eta_y = (
-            code.sub(code.load(component, there), here) for component, here in zip(self._u, self._here, strict=True)
+            code.sub(code.load(component, other), here) for component, here in zip(self._u, self._here, strict=True)
         )
         along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
         e = code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
-        if self._own:
+        if self._kind == MASKED:
+            at, lane = builder.add(self._at, slot), builder.and_(self._p, INT(ROW - 1))
+            there, half = (code.bits(self._weights, where, lane) for where in (at, builder.add(at, self._slots)))
+            stiffness = code.choose(half, code.mul(stiffness, code.same(0.5)), stiffness)
+            stiffness = code.choose(there, stiffness, code.same(0.0))
+            e = code.choose(there, e, code.same(0.0))
+        elif self._kind == OWN:
             stiffness = code.load(self._weights, builder.add(self._at, builder.mul(slot, INT(ROW))))
             none = code.each(lambda one, zero: builder.fcmp_ordered("==", one, zero), stiffness, code.same(0.0))
             e = code.choose(none, code.same(0.0), e)
@@ -100,16 +108,16 @@ def _signature(*arrays: Any) -> Any:
     return types.int64(*before, *(types.int64,) * 3, types.float64, s)
 
 
-def _generator(own: bool, which: int | None, varied: bool = False) -> Any:
-    """Code with the polynomial of this number, or with Green's strain; with stiffnesses of the lanes' own, or not; with
-    edges of bonds, or one limit."""
+def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
+    """Code with the polynomial of this number, or with Green's strain; for rows of a kind; with edges of bonds, or one
+    limit."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, values: Any) -> Any:
         kinds, values = list(signature.args), list(values)
         code, edges = Code(context, builder, kinds[0].dtype), None
         if varied:
             edges = code.data(kinds.pop(4), values.pop(4))
-        loop = _Sum(code, kinds, values, own, edges)
+        loop = _Sum(code, kinds, values, kind, edges)
         kept = code.data(kinds[8], values[8])
         if which is None:
             return loop.run(None, (0.5,), kept)
@@ -121,46 +129,58 @@ def _generator(own: bool, which: int | None, varied: bool = False) -> Any:
 @intrinsic
 def sum_whole(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Of a row whose lanes all have all springs, |e| up to NARROW."""
-    return _signature(u, table, ways, weights, s), _generator(False, 0)
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, 0)
 
 
 @intrinsic
 def sum_whole_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same, |e| up to WIDE."""
-    return _signature(u, table, ways, weights, s), _generator(False, 1)
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, 1)
+
+
+@intrinsic
+def sum_masked(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Of a row whose lanes have springs of the table, half of them, or none; |e| up to NARROW."""
+    return _signature(u, table, ways, masks, s), _generator(MASKED, 0)
+
+
+@intrinsic
+def sum_masked_wide(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """The same, |e| up to WIDE."""
+    return _signature(u, table, ways, masks, s), _generator(MASKED, 1)
 
 
 @intrinsic
 def sum_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Of a row with stiffnesses of its own, |e| up to NARROW."""
-    return _signature(u, table, ways, weights, s), _generator(True, 0)
+    return _signature(u, table, ways, weights, s), _generator(OWN, 0)
 
 
 @intrinsic
 def sum_own_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same, |e| up to WIDE."""
-    return _signature(u, table, ways, weights, s), _generator(True, 1)
+    return _signature(u, table, ways, weights, s), _generator(OWN, 1)
 
 
 @intrinsic
 def sum_edges(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same with edges (., k, 16) of bonds: 2 where an e is more than `limit` above its own."""
-    return _signature(u, table, ways, weights, edges, s), _generator(True, 0, True)
+    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 0, True)
 
 
 @intrinsic
 def sum_edges_wide(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same, |e| up to WIDE."""
-    return _signature(u, table, ways, weights, edges, s), _generator(True, 1, True)
+    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 1, True)
 
 
 @intrinsic
 def sum_green(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Of a whole row of the coarse lattice, by Green's strain: force k e / 2 (xi + eta)."""
-    return _signature(u, table, ways, weights, s), _generator(False, None)
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, None)
 
 
 @intrinsic
 def sum_green_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """The same with stiffnesses of its own."""
-    return _signature(u, table, ways, weights, s), _generator(True, None)
+    return _signature(u, table, ways, weights, s), _generator(OWN, None)

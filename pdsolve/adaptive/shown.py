@@ -45,11 +45,11 @@ class Shown:
         fine = places[own.kind[places] != IDLE]
         self._on = self._beneath(coarse)  # fine places that coarse nodes lie on
         self.places = np.unique(np.concatenate([fine, self._on]))
-        self.rows = plate.row[self.places]
-        self._row_of = np.full(plate.at.places, -1, dtype=np.int64)
+        self.rows = plate.row[self.places].astype(np.int64)
+        self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
         self._row_of[self.places] = np.arange(len(self.places))
         self._fine, self._coarse = fine, coarse
-        self._at_fine, self._at_coarse = self._row_of[fine], self._row_of[self._on]
+        self._at_fine, self._at_coarse = (self._row_of[one].astype(np.int64) for one in (fine, self._on))
         self._bonds = self._fine_bonds()
         self._springs = self._coarse_springs()
         self.cells = np.count_nonzero(zone.cells == COARSE)
@@ -73,7 +73,9 @@ class Shown:
     def _coarse_springs(self) -> NDArray[np.bool_]:
         """Which springs (k, 8) coarse nodes have, besides those that are fine bonds too, on the border."""
         coarse, ground = self.hybrid.zone.coarse, self.hybrid.ground
-        found = coarse.own[self._coarse // ROW, :, self._coarse % ROW] > 0
+        found, row = np.ones((len(self._coarse), len(ground.coarse_ways)), dtype=bool), self._coarse // ROW
+        own = coarse.entry[row] >= 0
+        found[own] = coarse.own[row[own], :, self._coarse[own] % ROW] > 0
         number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
         fine = np.full(len(self.places), -1)
         fine[self._at_fine] = np.arange(len(self._fine))
@@ -222,7 +224,8 @@ class Shown:
         coarse = self._coarse[some[node]]
         ends = (self._row_of[self._beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
         source, target = (
-            np.concatenate([self._row_of[one], other]) for one, other in zip((fine, target), ends, strict=True)
+            np.concatenate([self._row_of[one], other], dtype=np.int64)
+            for one, other in zip((fine, target), ends, strict=True)
         )
         order = np.lexsort((target, source))
         return source[order], target[order]
@@ -233,7 +236,8 @@ class Shown:
         step, node, spring = (column[: zone.number[BREAKS]] for column in zone.breaks)
         new = np.flatnonzero(step > after)
         step, node, spring = step[new].astype(np.int64), node[new], spring[new]
-        return Broken(step, self._row_of[node], self._row_of[node + self.hybrid.ground.ways[spring]])
+        ends = (node, node + self.hybrid.ground.ways[spring])
+        return Broken(step, *(self._row_of[one].astype(np.int64) for one in ends))
 
     def keep(self) -> Kept:
         """As in `Operator`."""

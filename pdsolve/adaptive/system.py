@@ -23,7 +23,9 @@ from pdsolve.operators.blocks.layout import aligned
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def hybrid_of(model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float]) -> tuple[Shown, float]:
+def hybrid_of(
+    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
+) -> tuple[Shown, float]:
     """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
 
     Raises ModelError for what cannot be solved so.
@@ -39,7 +41,7 @@ def hybrid_of(model: Model, mode: str, precision: str, step_of: Callable[[Model,
     area = plate.area * plate.h**2
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied)._replace(
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads)._replace(
         bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
     hybrid = Hybrid(plate, ground, zone, driven)

@@ -15,6 +15,7 @@ from pdsolve.adaptive.lattice import COARSE, FINE
 from pdsolve.measures import books
 from pdsolve.model import Model
 from pdsolve.system import Options, Prepared, prepare
+from pdsolve.threads import cores
 
 
 def pulled(adapt: str) -> Model:
@@ -109,3 +110,19 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067
     assert found["hybrid"][2] == found["none"][2]
     assert hybrid(problem).told().clipped_stretch < 0.7  # 0.58; 1.01 if faces were to follow the next coarse node alone
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+def test_threads_do_not_show(law: str) -> None:
+    """A zone that moves, bonds that break and soften, held nodes: one thread and two come to the same bits."""
+    found = []
+    for threads in (1, 2):
+        problem = prepare(struck("hybrid", law=law), Options(threads=threads))
+        problem.march(1, 101)
+        problem.march(101, 171)
+        found.append(hybrid(problem).keep())
+    assert len(found[0]["break_step"]) > 100
+    assert found[0].keys() == found[1].keys()
+    for name, values in found[0].items():
+        assert np.array_equal(values, found[1][name]), name

@@ -81,6 +81,15 @@ class Code:
             found.append(value)
         return found
 
+    def bits(self, data: Any, at: Any, lane: Any) -> list[Any]:
+        """Which lanes from `lane` on have their bit set, in an element of an array of uint16."""
+        word, found = self.builder.load(self.builder.gep(data, [at])), []
+        for first in range(0, self.count, self.width):
+            away = self.builder.trunc(self.builder.add(lane, INT(first)), word.type)
+            some = self.builder.trunc(self.builder.lshr(word, away), ir.IntType(self.width))
+            found.append(self.builder.bitcast(some, ir.VectorType(ir.IntType(1), self.width)))
+        return found
+
     def integer(self, data: Any, at: Any) -> Any:
         """An element of an array of int32."""
         return self.builder.sext(self.builder.load(self.builder.gep(data, [at])), INT)
