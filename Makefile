@@ -1,4 +1,5 @@
 # make demo    set up, build the grid of the Duran plate, solve it, draw its crack
+# make film    the film that README.md opens with: a fine zone that moves with a crack
 # make test    set up, run the quick tests
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
@@ -16,7 +17,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo test slow thesis failures check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
+.PHONY: demo film test slow thesis failures check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -24,6 +25,13 @@ demo: gmsh-libraries
 	$(BIN)/pdsolve demo/$(SCENE).json -o demo/$(SCENE).sqlite --force
 	$(BIN)/pdpost damage demo/$(SCENE).sqlite -o demo/$(SCENE).png --force
 	@echo "The picture of the crack: $(CURDIR)/demo/$(SCENE).png"
+
+film: gmsh-libraries
+	@mkdir -p demo
+	$(BIN)/pdmesh build geometries/$(SCENE).geo --adapt hybrid --set Zones/fine/Spacing=2.5e-4 \
+		--set Zones/coarse/Spacing=5e-4 --set "Run/Frame every=30" -o demo/film.json --force
+	$(BIN)/pdsolve demo/film.json -o demo/film.sqlite --force
+	$(BIN)/pdpost animate demo/film.sqlite --field stress --largest 4e7 -o docs/hybrid.gif --force
 
 test: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest -m "not slow"

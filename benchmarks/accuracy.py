@@ -1,10 +1,9 @@
-"""What accuracy costs: four problems, each solved in some twenty ways; cost against error, on one chart.
+"""What accuracy costs: five problems, each solved in many ways; cost against error, on one chart.
 
 `python -m benchmarks.accuracy` writes accuracy.json and accuracy.png; benchmarks/README.md says how each number is
 made. (a) A plate with a hole in tension, against the classical solution; (b) a pulse through a change of spacing,
-against the pulse; (c) Kalthoff and Winkler's experiment, against uniform runs of half the finest spacing; (d) the
-branching crack of the Duran plate, against those of a quarter. Cracks scatter, so (c) and (d) are medians of several
-runs, each against a reference of its own.
+against the pulse; and those of `cracked.py`, of which cracks run. A problem that is not measured anew keeps what the
+file has.
 """
 
 from __future__ import annotations
@@ -14,19 +13,18 @@ import json
 import os
 import platform
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.claims import Case
-from benchmarks.runs import built
+from benchmarks.cracked import PLATES, Row, Stopped, cracks
 from benchmarks.variants import BASE, OTHER_GRIDS, VARIANTS, Variant
 from pdmesh import VERSION, Circle, Scene, box
 from pdmesh.grid.lattice import build_grid
@@ -35,8 +33,6 @@ from pdmesh.model.document import Material, Run, Settings
 from pdpost.figures.tradeoff_figure import draw
 from pdpost.measures import tradeoff
 from pdsolve.model import Model
-from pdsolve.results import Results
-from pdsolve.simulation import run
 from pdsolve.system import Prepared
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
@@ -46,23 +42,6 @@ SAMPLE = 0.2  # s of marching that stand for a run of (a) and (b)
 TRANSITS = 10  # of a wave across the plate of (a): what a slow load would take
 HALF, RADIUS, FINE_ZONE = 4.0, 1.0, 2.0  # of (a), m
 WIDTH = 8e-3  # of the pulse of (b), m
-RUNS = 5  # of each variant and of the reference in (c) and (d)
-SHORTER = 0.01  # of a step: by so much that of each further run is
-
-
-class Row(NamedTuple):
-    """What a variant cost, and how wrong it is."""
-
-    problem: str
-    variant: str
-    nodes: int
-    bonds: int
-    updates: float  # bonds times steps
-    wall: float  # s of marching, on all threads
-    error: float  # what the chart shows
-    errors: dict[str, float]  # all of them
-    least: float  # error of the runs that `error` is the median of
-    most: float
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -71,25 +50,48 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--problems", default=",".join(PROBLEMS), help="some of " + ", ".join(PROBLEMS))
     parser.add_argument("-o", "--output", type=Path, default=Path("accuracy.json"))
     args = parser.parse_args(arguments)
-    rows: list[Row] = []
+    rows, stopped = before(args.output)
     for name in args.problems.split(","):
-        for row in PROBLEMS[name]():
-            rows.append(row)
-            told = ", ".join(f"{what} {value:.3g}" for what, value in row.errors.items())
-            print(f"{row.problem}: {row.variant}: {row.updates:.3g} bond updates, {row.wall:.3g} s; {told}", flush=True)
+        found: list[Row | Stopped] = []
+        for one in PROBLEMS[name]():
+            found.append(one)
+            print(told(one), flush=True)
+        rows = [row for row in rows if row.problem != found[0].problem]
+        stopped = [row for row in stopped if row.problem != found[0].problem]
+        rows += [one for one in found if isinstance(one, Row)]
+        stopped += [one for one in found if isinstance(one, Stopped)]
+        written(rows, stopped, args.output)
+    return 0
+
+
+def told(one: Row | Stopped) -> str:
+    """A line about a variant."""
+    if isinstance(one, Stopped):
+        return f"{one.problem}: {one.variant}: {one.said}"
+    errors = ", ".join(f"{what} {value:.3g}" for what, value in one.errors.items())
+    return f"{one.problem}: {one.variant}: {one.updates:.3g} bond updates, {one.wall:.3g} s; {errors}"
+
+
+def before(path: Path) -> tuple[list[Row], list[Stopped]]:
+    """What was measured before: problems that are not measured anew keep it."""
+    if not path.exists():
+        return [], []
+    found = json.loads(path.read_text())
+    return [Row(**row) for row in found["rows"]], [Stopped(**row) for row in found.get("stopped", [])]
+
+
+def written(rows: list[Row], stopped: list[Stopped], path: Path) -> None:
+    """Write the file and the chart."""
     here = machine()
-    settings = [row for row in rows if row.variant not in OTHER_GRIDS]
     result = {
         "machine": here,
         "rows": [row._asdict() for row in rows],
+        "stopped": [row._asdict() for row in stopped],
         "front": fronts(rows),
-        "front on the two-scale grid": fronts(settings),
+        "front on the two-scale grid": fronts([row for row in rows if row.variant not in OTHER_GRIDS]),
     }
-    args.output.write_text(json.dumps(result, indent=1) + "\n")
-    chart(rows, here, args.output.with_suffix(".png"))
-    for problem, names in fronts(settings).items():
-        print(f"{problem}: on the front of the two-scale grid: {', '.join(names)}")
-    return 0
+    path.write_text(json.dumps(result, indent=1) + "\n")
+    chart(rows, here, path.with_suffix(".png"))
 
 
 def machine() -> dict[str, Any]:
@@ -230,73 +232,16 @@ def pulse() -> Iterator[Row]:
         )
 
 
-# (c) and (d) Cracks
-
-
-def cracks(
-    name: str, scene: str, finest: float, reference_spacing: float, mean: Callable[[tradeoff.Errors], float]
-) -> Iterator[Row]:
-    """A shipped scene against uniform runs, m = 4, with this share of its finest spacing.
-
-    `mean` is the error that the chart shows.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-
-        def solved(variant: Variant, number: int) -> tuple[Path, Prepared]:
-            fine = variant.fine * finest
-            parameters = (("Zones/fine/Spacing", f"{fine:g}"), ("Zones/coarse/Spacing", f"{variant.ratio * fine:g}"))
-            if scene == "duran50.geo":  # the same strip of the edge carries the load
-                rows = str(round(8e-3 / (variant.ratio * fine)))
-                parameters += (("Loads/top/Rows", rows), ("Loads/bottom/Rows", rows))
-            case = Case(f"{name} {variant.ratio} {variant.fine} {variant.m}", "", scene, (), parameters=parameters)
-            shorter = variant._replace(step=variant.step * (1 - SHORTER * number))
-            problem = shorter.prepared(built(case, Path(folder)))
-            path = Path(folder) / f"{variant.name} {number}.sqlite"
-            run(*problem, path).close()
-            return path, problem
-
-        finer = Variant("reference", ratio=1, fine=reference_spacing, m=4.0)
-        references = [solved(finer, number)[0] for number in range(RUNS)]
-        for variant in VARIANTS:
-            costs, found = [], []
-            for number, reference in enumerate(references):
-                path, problem = solved(variant, number)
-                with Results.open(path) as results, Results.open(reference) as expected:
-                    costs.append(tradeoff.cost(results, path))
-                    found.append(tradeoff.errors(results, expected))
-                path.unlink()
-            shown = [mean(errors) for errors in found]
-            medians = {
-                what: float(np.median([getattr(errors, what) for errors in found]))
-                for what in tradeoff.Errors._fields
-                if all(getattr(errors, what) is not None for errors in found)
-            }
-            yield Row(
-                name,
-                variant.name,
-                len(problem.system.model.grid),
-                problem.system.bonds,
-                costs[0].bond_updates,
-                min(cost.wall_time for cost in costs),
-                float(np.median(shown)),
-                medians,
-                min(shown),
-                max(shown),
-            )
-
-
-PROBLEMS: dict[str, Callable[[], Iterator[Row]]] = {
+PROBLEMS: dict[str, Callable[[], Iterator[Row | Stopped]]] = {
     "kirsch": kirsch,
     "pulse": pulse,
-    "kalthoff": lambda: cracks(
-        "Kalthoff-Winkler", "kalthoff_winkler.geo", 1e-3, 0.5, lambda errors: errors.path or np.nan
-    ),
-    "duran": lambda: cracks("Duran plate", "duran50.geo", 1e-3, 0.25, lambda errors: errors.branching or np.nan),
+    **{name: partial(cracks, plate) for name, plate in PLATES.items()},
 }
 WHAT = {
     "hole in tension": "displacement",
     "pulse": "velocity sent back",
     "Kalthoff-Winkler": "the path",
+    "Kalthoff-Winkler, steel": "the path",
     "Duran plate": "the time of branching",
 }
 
@@ -312,11 +257,13 @@ def chart(rows: list[Row], machine: dict[str, Any], path: Path) -> None:
         mine = [row for row in rows if row.problem == name]
         cost, error = np.array([row.updates for row in mine]), np.array([row.error for row in mine])
         draw(panel, cost, error, [row.variant for row in mine])
-        usual = next(row for row in mine if row.variant == BASE.name)
         panel.vlines(
             cost, [row.least for row in mine], [min(row.most, 1.0) for row in mine], color="0.8", lw=1, zorder=0
         )
-        panel.plot(usual.updates, usual.error, "o", ms=11, mfc="none", mec="#D55E00", mew=1.5)
+        usual = [row for row in mine if row.variant == BASE.name]
+        panel.plot(
+            [row.updates for row in usual], [row.error for row in usual], "o", ms=11, mfc="none", mec="#D55E00", mew=1.5
+        )
         panel.set(xlabel="bond updates", ylabel=f"error of {WHAT[name]}", title=name)
     figure.suptitle(f"{machine['date']}, {machine['threads']} threads of {machine['processor']}", fontsize=8)
     figure.savefig(path, dpi=150)

@@ -15,16 +15,19 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, RUNS, SHORTER, relative
+from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, relative
+from benchmarks.cracked import RUNS, SHORTER
 from benchmarks.runs import GEOMETRIES
 from pdmesh import Circle, Scene, box
 from pdmesh.drawing.sources import read_scene
+from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Horizon, Material
 from pdmesh.say.promise import changed, feature, proposal
@@ -34,9 +37,10 @@ from pdsolve.results import Results
 from pdsolve.simulation import simulate
 from pdsolve.system import Options, prepare
 
-RATIOS = (3.0, 4.0)
+RATIOS = {"none": (3.0, 4.0), "hybrid": (4.0,)}
 FRAMES = 20
 WITHIN = (0.1, 0.05, 0.03)
+MOVING = {"duran50.geo": (2e-3, 1e-3, 5e-4), "kalthoff_winkler_steel.py": (2e-3, 1e-3)}
 CHECKED = ("oblique_crack.geo", "v_notch.geo")
 MEASURED = {"kalthoff_winkler.geo": (2e-3, 1e-3, 5e-4, 2.5e-4), "duran50.geo": (2e-3, 1e-3, 5e-4, 2.5e-4)}
 REFERENCE = 0.5  # of the finest spacing measured
@@ -44,7 +48,8 @@ REFERENCE = 0.5  # of the finest spacing measured
 
 def solved(scene: Scene, path: Path, number: int = 0) -> Path:
     """The results of a scene; those of a further run, by its `number`, take somewhat shorter steps."""
-    grid, settings, _ = build_grid(scene)
+    built = build(scene)
+    grid, settings = built.grid, built.settings
     run, share = settings.run, 1 - SHORTER * number
     steps = round(run.steps / share)
     run = with_values(run, steps=steps, every=max(1, steps // FRAMES), time_step=share * run.time_step)
@@ -88,7 +93,7 @@ def kirsch() -> Iterator[dict[str, Any]]:
     from test_kirsch import classical
 
     unit = Material(E=1.0, rho=1.0, G0=1.0)
-    for ratio in RATIOS:
+    for ratio in RATIOS["none"]:
         for fineness in (4, 8, 16, 32):
             spacing = RADIUS / fineness
             scene = Scene(box(-HALF, -HALF, HALF, HALF), 2 * spacing, unit, ratio).hole(Circle(0.0, 0.0, RADIUS))
@@ -104,19 +109,21 @@ def kirsch() -> Iterator[dict[str, Any]]:
             yield {"problem": "hole in tension", "ratio": ratio, "spacing_over_feature": 1 / fineness, "error": off}
 
 
-def cracks() -> Iterator[dict[str, Any]]:
-    """The two scenes with cracks, on two scales, against uniform runs; medians, as cracks scatter."""
-    for name, spacings in MEASURED.items():
+def cracks(adapt: str = "none") -> Iterator[dict[str, Any]]:
+    """Scenes with cracks, on two scales or with a fine zone that moves, against uniform runs; medians, as cracks
+    scatter."""
+    for name, spacings in (MEASURED if adapt == "none" else MOVING).items():
         scene = read_scene(GEOMETRIES / name, [], [], True)
         size, _ = feature(scene)
         with tempfile.TemporaryDirectory() as folder:
             finer = uniform(scene, REFERENCE * min(spacings), 4.0)
             references = [solved(finer, Path(folder) / f"{number}", number) for number in range(RUNS)]
-            for ratio in RATIOS:
+            for ratio in RATIOS[adapt]:
                 for spacing in spacings:
-                    found = errors(changed(scene, spacing, ratio), references, Path(folder))
+                    found = errors(changed(scene, spacing, ratio, adapt), references, Path(folder))
                     off = float(np.median(found))
-                    yield {"problem": name, "ratio": ratio, "spacing_over_feature": spacing / size, "error": off}
+                    point = {"problem": name, "ratio": ratio, "spacing_over_feature": spacing / size, "error": off}
+                    yield point | ({} if adapt == "none" else {"adapt": adapt})
 
 
 def checks() -> Iterator[dict[str, Any]]:
@@ -135,29 +142,37 @@ def checks() -> Iterator[dict[str, Any]]:
                     "promised": proposed.error,
                     "spacing": proposed.scene.finest,
                     "ratio": proposed.scene.horizon,
+                    "adapt": proposed.adapt,
                     "error": float(np.median(found)),
                     "least": min(found),
                     "most": max(found),
                 }
 
 
+PROBLEMS = (kirsch, cracks, partial(cracks, "hybrid"))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Measure; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.planning", description=__doc__)
     parser.add_argument("--check", action="store_true", help="only check the promises on two other scenes")
+    parser.add_argument("--adapt", choices=("hybrid",), help="measure these errors alone, and keep the others")
     parser.add_argument(
         "-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "say" / "accuracy.json"
     )
     parser.add_argument("--report", type=Path, default=Path(__file__).parent / "planning.json")
     args = parser.parse_args(arguments)
     if not args.check:
-        points = []
-        for problem in (kirsch, cracks):
+        points = [] if args.adapt is None else json.loads(args.output.read_text())["points"]
+        points = [point for point in points if point.get("adapt", "none") != args.adapt]
+        for problem in PROBLEMS if args.adapt is None else (partial(cracks, args.adapt),):
             for point in problem():
                 points.append(point)
                 print(point, flush=True)
         made = {"date": datetime.now(UTC).date().isoformat(), "mode": "conservative", "points": points}
         args.output.write_text(json.dumps(made, indent=1) + "\n")
+    if args.adapt is not None:
+        return 0
     found = []
     for row in checks():
         found.append(row)

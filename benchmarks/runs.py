@@ -20,7 +20,11 @@ def built(case: Case, folder: Path) -> Model:
     """The model of a case, built in `folder` unless it is there already."""
     path = folder / f"{case.name}.json"
     if not path.exists():
-        overrides = [word for name, value in case.parameters for word in ("--set", f"{name}={value}")]
+        overrides = [
+            word
+            for name, value in case.parameters
+            for word in ((name, value) if name.startswith("--") else ("--set", f"{name}={value}"))
+        ]
         code = pdmesh(["build", str(GEOMETRIES / case.scene), "-o", str(path), "-q", *overrides])
         if code:
             raise RuntimeError(f"{case.scene} could not be built")

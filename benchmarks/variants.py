@@ -1,4 +1,4 @@
-"""Twenty ways to solve a problem: the usual one, and others that differ from it in one thing or two."""
+"""Ways to solve a problem: the usual one, and others that differ from it in one thing or two."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES, average_horizon
 from pdsolve.schemes.average_horizon import ALL, Corrections
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.system import Options, Prepared, system_of
+from pdsolve.system import Options, Prepared, prepare, system_of
 
 
 class Variant(NamedTuple):
@@ -27,6 +27,7 @@ class Variant(NamedTuple):
     corrections: Corrections = ALL
     precision: str = "float64"
     step: float = 1.0  # over the surely stable one
+    adapt: str = "none"  # hybrid: fine near cracks alone, a lattice of twice the spacing elsewhere
 
     def scheme(self) -> Scheme:
         """How bonds are filled."""
@@ -41,12 +42,16 @@ class Variant(NamedTuple):
         material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
         settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
         model = dataclasses.replace(model, settings=settings)
-        options, scheme = Options(self.mode, self.precision), self.scheme()
-        time_step = self.step * system_of(model, options, scheme).system.bound
+        time_step = self.step * self._filled(model).system.bound
         steps = round(settings.run.steps * (settings.run.time_step or 0) / time_step)
         wanted = msgspec.structs.replace(settings.run, steps=steps, every=max(1, steps // 20), time_step=time_step)
         model = dataclasses.replace(model, settings=msgspec.structs.replace(settings, run=wanted))
-        return system_of(model, options, scheme)
+        return self._filled(model)
+
+    def _filled(self, model: Model) -> Prepared:
+        """The model with this variant's bonds."""
+        options = Options(self.mode, self.precision)
+        return prepare(model, options) if self.adapt != "none" else system_of(model, options, self.scheme())
 
 
 BASE = Variant("the defaults")
@@ -71,4 +76,17 @@ VARIANTS = (
     Variant("a quarter of the step", step=0.25),
     Variant("0.7 of the step", step=0.7),
 )
-OTHER_GRIDS = tuple(variant.name for variant in VARIANTS if variant.ratio != BASE.ratio)
+CRACKED = (  # more ways to solve a problem with cracks
+    *VARIANTS,
+    Variant("half the spacing", fine=0.5),
+    Variant("hybrid", ratio=1, adapt="hybrid"),
+    Variant("hybrid, m = 4", ratio=1, adapt="hybrid", m=4.0),
+    Variant("hybrid, half the spacing", ratio=1, adapt="hybrid", fine=0.5),
+    Variant("hybrid, half the spacing, m = 4", ratio=1, adapt="hybrid", fine=0.5, m=4.0),
+)
+SIDE_BY_SIDE = tuple(  # uniform and hybrid at three spacings
+    Variant(f"{adapt}, {words}", ratio=1, fine=fine, m=4.0, adapt="hybrid" if adapt == "hybrid" else "none")
+    for words, fine in (("2 mm", 2.0), ("1 mm", 1.0), ("0.5 mm", 0.5))
+    for adapt in ("uniform", "hybrid")
+)
+OTHER_GRIDS = tuple(one.name for one in (*CRACKED, *SIDE_BY_SIDE) if (one.ratio, one.fine) != (BASE.ratio, BASE.fine))

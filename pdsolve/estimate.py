@@ -60,6 +60,7 @@ class Plan(NamedTuple):
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
+    finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
@@ -82,7 +83,8 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    return priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 
 def priced(

@@ -3,6 +3,8 @@
 `accuracy.json` holds displacement errors of a plate with a hole, Kalthoff and Winkler's experiment and the Duran
 plate, on two scales, against spacing over the size of the smallest feature; `python -m benchmarks.planning` measures
 them, and how far what is promised here held on scenes that were not used. The promise is the worst of the three.
+For scenes with cracks it has errors of a fine zone that moves too, of Kalthoff and Winkler's steel and the Duran plate;
+what promises the error for the fewest bond updates is proposed.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.drawing.parameters import PREFIX, unit_of
-from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Material, Velocity
 from pdmesh.say.families import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -29,6 +31,7 @@ from pdmesh.scene.shapes import SceneError, surface
 RATIO = 2.0  # of the coarse spacing over the fine one; larger jumps reflect waves
 NEAR = 0.5  # of the feature: how far around it a scene without zones is refined
 EXTRAPOLATED = 2.0  # times below the least error measured: how far first order is trusted
+TIP, BESIDE, LATTICE = 12.0, 8.0, 8.0  # spacings that are fine around a tip, and beside a crack; bonds of a coarse node
 ROUNDED = 2  # digits of a proposed spacing
 FOLDERS = {
     Load: "Loads",
@@ -51,6 +54,11 @@ class Proposal:
     guessed: bool  # whether no grid as fine was measured
     scene: Scene
 
+    @property
+    def adapt(self) -> str:
+        """How it is to be solved."""
+        return self.scene.run.adapt
+
 
 class Curve(NamedTuple):
     """How the error of one problem falls with the spacing; beyond what was measured, as the spacing does."""
@@ -72,10 +80,12 @@ class Curve(NamedTuple):
 
 
 @lru_cache
-def measured() -> dict[float, list[Curve]]:
-    """The curves of each horizon ratio."""
+def measured(adapt: str = "none") -> dict[float, list[Curve]]:
+    """The curves of each horizon ratio, of two scales or of a fine zone that moves."""
     text = resources.files("pdmesh.say").joinpath("accuracy.json").read_text(encoding="utf-8")
-    points: list[dict[str, Any]] = json.loads(text)["points"]
+    points: list[dict[str, Any]] = [
+        point for point in json.loads(text)["points"] if point.get("adapt", "none") == adapt
+    ]
     found: dict[float, list[Curve]] = {}
     for ratio, problem in sorted({(float(point["ratio"]), str(point["problem"])) for point in points}):
         mine = [point for point in points if (point["ratio"], point["problem"]) == (ratio, problem)]
@@ -92,23 +102,64 @@ def proposal(scene: Scene, within: float) -> Proposal:
     if scene.material is None:
         raise SceneError("material: found none, expected E, rho and G0 for a proposal")
     size, named = feature(scene)
-    curves = measured()
-    found = []
-    for ratio, some in curves.items():
-        shares = [share for share in (curve.share(within) for curve in some) if share is not None]
-        if len(shares) == len(some):
+    found: list[Proposal] = []
+    errors: list[SceneError] = []
+    for adapt in ("none", "hybrid") if _may_move(scene) else ("none",):
+        for ratio, curves in measured(adapt).items():
+            shares = [share for share in (curve.share(within) for curve in curves) if share is not None]
+            if len(shares) < len(curves):
+                continue
             finest = _rounded_down(min(shares) * size)
-            promised = max(curve.at(finest / size) for curve in some)
-            guessed = any(within < curve.error[0] for curve in some)
-            found.append((ratio**2 / finest**3, ratio, finest, promised, guessed))
-    if not found:
-        least = min(max(float(curve.error[0]) for curve in some) for some in curves.values()) / EXTRAPOLATED
-        raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
-    _, ratio, finest, promised, guessed = min(found)
-    try:
-        return Proposal(within, size, named, promised, guessed, changed(scene, finest, ratio))
-    except SceneError as error:
-        raise SceneError(f"{because(within, size, named)}{error}") from None
+            promised = max(curve.at(finest / size) for curve in curves)
+            guessed = any(within < curve.error[0] for curve in curves)
+            try:
+                other = changed(scene, finest, ratio, adapt)
+            except SceneError as error:
+                errors.append(SceneError(f"{because(within, size, named)}{error}"))
+            else:
+                found.append(Proposal(within, size, named, promised, guessed, other))
+    if found:
+        return min(found, key=lambda one: updates(one.scene))
+    if errors:
+        raise errors[0] from None
+    least = min(max(float(curve.error[0]) for curve in curves) for curves in measured().values()) / EXTRAPOLATED
+    raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
+
+
+def _may_move(scene: Scene) -> bool:
+    """Whether a scene has cracks for a fine zone to go with, and nothing that the solver refuses there."""
+    held = any(isinstance(one.action, Acceleration | Absorb) for one in scene.conditions)
+    run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
+    plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
+    return bool(scene.cracks) and plain and not held and len(profiles) == 1 and scene.area_rule in (None, "cells")
+
+
+def updates(scene: Scene) -> float:
+    """About how many bond updates a scene takes; a fine zone that moves, once cracks have run as far as the plate is
+    long."""
+    h, area, family = scene.finest, scene.shape.area, np.pi * scene.horizon**2
+    if scene.run.adapt == "hybrid":
+        low_x, low_y, high_x, high_y = scene.shape.bounds
+        tips = sum(len(_ends_inside(slit.line, scene)) for slit in scene.slits)
+        path = TIP * h + max(high_x - low_x, high_y - low_y)
+        fine = min(tips * path * 2 * BESIDE * h, area)
+        return float(scene.run.steps * (family * fine / h**2 + LATTICE * (area - fine) / (2 * h) ** 2))
+    bonds, left = 0.0, scene.shape
+    zones = [(zone.spacing, surface(zone.shape, zone.spacing, "zone")) for zone in scene.zones]
+    shapes = {"crack": [slit.line for slit in scene.slits], "hole": list(scene.holes), "notch": []}
+    for request in scene.refinements:
+        near = shapely.union_all(shapes[request.target]).buffer(request.distance)
+        zones.append((request.spacing or scene.finest, near))
+    for spacing, zone in sorted(zones, key=lambda one: one[0]):
+        bonds += family * left.intersection(zone).area / spacing**2
+        left = left.difference(zone)
+    return float(scene.run.steps * (bonds + family * left.area / scene.spacing**2))
+
+
+def _ends_inside(line: shapely.LineString, scene: Scene) -> list[shapely.Point]:
+    """The ends of a pre-crack that are not on the plate's edge."""
+    ends = (shapely.Point(line.coords[at]) for at in (0, -1))
+    return [end for end in ends if scene.shape.boundary.distance(end) > 1e-3 * scene.finest]
 
 
 def because(within: float, size: float, named: str) -> str:
@@ -152,9 +203,9 @@ def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> f
     return max(ends) if max(ends) > scale else None
 
 
-def changed(scene: Scene, finest: float, ratio: float) -> Scene:
-    """The scene with this finest spacing (m) and horizon ratio: drawn zones scaled, or zones put around features;
-    the same rows' width and the same time."""
+def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> Scene:
+    """The scene with this finest spacing (m) and horizon ratio: drawn zones scaled, or zones put around features, which
+    a fine zone that moves needs none of; the same rows' width and the same time."""
     factor = finest / scene.finest
     if scene.zones or scene.refinements:
         zones = tuple(replace(zone, spacing=factor * zone.spacing) for zone in scene.zones)
@@ -164,11 +215,12 @@ def changed(scene: Scene, finest: float, ratio: float) -> Scene:
         spacing = factor * scene.spacing
     else:
         zones, spacing = (), RATIO * finest
-        kept = _around(scene, finest)
+        kept = () if adapt == "hybrid" else _around(scene, finest)
         if not kept:
             spacing = finest
+    laid = finest if adapt == "hybrid" else spacing
     conditions = tuple(
-        replace(one, place=replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / spacing))))
+        replace(one, place=replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / laid))))
         for one in scene.conditions
     )
     grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
@@ -177,7 +229,8 @@ def changed(scene: Scene, finest: float, ratio: float) -> Scene:
         raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
     steps = int(np.ceil(scene.run.steps * old / step))
     every = max(1, round(scene.run.every * old / step))
-    return replace(grown, run=msgspec.structs.replace(scene.run, time_step=step, steps=steps, every=every))
+    run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, every=every, adapt=adapt)
+    return replace(grown, run=run)
 
 
 def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
@@ -187,8 +240,11 @@ def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
 
 
 def _stable(scene: Scene, ratio: float, spacing: float) -> float:
-    materials = [material for material in (scene.material, *(r.region.material for r in scene.regions)) if material]
-    return min(stable_step(material, ratio, spacing) for material in materials)
+    return min(stable_step(material, ratio, spacing) for material in _materials(scene))
+
+
+def _materials(scene: Scene) -> list[Material]:
+    return [material for material in (scene.material, *(one.region.material for one in scene.regions)) if material]
 
 
 def _rounded_down(value: float) -> float:
@@ -203,14 +259,21 @@ def lines(found: Proposal) -> list[str]:
         f"within {found.within:.3g}: {found.error:.2g} is promised,"
         f" {'at first order from what was' if found.guessed else 'as'} measured on other scenes,"
         f" for {1e3 * found.feature:.4g} mm, {found.named}",
-        f"spacing {scene.finest:.4g} m at its finest, {scene.spacing:.4g} m at its coarsest; horizon ratio"
+        f"spacing {scene.finest:.4g} m at its finest, {coarsest(scene):.4g} m at its coarsest; horizon ratio"
         f" {scene.horizon:g}; step {scene.run.time_step:.4g} s x {scene.run.steps}",
     ]
     said += [
         f"zone of {request.spacing:.4g} m within {request.distance:.4g} m of every {request.target}"
         for request in scene.refinements
     ]
+    if found.adapt == "hybrid":
+        said += ["fine near cracks alone, in a zone that goes with them:", "  --adapt hybrid"]
     return said + [f"  --set '{name}={value}'" for name, value in settings(found).items()]
+
+
+def coarsest(scene: Scene) -> float:
+    """The largest spacing there will be, m."""
+    return RATIO * scene.finest if scene.run.adapt == "hybrid" else scene.spacing
 
 
 def described(found: Proposal) -> dict[str, Any]:
@@ -223,7 +286,8 @@ def described(found: Proposal) -> dict[str, Any]:
         "feature": found.feature,
         "feature_is": found.named,
         "finest_spacing": scene.finest,
-        "coarsest_spacing": scene.spacing,
+        "coarsest_spacing": coarsest(scene),
+        "adapt": found.adapt,
         "horizon_ratio": scene.horizon,
         "time_step": scene.run.time_step,
         "steps": scene.run.steps,

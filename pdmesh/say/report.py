@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
+from pdmesh.grid.nested import nested
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document, Settings, settings_of
@@ -158,6 +159,8 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
+    if scene.run.adapt == "hybrid":
+        return _moving(scene, mode)
     grid, settings, _ = build_grid(scene)
     own, flat = run_of(grid, settings, scene.source, mode), scene.one_scale()
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
@@ -167,6 +170,25 @@ def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
         "mode": mode,
         "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
         "one_scale": _one_scale(flat, settings, mode, ratio, counted / len(grid), own),
+    }
+
+
+def _moving(scene: Scene, mode: str) -> dict[str, Any]:
+    """The same for a fine zone that moves, while it is as at the start; on one scale are the nodes it is part of."""
+    scene, _ = nested(scene)
+    grid, settings, _ = build_grid(scene)
+    counted, _ = count(grid, scene.horizon, sample=SAMPLE)
+    everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
+    own, flat = (run_of(grid, some, scene.source, mode) for some in (settings, everywhere))
+    spacings, nodes = nodes_by_spacing(grid), len(grid)
+    if own is not None and own.finest is not None:
+        nodes, h = own.nodes, scene.finest
+        spacings = _by_spacing((h, 2 * h), (own.finest, own.nodes - own.finest))
+    return {
+        "source": scene.source,
+        "mode": mode,
+        "scene": _cost(spacings, nodes, counted, own),
+        "one_scale": _cost(nodes_by_spacing(grid), len(grid), counted, flat),
     }
 
 

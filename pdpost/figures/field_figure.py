@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import CRACKED
 from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Sheet, box_of, legend, mark, paint, seen, shape, sheet
+from pdpost.figures.sheets import Sheet, border, box_of, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN
 from pdpost.measures import fields
 from pdpost.reading.frames import last_frame
@@ -69,6 +69,7 @@ def field(
     range_of = colours(name, part, shown.values[~shown.torn & seen(where.position, on.box)], largest)
     mappable = bar(on, range_of)
     paint(on, where, shown.values * range_of.factor, mappable, shown.torn)
+    border(on, where)
     mark(on, where)
     legend(on, *explained(shown, seen(where.position, on.box)))
     on.axes.set_title(title(results, name, part, step, scale))

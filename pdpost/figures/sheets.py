@@ -22,7 +22,7 @@ from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
-from pdpost.figures.style import EDGE, THICK, THIN, TORN
+from pdpost.figures.style import BLACK, EDGE, THICK, THIN, TORN
 from pdpost.measures import plates
 from pdpost.measures.plates import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
@@ -33,6 +33,7 @@ WIDTH, TALLEST, FLATTEST = 5.4, 6.5, 1.2  # inches, of the plate
 LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
 SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
 MARGIN = 0.01  # of the plate, around it
+TORN_APART = 2.0  # spacings between two places a spacing apart, where a crack lies between them
 ROOM = 0.2  # of the plate, around it, for what is displaced
 
 
@@ -41,6 +42,7 @@ class Shape(NamedTuple):
 
     plate: Plate
     position: NDArray[np.float64]  # (n, 2) m
+    reference: NDArray[np.float64]  # (n, 2) m, where they were
     delta: NDArray[np.float64]  # (n,) m
     cells: Cells | None  # None where there are too many to draw them one by one
     turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
@@ -67,7 +69,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     if still is None or still.epoch != epoch:
         on = plate(results) if still is None else still.plate
         own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
-        still = Shape(on, nodes.position, nodes.delta, own, None, 0.0, epoch)
+        still = Shape(on, nodes.position, nodes.position, nodes.delta, own, None, 0.0, epoch)
     if not scale:
         return still._replace(position=nodes.position, turned=None, scale=0.0)
     moved = displacement(results, step)
@@ -183,6 +185,29 @@ def mark(on: Sheet, nodes: Shape) -> None:
             cracks = LineCollection(list(lines), colors=colour, linewidths=width, zorder=4, label=label, **style)
             cracks.set_capstyle("round")
             on.axes.add_collection(cracks, autolim=False)
+
+
+def border(on: Sheet, nodes: Shape) -> list[Artist]:
+    """The edge of the zone of finer nodes, where it moves, but across cracks that have opened; nothing elsewhere."""
+    coarsest = float(nodes.delta.max())
+    finer = nodes.delta < (1 - 1e-6) * coarsest
+    if not nodes.plate.adapts or not finer.any():
+        return []
+    place, reach = nodes.reference[finer], nodes.delta[finer, None]
+    grown = shapely.union_all(shapely.box(*(place - reach).T, *(place + reach).T))  # over coarse ones on its edge
+    zone = grown.buffer(-float(reach.max()) / 2, join_style="mitre")
+    zone = shapely.intersection(zone, nodes.plate.shape).segmentize(coarsest)
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(zone))]
+    if nodes.scale:
+        moved, nearest = nodes.position - nodes.reference, cKDTree(nodes.reference)
+        rings = [ring + moved[nearest.query(ring)[1]] for ring in rings]
+    sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    sides = sides[np.hypot(*(sides[:, 1] - sides[:, 0]).T) < TORN_APART * coarsest]
+    found: list[Artist] = []
+    for colour, width, label in (("white", 2.2 * THICK, None), (BLACK, THIN, "zone of finer nodes")):
+        lines = LineCollection(list(sides * on.factor), colors=colour, linewidths=width, zorder=2, label=label)
+        found.append(on.axes.add_collection(lines, autolim=False))
+    return found
 
 
 def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Run
 from pdpost.reading.embedded import read
 from pdsolve.results import Nodes, Results, ResultsError
 
@@ -27,6 +28,7 @@ class Plate(NamedTuple):
     edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
     cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
     shape: shapely.Geometry  # all that is plate
+    adapts: bool  # whether a zone of finer nodes moves
 
 
 class Cells(NamedTuple):
@@ -37,11 +39,12 @@ class Cells(NamedTuple):
     owner: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
 
 
-class _Rings(msgspec.Struct):
+class _Drawn(msgspec.Struct):
     """What is read of the grid file."""
 
     outline: list[Ring] = []
     holes: list[Ring] = []
+    run: Run = Run()
 
 
 def plate(results: Results) -> Plate:
@@ -50,18 +53,18 @@ def plate(results: Results) -> Plate:
     Without an outline it is where the squares of its nodes are at the start, gaps between spacings closed; of many
     nodes, their box.
     """
-    rings = read(results, _Rings)
-    edges = tuple(np.array(ring) for ring in (*rings.outline, *rings.holes))
+    drawn = read(results, _Drawn)
+    edges = tuple(np.array(ring) for ring in (*drawn.outline, *drawn.holes))
     if edges:
         outer, holes = (
             shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in some])
-            for some in (edges[: len(rings.outline)], edges[len(rings.outline) :])
+            for some in (edges[: len(drawn.outline)], edges[len(drawn.outline) :])
         )
         shape = shapely.difference(outer, holes)
     else:
         shape = _around(results.nodes(0))
     shapely.prepare(shape)
-    return Plate(edges, results.cracks(), shape)
+    return Plate(edges, results.cracks(), shape, drawn.run.adapt != "none")
 
 
 def _around(nodes: Nodes) -> shapely.Geometry:

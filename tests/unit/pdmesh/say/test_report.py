@@ -10,7 +10,7 @@ import pytest
 from plates import GEOMETRIES, GLASS
 
 from pdmesh import Circle, Run, Scene, Static, box, ramp
-from pdmesh.drawing.sources import build
+from pdmesh.drawing.sources import build, read_scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Document, GridError, Load, Material
@@ -129,6 +129,17 @@ def test_plan_says_what_is_then_built() -> None:
     lines = plan_lines(found)
     assert lines[0].split() == ["this", "scene", "one", "scale"]
     assert any(line.split() == ["nodes", str(own["nodes"]), str(flat["nodes"])] for line in lines)
+
+
+def test_a_plan_of_a_fine_zone_that_moves_has_its_nodes_and_those_it_is_part_of() -> None:
+    """Zones, which the solver does not want, are laid as one lattice first; the other column is solved uniformly."""
+    found = plan(read_scene(GEOMETRIES / "duran50.geo").adapt())
+    own, flat = found["scene"], found["one_scale"]
+    assert flat["nodes_by_spacing"] == {"0.001": 4141}
+    assert set(own["nodes_by_spacing"]) == {"0.001", "0.002"}
+    assert sum(own["nodes_by_spacing"].values()) == own["nodes"] < 0.5 * flat["nodes"]
+    assert own["bonds"] < 0.4 * flat["bonds"]
+    assert own["solve_seconds"] > 0
 
 
 def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> None:

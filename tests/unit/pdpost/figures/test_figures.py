@@ -150,9 +150,8 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
-    writer.write(
-        Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), [Ledger(1, 1e-6, *[0.0] * 6, len(breaks))], [], {})
-    )
+    ledger = [Ledger(1, 1e-6, *[0.0] * 6, len(breaks))]
+    writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
     return Results(writer.connection, "memory"), np.array(torn)
 
 
