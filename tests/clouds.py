@@ -85,7 +85,7 @@ SLOW = [
     for case in CASES
     if case.law in LONG
     or (case.law in VARIANTS and (case.dimension, case.precision) != (2, "float64"))
-    or (case.law == "ordinary" and case.single)
+    or (case.law == "ordinary" and (case.single or case.dimension == 3))
 ]
 
 
