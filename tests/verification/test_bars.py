@@ -46,7 +46,7 @@ def pulled(columns: int, **material: object) -> Pulled:
     grid = square_grid(columns, columns // 10, delta, x0=delta / 2)
     grid = dataclasses.replace(grid, areas=np.full(len(grid), delta**2))
     ends = (
-        Displacement(box=(-1.0, -1.0, 0.6 * delta, 1.0), x=0.0),
+        Displacement(box=(-1.0, -1.0, 0.6 * delta, 1.0), x=0.0, y=0.0),
         Load(box=(1 - 0.6 * delta, -1.0, 2.0, 1.0), body_force=(SMALL / delta, 0.0)),
     )
     solid = msgspec.structs.replace(UNIT, **({"nu": 0.0} | material))

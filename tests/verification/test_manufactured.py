@@ -1,7 +1,7 @@
 """A square of neo-Hooke bent and turned as it is said to be: what orders of gradients are worth.
 
-E = 1, nu = 0.3, plane strain. A node goes to R ((1/2 + Y) sin X, (1/2 + Y) cos X - 1/2), held in a layer of two horizons;
- elsewhere a body force (P' - lambda / r) e_r keeps it there, r = 1/2 + Y, P' = mu (r - 1/r) + lambda ln r / r.
+E = 1, nu = 0.3, plane strain. A node goes to R ((1/2 + Y) sin X, (1/2 + Y) cos X - 1/2), held in a layer of two
+horizons; elsewhere a body force (P' - lambda / r) e_r keeps it there, r = 1/2 + Y, P' = mu (r - 1/r) + lambda ln r / r.
 """
 
 from __future__ import annotations
