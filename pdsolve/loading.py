@@ -97,13 +97,13 @@ def _refuse_loads(model: Model) -> None:
 
 
 def followed_at_rest(model: Model, breaks: bool) -> None:
-    """Raises ModelError for a state-based model that cannot be solved at rest: what it would remember or break is not
-    followed there."""
+    """Raises ModelError for a state-based model that cannot be solved at rest, or, where nothing `breaks`, cannot begin
+    there: what bonds of families break is not followed, and a run that goes on from rest remembers nothing of it."""
     for number, material in enumerate(model.materials):
         expected = {
             "model": "one without rotations" if material.model == "micropolar" else None,
-            "solid": "one that does not flow" if material.solid == "j2" else None,
-            "form": "'total'" if material.form == "rate" else None,
+            "solid": "one that does not flow" if material.solid == "j2" and not breaks else None,
+            "form": "'total'" if material.form == "rate" and not breaks else None,
             "failure": "'none'" if breaks and material.model != "bond" and material.failure != "none" else None,
         }
         for name, what in expected.items():

@@ -277,7 +277,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         free = 2 * nodes - len(driven.holds.node)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
-    stepper = LoadSteps(model, operator, driven, area, method, breakable)
+    remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
+    stepper = LoadSteps(model, operator, driven, area, method, breakable, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count
     return Prepared(System(model, options, scheme, operator, stepper, driven, area, *counts, step, bound, 0.0), state)

@@ -126,6 +126,12 @@ class Listed:
         dissipated[touched] += before - held[touched]
         return between
 
+    def remember(self, state: State) -> None:
+        """Let nodes remember a state at rest as one they went through; no bond breaks."""
+        if self._remembered_by_nodes():
+            now = Now(state.value, state.rate, 0, 0.0)
+            self._share(loops.remember_rows, now, self._between(now))
+
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """As in `Operator`."""
         now, held, spent = Now(state.value, state.rate, 0, 0.0), np.empty(self._nodes), np.empty(self._nodes)

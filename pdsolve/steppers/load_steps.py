@@ -53,14 +53,23 @@ class LoadSteps:
     """Takes load steps with any operator whose own bonds last, and a method."""
 
     def __init__(
-        self, model: Model, operator: Operator, drive: Drive, area: Array, method: Method, breakable: Breakable | None
+        self,
+        model: Model,
+        operator: Operator,
+        drive: Drive,
+        area: Array,
+        method: Method,
+        breakable: Breakable | None,
+        remember: Callable[[State], None] = lambda state: None,
     ) -> None:
-        """`breakable` are the bonds that break here; None: none does. Raises ModelError for a body without supports."""
+        """`breakable` are the bonds that break here; None: none does. `remember` is told each state at rest on the way
+        under load. Raises ModelError for a body without supports."""
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
         self.held = np.zeros((len(area), 2), dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
+        self._remember = remember
         self.watch: Callable[[Going], None] | None = None
         self._warned, self._loose = False, cast("Loose | None", None)
         source, target = operator.bonds(start=True)
@@ -142,6 +151,7 @@ class LoadSteps:
             iterations += settled.iterations
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
+            self._remember(state)
         state.work[:] += _along(u, pushed).sum(axis=1)
         self._note(state)
         return Settled(iterations, settled.residual)

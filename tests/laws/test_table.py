@@ -6,9 +6,10 @@ import msgspec
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.document import Displacement, Material, Region, Run
+from pdmesh.model.document import Displacement, Load, Material, Region, Run
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
+from pdsolve.starts import started
 from pdsolve.system import Options, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
@@ -67,7 +68,6 @@ def test_the_fast_kernel_is_for_springs() -> None:
     [
         ({"model": "ordinary", "nu": 0.2}, r"failure: found 'stretch', expected 'none' at rest with 'ordinary'"),
         ({"model": "micropolar", "nu": 0.2, "failure": "none"}, r"model: found 'micropolar', expected one without"),
-        ({"model": "correspondence", "nu": 0.2, "failure": "none", "form": "rate"}, r"form: found 'rate'"),
     ],
 )
 def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], says: str) -> None:
@@ -79,3 +79,20 @@ def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], sa
     made = plate(square_grid(9, 8), material=kind, conditions=pulled, run=Run(solver="static"))
     with pytest.raises(ModelError, match=says):
         prepare(made, Options())
+
+
+@pytest.mark.parametrize(
+    ("material", "says"),
+    [
+        ({"form": "rate"}, r"form: found 'rate', expected 'total' at rest with 'correspondence'"),
+        ({"solid": "j2", "yield_stress": 1e8}, r"solid: found 'j2', expected one that does not flow at rest"),
+    ],
+)
+def test_a_run_does_not_begin_at_rest_where_nodes_remember(material: dict[str, object], says: str) -> None:
+    """It would remember nothing of it."""
+    held = Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=0.0, y=0.0)
+    pull = Load(box=(7.9e-3, -1.0, 1.0, 1.0), body_force=(1e6, 0.0))
+    kind = msgspec.structs.replace(GLASS, **({"model": "correspondence", "nu": 0.2, "failure": "none"} | material))
+    made = plate(square_grid(9, 8), material=kind, conditions=(held, pull), run=Run(start="static"))
+    with pytest.raises(ModelError, match=says):
+        started(prepare(made, Options()))

@@ -1,0 +1,51 @@
+"""The shipped scenes of state-based models, coarsely, each with a number that is known or pinned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plates import GEOMETRIES
+
+from pdmesh.drawing.sources import build
+from pdsolve.model import Model
+from pdsolve.results import Results
+from pdsolve.simulation import Options, simulate
+
+
+def solved(name: str, **parameters: str) -> Results:
+    """All of it, with other parameters."""
+    made = build(GEOMETRIES / name, list(parameters.items()))
+    return simulate(Model(made.grid, made.settings), None, Options(threads=1))
+
+
+def test_the_end_of_a_bar_moves_as_waves_have_it() -> None:
+    """1, 2, 1, 0 times sigma L / E at 1, 2, 3, 4 times L / c; of 40 spacings."""
+    with solved("bar.py", spacing="0.025") as results:
+        steps, times = results.frames()
+        position = results.nodes().position
+        end = position[:, 0] > 0.999
+        found = [float(results.field("ux", int(step))[end].mean() / 1e-3) for step in steps[np.isclose(times % 1, 0)]]
+    assert found == pytest.approx([0, 1, 2, 1, 0], abs=0.1)
+
+
+def test_a_block_of_rubber_pulls_back() -> None:
+    """Finite elements have 0.42257; cells at the edges are halves, and the clamps single columns."""
+    with solved("rubber_block.py") as results:
+        table, last = results.reactions(), int(results.frames()[0][-1])
+        force = table["force_x"][(table["condition"] == 1) & (table["step"] == last)]
+        position, uy = results.nodes().position, results.field("uy", last)
+        narrowed = uy[np.abs(position - [0.5, 0]).max(axis=1) < 1e-9]
+    assert force == pytest.approx([0.4115], abs=1e-3)
+    assert narrowed == pytest.approx([0.0834], abs=5e-4)  # finite elements: 0.08558
+
+
+def test_a_beam_of_steel_flows() -> None:
+    """Fibres have 1, 1.393, 1.4733, 1.5022 of the moment at which the first one flows, 46.8787e4 N."""
+    with solved("plastic_beam.py") as results:
+        x, y = results.nodes().position.T
+        middle = np.abs(x) < 1e-6
+        stress = [results.field("sxx", step)[middle] for step in (4, 8, 12, 16)]
+        assert results.field("plastic", 16).max() == pytest.approx(3.86e-3, rel=0.02)
+    share = np.where(np.abs(y[middle]) > 0.0499, 0.5, 1.0) * y[middle] * 0.01  # cells at the edges are halves
+    found = [float((one * share).sum() / 46.8787e4) for one in stress]
+    assert found == pytest.approx([0.978, 1.415, 1.501, 1.537], abs=0.003)  # ten spacings high
