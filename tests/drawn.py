@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pdsolve.measures import Ledger
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
 
 NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
@@ -37,7 +38,7 @@ def run(nodes: Nodes, cracked: list[tuple[int, int, int]], notch: np.ndarray = N
     writer = Writer.create(None, nodes, alone, notch, {"time_step": 1e-6, "model": model})
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(100, 1e-4, None, breaks, [(100, 1e-4, *[0.0] * 6, len(rows))], [], {}))
+    writer.write(Frame(100, 1e-4, None, breaks, [Ledger(100, 1e-4, *[0.0] * 6, len(rows))], [], {}))
     return Results(writer.connection, "memory")
 
 
@@ -48,6 +49,6 @@ def at_steps(nodes: Nodes, steps: np.ndarray, time_step: float = 1e-6) -> Result
     order = np.repeat(cracked[np.argsort(steps[cracked], kind="stable")], 4)
     step, node = steps[order].astype(np.int64), nodes.ids[order]
     last = int(step.max(initial=0))
-    books = [(last, last * time_step, *[0.0] * 6, len(step))]
+    books = [Ledger(last, last * time_step, *[0.0] * 6, len(step))]
     writer.write(Frame(last, last * time_step, None, Breaks(step, node, np.ones_like(node)), books, [], {}))
     return Results(writer.connection, "memory")
