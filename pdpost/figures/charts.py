@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +17,9 @@ from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
-from pdpost.measures.lines import Line
+
+if TYPE_CHECKING:
+    from pdpost.measures.lines import Line  # which would import SciPy
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
