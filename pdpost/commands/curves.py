@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import delivery
+from pdpost.commands.shared import finite_numbers
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -68,14 +69,7 @@ def add(commands: Commands) -> None:
 
 def _place(name: str, count: int) -> Any:
     def place(text: str) -> Place:
-        import math
-
-        try:
-            found = tuple(float(part) for part in text.split(","))
-        except ValueError:
-            found = ()
-        if len(found) != count or not all(map(math.isfinite, found)):
-            raise argparse.ArgumentTypeError(f"found '{text}', expected {count} finite numbers with commas in between")
+        found = finite_numbers(text, count)
         if name == "--node" and found[0] != int(found[0]):
             raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number")
         return name, found

@@ -110,6 +110,25 @@ def _window(text: str) -> tuple[float, float, float, float]:
     return x0, y0, x1, y1
 
 
+def finite_numbers(text: str, count: int) -> tuple[float, ...]:
+    """So many numbers with commas in between. Raises ArgumentTypeError."""
+    import math
+
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected {count} finite numbers with commas in between")
+    return found
+
+
+def point(text: str) -> tuple[float, float]:
+    """A place x,y, m, as an option's type."""
+    x, y = finite_numbers(text, 2)
+    return x, y
+
+
 def check_window(results: Results, args: argparse.Namespace) -> None:
     """Raises ResultsError where there is no plate to be seen."""
     if args.window is None:

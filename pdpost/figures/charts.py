@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +17,9 @@ from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
+
+if TYPE_CHECKING:
+    from pdpost.measures.lines import Line  # which would import SciPy
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
@@ -118,6 +122,23 @@ def openings(found: list[Pulled]) -> Figure:
         axes.plot(one.opening * metre, one.force * newton, lw=1.2, label=label, **look(number))
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the plate, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def line(found: Line, name: str, parts: Sequence[str], title: str) -> Figure:
+    """Components of the field `name` over the way along a line; gaps where there is no value."""
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = figure.add_subplot(title=title)
+    plain(axes)
+    metre, metres = scaled([found.along], "m")
+    factor, shown = scaled((found.values[part] for part in parts), fields.FIELDS[name].unit)
+    for number, part in enumerate(parts):
+        axes.plot(found.along * metre, found.values[part] * factor, lw=1.2, label=part, **look(number))
+    quantity = fields.FIELDS[name].title.lower()
+    axes.set(xlabel=f"along the line, {metres}", ylabel=f"{quantity}, {shown}" if shown else quantity)
+    axes.set_xlim(0, float(found.along[-1]) * metre)
+    if parts != [""]:
+        axes.legend(frameon=False)
     return figure
 
 

@@ -39,7 +39,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     where = shape(results, found.step, 0.0)
     box = window or box_of([where])
     figure, plate, length, speed = _panels(box)
-    on = _plate(plate, box, where, damage_at(results, found.step))
+    on = on_grey_plate(plate, box, where, damage_at(results, found.step))
     when = told(found.step * found.time_step, micro="µs")
     if not found.branches:
         length.remove()
@@ -82,7 +82,7 @@ def comparison(
     height = float(np.clip(0.9 * WIDTH * _aspect(box), 2.0, 9.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot()
-    on = _plate(plate, box, where, damage_at(one, step))
+    on = on_grey_plate(plate, box, where, damage_at(one, step))
     for number, (lines, name) in enumerate(zip(paths, names, strict=True)):
         style = look(number) | {"lw": (2.2, 1.3)[number], "ls": ("-", (0, (4, 2)))[number]}
         for line in lines:
@@ -123,7 +123,7 @@ def _give_way(gone: Axes, other: Axes) -> None:
     gone.remove()
 
 
-def _plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64]) -> Sheet:
+def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64]) -> Sheet:
     """The plate in a light grey, darker where it is damaged."""
     on = on_axes(axes, box)
     for artist in paint(on, where, PALE + (DARK - PALE) * damage, ScalarMappable(Normalize(0, 1), "Greys")):

@@ -2,51 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from stored import MODEL, plate, results_of
 
 from pdpost.measures import fields, strain
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
-
-Field = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
-
-
-def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: float = 0.0) -> tuple[Nodes, Families]:
-    """A square of nodes, moved off their lattice by up to `jitter` spacings, each bonded to those near it."""
-    y, x = np.mgrid[0:side, 0:side]
-    position = spacing * np.column_stack([x.ravel(), y.ravel()]).astype(float)
-    position += jitter * spacing * np.random.default_rng(3).uniform(-1, 1, position.shape)
-    near = np.hypot(*(position[:, None] - position).transpose(2, 0, 1)) <= horizon * spacing
-    np.fill_diagonal(near, False)
-    count = len(position)
-    start = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
-    delta, area = np.full(count, spacing), np.random.default_rng(1).uniform(0.5, 1.0, count) * spacing**2
-    family = near.sum(axis=1)
-    nodes = Nodes(np.arange(1, count + 1) * 3, position, delta, area, family, np.zeros(count, dtype=np.int64))
-    return nodes, Families(start, np.nonzero(near)[1])
-
-
-MODEL = {"notch": [], "nodes": [], "material": {"E": 70e9, "rho": 2000.0, "G0": 10.0}}
-
-
-def results_of(
-    nodes: Nodes, families: Families, u: NDArray[np.float64], broken: list[tuple[int, int, int]], model: object = MODEL
-) -> Results:
-    """Results with one frame, at step 10, of displacements (n, 2), and bonds (step, node, neighbour) broken."""
-
-    def part(first: int, last: int) -> Families:
-        start = families.start[first : last + 1]
-        return Families(start - start[0], families.neighbour[start[0] : start[-1]])
-
-    writer = Writer.create(None, nodes, part, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
-    breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(10, 1e-5, {"ux": u[:, 0], "uy": u[:, 1]}, breaks, [], [], {}))
-    return Results(writer.connection, "memory")
-
+from pdsolve.results import ResultsError
 
 H = np.array([[3e-3, -1e-3], [4e-3, 2e-3]])
 

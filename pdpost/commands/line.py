@@ -1,0 +1,80 @@
+"""A field along a straight line."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdpost.commands import delivery
+from pdpost.commands.pictures import FIELDS
+from pdpost.commands.shared import add_frame, chosen_frame, point
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `line` on the command line."""
+    line = delivery.add_command(commands, "line", "draw a field along a straight line")
+    for word, where in (("--from", "begins"), ("--to", "ends")):
+        line.add_argument(
+            word,
+            dest=where,
+            required=True,
+            type=point,
+            metavar="X,Y",
+            help=f"where the line {where}, m ({word}=X,Y if X is negative)",
+        )
+    line.add_argument("--field", choices=FIELDS, default="displacement", help="which one (default: displacement)")
+    line.add_argument(
+        "--component",
+        action="append",
+        dest="components",
+        metavar="NAME",
+        help="of the picture, as in the command of the field's name; may be repeated (default: its first)",
+    )
+    add_frame(line)
+    line.set_defaults(run=_line)
+
+
+def _line(args: argparse.Namespace) -> int:
+    import numpy as np
+
+    from pdpost.measures import fields, lines
+    from pdpost.reading.times import told
+    from pdsolve.results import Results
+
+    path = delivery.picture_path(args, ".line.png")
+    field = fields.FIELDS[args.field]
+    parts = list(dict.fromkeys(fields.component(args.field, one) for one in args.components or [None]))
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        step, time = chosen_frame(results, args)
+        found = lines.line(results, args.field, step, args.begins, args.ends)
+        if path is not None:
+            from pdpost.figures import charts, field_figure, style
+
+            style.save(charts.line(found, args.field, parts, f"{field.title} {field_figure.at(results, step)}"), path)
+    words = []
+    for part in parts:
+        values = found.values[part]
+        known = np.flatnonzero(np.isfinite(values))
+        said = f"nothing known at {len(values)} places"
+        if len(known):
+            low, high = (int(known[at]) for at in (values[known].argmin(), values[known].argmax()))
+            ends = (f"{values[at]:.4g} at ({found.place[at][0]:.4g}, {found.place[at][1]:.4g}) m" for at in (low, high))
+            said = f"{len(known)} of {len(values)} places known, from {' to '.join(ends)}"
+        words.append(f"{f'{args.field} {part}'.strip()} at {told(time)}: {said}")
+    names = {f"{args.field}_{part}" if part else args.field: values for part, values in found.values.items()}
+    header = ("along, m", "x, m", "y, m", *(f"{name}, {field.unit}" if field.unit else name for name in names))
+    result = {
+        "step": step,
+        "time": time,
+        "field": args.field,
+        "components": parts,
+        "unit": field.unit,
+        "along": found.along,
+        "place": found.place,
+        "values": names,
+    }
+    rows = zip(found.along, *found.place.T, *names.values(), strict=True)
+    return delivery.deliver(args, result, words, header, rows, path)

@@ -1,0 +1,111 @@
+"""What the tips of cracks feel: J, stress intensities, the stress along the crack, where it will turn to."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from pdpost.commands import delivery
+from pdpost.commands.shared import add_every, add_window, check_window, counted, finite_numbers, point
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+    from pdpost.measures.domain_integrals import Ring
+    from pdpost.measures.fracture import Series
+
+UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
+
+
+def add(commands: Commands) -> None:
+    """Put `sif` on the command line."""
+    sif = delivery.add_command(commands, "sif", "draw J, stress intensities and angle of growth of the tips of cracks")
+    sif.add_argument("--tip", type=point, metavar="X,Y", help="the tip that comes nearest to a place, m (default: all)")
+    sif.add_argument(
+        "--ring",
+        type=_ring,
+        metavar="R0,R1",
+        help="the ring around a tip that is summed over, m (default: it fills the room there is, from two horizons on)",
+    )
+    add_every(sif)
+    add_window(sif)
+    sif.set_defaults(run=_sif)
+
+
+def _ring(text: str) -> tuple[float, float]:
+    inner, outer = finite_numbers(text, 2)
+    if not 0 <= inner < outer:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected two radii, the larger one last")
+    return inner, outer
+
+
+def _sif(args: argparse.Namespace) -> int:
+    from pdpost.measures import fracture
+    from pdpost.measures.domain_integrals import Ring
+    from pdpost.measures.release import release
+    from pdpost.measures.tips import tips
+    from pdpost.reading.frames import chosen
+    from pdsolve.results import Results
+
+    path = delivery.picture_path(args, ".sif.png")
+    ring = None if args.ring is None else Ring(*args.ring)
+    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        check_window(results, args)
+        steps = chosen(results, args.every)
+        found = fracture.follow(results, steps, args.tip, ring, counted(args, "summing"))
+        spent = release(results, tips(results, max(steps)))
+        beside = spent.at(found[0].time)
+        if path is not None:
+            from pdpost.figures import sif_figure, style
+
+            style.save(sif_figure.sif(results, found, spent, args.window), path)
+    result = {"steps": steps, "units": UNITS, "G0": spent.G0, "tips": [_told(one, beside) for one in found]}
+    names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
+    header = ("tip", "step", "time, s", "x, m", "y, m", *names, "dD/da, J/m^2")
+    rows = (row for one in found for row in _rows(one, beside))
+    return delivery.deliver(args, result, [_words(one) for one in found], header, rows, path)
+
+
+def _told(one: Series, beside: Any) -> dict[str, Any]:
+    rings: list[Ring] = [] if one.last is None else list(one.last.rings)
+    return {
+        "name": one.front.name,
+        "time": one.time,
+        "place": one.place,
+        **one.value,
+        "at_least": one.low,
+        "at_most": one.high,
+        "dD_da": beside,
+        "rings": [ring._asdict() for ring in rings],
+        "left_out": one.refused,
+    }
+
+
+def _rows(one: Series, beside: Any) -> Any:
+    columns = [side[name] for name in UNITS for side in (one.value, one.low, one.high)]
+    for row in zip(one.step, one.time, *one.place.T, *columns, beside, strict=True):
+        yield (one.front.name, *row)
+
+
+def _words(one: Series) -> str:
+    import numpy as np
+
+    from pdpost.reading.times import told
+
+    known = np.flatnonzero(np.isfinite(one.value["J"]))
+    if not len(known):
+        return f"{one.front.name}: {one.refused or 'at none of these frames'}"
+    at = int(known[-1])
+    values = {name: (one.value[name][at], one.low[name][at], one.high[name][at]) for name in UNITS}
+    said = []
+    for name, factor, unit in (("J", 1.0, "J/m^2"), ("K1", 1e-6, "MPa m^0.5"), ("K2", 1e-6, "MPa m^0.5")):
+        middle, low, high = (factor * value for value in values[name])
+        said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
+    said += [f"T {values['T'][0] * 1e-6:.3g} MPa"]
+    if np.isfinite(values["angle"][0]):
+        said += [f"turns by {values['angle'][0]:+.1f} degrees"]
+    x, y = one.place[at] * 1e3 + 0.0
+    gaps = len(one.step) - len(known)
+    left = f"; not known at {gaps} of {len(one.step)} frames" + (f": {one.refused}" if one.refused else "")
+    return (
+        f"{one.front.name} at ({x:.4g}, {y:.4g}) mm, {told(float(one.time[at]))}: {', '.join(said)}{left * bool(gaps)}"
+    )

@@ -1,0 +1,82 @@
+"""What tips feel as a figure: the rings on the plate, stress intensities and J over time with their bands."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus
+
+from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.crack_figure import on_grey_plate
+from pdpost.figures.labels import scaled
+from pdpost.figures.raster import Box
+from pdpost.figures.sheets import Sheet, box_of, shape
+from pdpost.measures.cracked import damage_at
+from pdpost.measures.fracture import Series
+from pdpost.measures.release import Release
+from pdpost.reading.times import told
+from pdsolve.results import Results
+
+SHOWN = 6  # tips with curves
+
+
+def sif(results: Results, found: list[Series], spent: Release, window: Box | None = None) -> Figure:
+    """The tips with their rings at the last frame they have any, K1 and K2, and J with dD/da; `window` is seen, m."""
+    shown = [one for one in found if one.last is not None][:SHOWN]
+    step = int(found[0].step[-1])
+    where = shape(results, step, 0.0)
+    box = window or box_of([where])
+    tall = float(np.clip(WIDTH * (box[3] - box[1]) / (box[2] - box[0]), 1.6, 5.0))
+    figure = Figure(figsize=(WIDTH, tall + 3.4), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(tall + 0.4, 3.0))
+    plate, intensity, energy = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
+    on = on_grey_plate(plate, box, where, damage_at(results, step))
+    for number, one in enumerate(shown):
+        _rings(on, one, str(look(number)["color"]))
+    when = told(float(found[0].time[-1]), micro="µs")
+    plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
+    _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
+    _curves(energy, shown, ("J",), "J/m²", "J")
+    _released(energy, shown, spent)
+    figure.legend(*intensity.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _rings(on: Sheet, one: Series, colour: str) -> None:
+    assert one.last is not None
+    place = one.last.tip.place * on.factor
+    ring = one.last.rings[1]
+    outer, wide = ring.outer * on.factor, (ring.outer - ring.inner) * on.factor
+    on.axes.add_patch(Annulus(tuple(place), outer, wide, fc=colour, alpha=0.25, lw=0, zorder=4))
+    for other in one.last.rings:
+        for radius in other:
+            circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
+            on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)
+    on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
+
+
+def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, label: str) -> None:
+    """Values with their bands over time; of one frame, points."""
+    second, seconds = scaled((one.time for one in shown), "s")
+    factor, scale = scaled((side[name] for one in shown for name in names for side in (one.low, one.high)), unit)
+    for number, one in enumerate(shown):
+        for name in names:
+            style = look(number) | {"ls": "--" if name == "K2" else "-"}
+            sides = one.low[name] * factor, one.high[name] * factor
+            axes.fill_between(one.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
+            marker = "." if np.isfinite(one.value[name]).sum() < 3 else ""
+            words = f"{name}, {one.front.name}"
+            axes.plot(one.time * second, one.value[name] * factor, lw=1.3, marker=marker, label=words, **style)
+    axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
+    plain(axes)
+
+
+def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
+    """dD/da and G0 beside J."""
+    second, _ = scaled((one.time for one in shown), "s")
+    factor, _ = scaled((side["J"] for one in shown for side in (one.low, one.high)), "J/m²")
+    if np.isfinite(spent.value).any():
+        axes.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
+        axes.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="$G_0$")
+        axes.legend(frameon=False)

@@ -1,0 +1,158 @@
+"""What a crack's tip feels, from the fields on a ring around it: J, stress intensities and the stress along the crack.
+
+The area form of J with a weight q that falls smoothly from 1 inside the ring to 0 outside it, x along the crack
+(F. Z. Li, C. F. Shih, A. Needleman, Eng. Fract. Mech. 21 (1985) 405-421), with what inertia adds (T. Nakamura, C. F.
+Shih, L. B. Freund, Int. J. Fract. 27 (1985) 229-243):
+
+    J = sum [(s_ij u_i,x - (W + L) d_xj) q,j + rho (a_i u_i,x - v_i v_i,x) q] A
+
+and the part of it that is bilinear in the fields here and in one whose K1, K2 or T is known (the interaction integral;
+J. F. Yau, S. S. Wang, H. T. Corten, J. Appl. Mech. 47 (1980) 335-341). The faces are straight and free.
+
+Symbols: s stress, Pa; u displacement, m; v, a its rates; W strain energy and L kinetic energy, J/m^3; rho density;
+A a node's area, m^2; d the unit tensor.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.tip_fields import Elastic, TipField, intensities, pushed
+
+
+class Sampled(NamedTuple):
+    """The fields at n nodes; a node without a gradient (NaN) does not count."""
+
+    position: NDArray[np.float64]  # (n, 2) m
+    area: NDArray[np.float64]  # (n,) m^2
+    gradient: NDArray[np.float64]  # (n, 2, 2) du_a / dx_b
+    strain: NDArray[np.float64]  # (n, 3) xx, yy, xy
+    stress: NDArray[np.float64]  # (n, 3) Pa, likewise
+    motion: Motion | None = None  # None: at rest
+
+
+class Motion(NamedTuple):
+    """How n nodes move."""
+
+    density: float  # kg/m^3
+    velocity: NDArray[np.float64]  # (n, 2) m/s
+    acceleration: NDArray[np.float64]  # (n, 2) m/s^2
+    rates: NDArray[np.float64]  # (n, 2, 2) 1/s, dv_a / dx_b
+
+
+class Ring(NamedTuple):
+    """Where q falls from 1 to 0, m from the tip."""
+
+    inner: float
+    outer: float
+
+
+class Found(NamedTuple):
+    """What a tip feels."""
+
+    J: float  # J/m^2
+    K1: float  # Pa m^0.5
+    K2: float
+    T: float  # Pa
+
+    @property
+    def angle(self) -> float:
+        """Degrees by which the crack will turn, to the left positive; NaN where nothing opens it."""
+        return kink(self.K1, self.K2)
+
+
+def kink(K1: float, K2: float) -> float:
+    """The angle, degrees, at which the hoop stress ahead of a tip is largest, to the left of its way positive.
+
+    F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525. NaN where both are 0.
+    """
+    if K1 == 0 == K2:
+        return float("nan")
+    return float(np.degrees(2 * np.arctan2(-2 * K2, K1 + np.hypot(K1, np.sqrt(8) * K2))))
+
+
+def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic) -> Found:
+    """What the tip at a place (2,), m, feels, its crack having come there along the unit vector `way` (2,)."""
+    far = np.hypot(*(at.position - tip).T)
+    rows = np.flatnonzero((far < ring.outer) & np.isfinite(at.gradient).all(axis=(1, 2)))
+    turn = np.array([way, [-way[1], way[0]]])
+    here = _turned(at, rows, tip, turn)
+    q, slope = weight(here.position, ring)
+    z = here.position[:, 0] + 1j * here.position[:, 1]
+    J = _own(here, q, slope)
+    K1, K2, T = (
+        plate.effective * share * _between(here, field, q, slope)
+        for field, share in (
+            (intensities(z, plate, 1.0, 0.0), 0.5),
+            (intensities(z, plate, 0.0, 1.0), 0.5),
+            (pushed(z, plate, 1.0), 1.0),
+        )
+    )
+    return Found(J, K1, K2, T)
+
+
+def weight(places: NDArray[np.float64], ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """q (n,) and its gradient (n, 2) at places (n, 2) from the tip, m: a cubic in the distance, level at both ends."""
+    far = np.hypot(*places.T)
+    share = ((far - ring.inner) / (ring.outer - ring.inner)).clip(0, 1)
+    steep = -6 * share * (1 - share) / (ring.outer - ring.inner)
+    return 1 - share**2 * (3 - 2 * share), (steep / np.maximum(far, 1e-300))[:, None] * places
+
+
+def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn: NDArray[np.float64]) -> Sampled:
+    """The fields of some nodes as the crack sees them: places from its tip, along and across its way."""
+
+    def tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
+        xx, yy, xy = packed[rows].T
+        found = turn @ np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2) @ turn.T
+        return np.column_stack([found[:, 0, 0], found[:, 1, 1], found[:, 0, 1]])
+
+    motion = at.motion
+    if motion is not None:
+        motion = Motion(
+            motion.density,
+            motion.velocity[rows] @ turn.T,
+            motion.acceleration[rows] @ turn.T,
+            turn @ motion.rates[rows] @ turn.T,
+        )
+    place = (at.position[rows] - tip) @ turn.T
+    gradient = turn @ at.gradient[rows] @ turn.T
+    return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion)
+
+
+def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
+    """J."""
+    along = here.gradient[:, :, 0]
+    energy = _product(here.stress, here.strain) / 2
+    total = _pulled(here.stress, along, slope)
+    if here.motion is not None:
+        density, velocity, acceleration, rates = here.motion
+        energy = energy + density * (velocity**2).sum(axis=1) / 2
+        total = total + density * q * (acceleration * along - velocity * rates[:, :, 0]).sum(axis=1)
+    return float(here.area @ (total - energy * slope[:, 0]))
+
+
+def _between(here: Sampled, other: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
+    """The interaction integral with a field at rest."""
+    total = _pulled(here.stress, other.slope, slope) + _pulled(other.stress, here.gradient[:, :, 0], slope)
+    total = total - _product(other.stress, here.strain) * slope[:, 0]
+    if here.motion is not None:
+        total = total + here.motion.density * q * (here.motion.acceleration * other.slope).sum(axis=1)
+    return float(here.area @ total)
+
+
+def _product(stress: NDArray[np.float64], strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s_ij e_ij (n,)."""
+    found: NDArray[np.float64] = (stress[:, :2] * strain[:, :2]).sum(axis=1) + 2 * stress[:, 2] * strain[:, 2]
+    return found
+
+
+def _pulled(stress: NDArray[np.float64], along: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s_ij u_i,x q,j (n,)."""
+    xx, yy, xy = stress.T
+    found: NDArray[np.float64] = along[:, 0] * (xx * slope[:, 0] + xy * slope[:, 1])
+    found += along[:, 1] * (xy * slope[:, 0] + yy * slope[:, 1])
+    return found

@@ -1,0 +1,186 @@
+"""J, stress intensities, the stress along the crack and the angle of growth of every tip of a run, frame by frame.
+
+Each is found on three rings around the tip; the middle one's is told, the range of the three is its band. The fields
+are those that `fields` and `strain` show: gradients fitted to the bonds that are left, and the stress that goes with
+them. In a run in time, velocities and accelerations are taken too. The auxiliary fields are those of a crack at rest:
+intensities of a crack that runs are those a standing one would have with the same fields; J needs no such fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.continuum import BONDS_NU
+from pdmesh.model.document import Horizon, Material
+from pdpost.measures import fields
+from pdpost.measures.cracked import damage_at
+from pdpost.measures.domain_integrals import Found, Motion, Ring, Sampled, integrals
+from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts
+from pdpost.measures.strain import fitted, green, intact, stiffness
+from pdpost.measures.tip_fields import Elastic
+from pdpost.reading.embedded import at_rest, read
+from pdpost.reading.stored import vector
+from pdsolve.results import Results, ResultsError
+
+BLURRED = 2.0  # horizons around a tip where displacements are not the classical ones
+LEAST = 4.0  # horizons of room
+CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitted to its bonds says nothing
+RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
+
+
+class Rings(NamedTuple):
+    """The rings around a tip of a frame, and what was found on each."""
+
+    tip: Tip
+    rings: tuple[Ring, ...]
+    found: tuple[Found, ...]
+
+
+class Series(NamedTuple):
+    """What a tip feels at t frames; NaN where it is not there or has no room."""
+
+    front: Front
+    step: NDArray[np.int64]  # (t,)
+    time: NDArray[np.float64]  # (t,) s
+    place: NDArray[np.float64]  # (t, 2) m
+    value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
+    low: dict[str, NDArray[np.float64]]
+    high: dict[str, NDArray[np.float64]]
+    last: Rings | None  # of the last frame with room
+    refused: str  # why there was no room, the last time; "" if there always was
+
+
+NAMES = ("J", "K1", "K2", "T", "angle")
+
+
+class _Model(msgspec.Struct):
+    """What is read of the grid file."""
+
+    material: Material
+    horizon: Horizon = Horizon()
+
+
+def follow(
+    results: Results,
+    steps: Sequence[int],
+    near: tuple[float, float] | None = None,
+    ring: Ring | None = None,
+    progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
+) -> list[Series]:
+    """What the tips of a run feel at the frames `steps`: all of them, or the one that comes nearest to a place, m.
+
+    `ring` is the widest of the rings, m; by default they fill the room there is. Raises ResultsError where there is
+    no tip inside the plate, where none of them ever has room for a ring, and for frames that lack fields.
+    """
+    every = fronts(results, max(steps))
+    time_step = float(results.meta()["time_step"])
+    chosen = every if near is None else [_nearest(every, steps, time_step, near)] if every else []
+    if not chosen:
+        raise ResultsError(f"{results.name}: found no tip of a crack inside the plate, expected one")
+    obstacles = Obstacles(results, every)
+    state = State(results)
+    got: list[list[Rings | None]] = [[] for _ in chosen]
+    refused = [""] * len(chosen)
+    for step in progress(list(steps)):
+        for number, front in enumerate(chosen):
+            tip, rings = front.at(step * time_step), None
+            if tip is not None:
+                room = obstacles.room(tip, step, step * time_step)
+                said = _too_small(results, step, tip, room, ring)
+                refused[number] = said or refused[number]
+                if not said:
+                    rings = state.around(step, tip, _rings(results, step, tip, room, ring))
+            got[number].append(rings)
+    if not any(any(some) for some in got):
+        raise ResultsError(f"{results.name}: {next(filter(None, refused), 'found no tip of a crack at these frames')}")
+    when = np.array(steps, dtype=np.int64)
+    return [_series(front, when, time_step, some, why) for front, some, why in zip(chosen, got, refused, strict=True)]
+
+
+class State:
+    """The fields of a frame as the integrals take them; those of one frame are kept."""
+
+    def __init__(self, results: Results) -> None:
+        self._results, self._rest = results, at_rest(results)
+        self._step = -1
+        self._sampled: Sampled | None = None
+        self._model = read(results, _Model)
+
+    def around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> Rings:
+        """What a tip feels on rings after a step."""
+        if self._sampled is None or self._step != step:
+            self._step, self._sampled = step, self._sample(step)
+        nodes = self._results.nodes(step)
+        modulus, plane = stiffness(self._results, step)
+        nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
+        elastic = Elastic(float(modulus[nearest]), BONDS_NU[plane], plane)
+        found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
+        return Rings(tip, rings, found)
+
+    def _sample(self, step: int) -> Sampled:
+        results, nodes = self._results, self._results.nodes(step)
+        families = intact(results, results.families(step), step)
+        gradient = fitted(nodes, vector(results, "displacement", step), families)
+        gradient[damage_at(results, step) > CRUMB] = np.nan
+        motion = None
+        if not self._rest:
+            velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
+            rates = fitted(nodes, velocity, families)
+            motion = Motion(self._model.material.rho, velocity, acceleration, rates)
+        stress = fields.components(results, "stress", step)
+        parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
+        return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion)
+
+
+def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: tuple[float, float]) -> Front:
+    def far(front: Front) -> float:
+        there = [tip.place for step in steps if (tip := front.at(step * time_step)) is not None]
+        return min((float(np.hypot(*(place - near))) for place in there), default=np.inf)
+
+    return min(every, key=far)
+
+
+def _horizon(results: Results, step: int, tip: Tip) -> float:
+    nodes = results.nodes(step)
+    nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
+    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest])
+
+
+def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
+    """Why a tip has no room for rings, "" if it has."""
+    x, y = tip.place
+    least = LEAST * _horizon(results, step, tip) if ring is None else ring.outer
+    if room.radius >= least:
+        return ""
+    words = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
+    return f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of {words}"
+
+
+def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None) -> tuple[Ring, ...]:
+    """Three rings, the middle one that which is told."""
+    if given is not None:
+        quarter = (given.outer - given.inner) / 4
+        return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)
+    least = max(BLURRED * _horizon(results, step, tip), 0.2 * room.radius)
+    span = 0.8 * room.radius - least
+    return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
+
+
+def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[Rings | None], refused: str) -> Series:
+    columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
+    places = np.full((len(steps), 2), np.nan)
+    for at, rings in enumerate(got):
+        if rings is None:
+            continue
+        places[at] = rings.tip.place
+        for name in NAMES:
+            some = [float(getattr(found, name)) for found in rings.found]
+            columns[name][:, at] = some[1], min(some), max(some)
+    value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
+    last = next((rings for rings in reversed(got) if rings is not None), None)
+    return Series(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused)

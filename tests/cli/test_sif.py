@@ -1,0 +1,114 @@
+"""`pdpost sif`: picture, JSON, table, and one line for what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from plates import plate, square_grid
+
+from benchmarks.specimens import Case, edge
+from pdmesh.model.document import Load, Run
+from pdpost.__main__ import main
+from pdsolve.simulation import Options, simulate
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    """A plate with an edge crack, 40 spacings wide, pulled in two load steps."""
+    found = edge(40)
+    model, profile = found.model, ((0.0, 0.0), (1.0, 1.0))
+    static = msgspec.structs.replace(model.settings.run.static, load_steps=2)
+    run = msgspec.structs.replace(model.settings.run, static=static)
+    loads = tuple(msgspec.structs.replace(one, profile=profile) for one in model.settings.conditions)  # type: ignore[call-arg]
+    settings = msgspec.structs.replace(model.settings, run=run, conditions=loads)
+    return found._replace(model=dataclasses.replace(model, settings=settings))
+
+
+@pytest.fixture(scope="module")
+def pulled(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sif") / "edge.sqlite"
+    simulate(case.model, path, Options(threads=1)).close()
+    return path
+
+
+def test_intensities_of_an_edge_crack(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of half the load and of all of it; 40 spacings wide, 3 % above Tada's."""
+    assert main(["sif", str(pulled), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (tip,) = found["tips"]
+    assert tip["name"] == "pre-crack 0"
+    assert tip["time"] == [0.0, 0.5, 1.0]
+    assert np.array(tip["K1"]) / case.K1 == pytest.approx([0.0, 0.51, 1.03], abs=0.02)  # measured 1.027
+    assert np.sqrt(tip["J"][2]) / case.K1 == pytest.approx(1.0, abs=0.03)  # E' is 1; measured 1.020
+    assert abs(tip["K2"][2]) < 1e-6 * tip["K1"][2]
+    assert abs(tip["angle"][2]) < 1e-3
+    assert tip["at_least"]["K1"][2] <= tip["K1"][2] <= tip["at_most"]["K1"][2] < 1.01 * tip["at_least"]["K1"][2]
+    assert len(tip["rings"]) == 3
+    assert tip["dD_da"] == [None] * 3
+
+
+def test_a_picture_a_table_and_every_other_frame(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sif", str(pulled), "--every", "2", "-o", "x.png"]) == 0
+    assert "pre-crack 0 at (487.5, 0) mm, 1 s: J " in capsys.readouterr().out
+    assert (here / "x.png").stat().st_size > 10_000
+    assert main(["sif", str(pulled), "--every", "2", "--csv", "-"]) == 0
+    header, *rows = csv.reader(io.StringIO(capsys.readouterr().out))
+    assert header[:8] == [
+        *("tip", "step", "time, s", "x, m", "y, m"),
+        *("J, J/m^2", "J at least, J/m^2", "J at most, J/m^2"),
+    ]
+    assert [row[1] for row in rows] == ["0", "2"]
+
+
+def test_a_ring_of_ones_own(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sif", str(pulled), "--ring", "0.25,0.45", "--tip", "0,0", "--every", "2", "--json"]) == 0
+    (tip,) = json.loads(capsys.readouterr().out)["tips"]
+    assert tip["rings"][1] == {"inner": 0.25, "outer": 0.45}
+    assert tip["K1"][1] / case.K1 == pytest.approx(1.03, abs=0.02)
+
+
+def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of a refusal."""
+    assert main(["sif", *words]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    return err
+
+
+def test_a_tip_without_room(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = "m, expected room of 4 horizons, 0.012 m"
+    assert expected in said([str(small_results)], capsys)
+    assert list(here.glob("*.png")) == []
+
+
+def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = "found the edge of the plate 0.487 m from the tip at (0.4875, 0) m, expected room of 0.9 m"
+    assert expected in said([str(pulled), "--ring", "0.1,0.9"], capsys)
+    with pytest.raises(SystemExit) as stop:
+        main(["sif", str(pulled), "--ring", "0.9,0.1"])
+    assert stop.value.code == 2
+    assert "found '0.9,0.1', expected two radii, the larger one last" in capsys.readouterr().err
+
+
+def test_a_crack_that_leaves_the_plate(tmp_path: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grid = dataclasses.replace(square_grid(8, 8), cracks=np.array([[-1.0, 3.5e-3, 1.0, 3.5e-3]]))
+    model = plate(
+        grid, conditions=(Load(box=(-1.0, -1.0, 1.0, 0.0), body_force=(0.0, 1.0)),), run=Run(steps=2, every=1)
+    )
+    simulate(model, tmp_path / "cut.sqlite", Options(threads=1)).close()
+    assert "found no tip of a crack inside the plate, expected one" in said(["cut.sqlite"], capsys)
+
+
+def test_frames_without_the_fields(here: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    run = msgspec.structs.replace(case.model.settings.run, fields=("ux", "damage"))
+    settings = msgspec.structs.replace(case.model.settings, run=run)
+    simulate(dataclasses.replace(case.model, settings=settings), here / "few.sqlite", Options(threads=1)).close()
+    expected = "few.sqlite: found no field 'uy', expected one of ux, damage (pdsolve --fields +uy stores it)"
+    assert expected in said(["few.sqlite"], capsys)
