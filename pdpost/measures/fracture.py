@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Horizon, Material
 from pdpost.measures import fields
 from pdpost.measures.cracked import damage_at
@@ -116,9 +115,9 @@ class State:
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample(step)
         nodes = self._results.nodes(step)
-        modulus, plane = stiffness(self._results, step)
+        every = stiffness(self._results, step)
         nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-        elastic = Elastic(float(modulus[nearest]), BONDS_NU[plane], plane)
+        elastic = Elastic(float(every.E[nearest]), float(every.nu[nearest]), every.plane)
         found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
         return Rings(tip, rings, found)
 
