@@ -124,7 +124,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
                 for row in rows.tolist():
                     holds.pop((row, axis_number), None)
                     holds[row, axis_number] = (value, number, HELD[type(condition)])
-    forces = np.zeros((len(model.grid), 2), dtype=kind)
+    forces = [np.zeros((len(model.grid), 2), dtype=kind) for _ in range(2)]  # of which most is never touched
     table = Profiles(
         np.cumsum([0, *(len(points) for points in profiles)]),
         np.array([time for points in profiles for time, _ in points], dtype=float),
@@ -141,19 +141,23 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     all_loads = Entries(*(np.concatenate(column) for column in zip(nothing, *loads, strict=True)))
     varies = any(len(points) > 1 for points in profiles)
     nodes_held = len(held.node)
-    result = Drive(table, all_loads, held, varies, forces, forces.copy(), np.zeros(nodes_held), np.zeros(nodes_held))
-    put_loads(result, 0.0)
-    result.before[:] = result.force
+    result = Drive(table, all_loads, held, varies, *forces, np.zeros(nodes_held), np.zeros(nodes_held))
+    for force in forces:
+        _add_loads(result, 0.0, force)
     result.held_force[:] = result.force[held.node, held.axis]
     return result
 
 
 def put_loads(drive: Drive, time: float) -> None:
     """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
+    drive.force[:] = 0
+    _add_loads(drive, time, drive.force)
+
+
+def _add_loads(drive: Drive, time: float, force: NDArray[np.floating]) -> None:
     loads, profiles = drive.loads, drive.profiles
     factors = np.array([factor_now(profiles, number, time) for number in range(len(profiles.start) - 1)])
-    drive.force[:] = 0
-    np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors[loads.profile])
+    np.add.at(force, (loads.node, loads.axis), loads.value * factors[loads.profile])
 
 
 def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:
