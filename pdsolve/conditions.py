@@ -124,7 +124,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
                 for row in rows.tolist():
                     holds.pop((row, axis_number), None)
                     holds[row, axis_number] = (value, number, HELD[type(condition)])
-    forces = [np.zeros((len(model.grid), 2), dtype=kind) for _ in range(2)]  # of which most is never touched
+    force, before = (np.zeros((len(model.grid), 2), dtype=kind) for _ in range(2))  # of which most is never touched
     table = Profiles(
         np.cumsum([0, *(len(points) for points in profiles)]),
         np.array([time for points in profiles for time, _ in points], dtype=float),
@@ -141,9 +141,9 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     all_loads = Entries(*(np.concatenate(column) for column in zip(nothing, *loads, strict=True)))
     varies = any(len(points) > 1 for points in profiles)
     nodes_held = len(held.node)
-    result = Drive(table, all_loads, held, varies, *forces, np.zeros(nodes_held), np.zeros(nodes_held))
-    for force in forces:
-        _add_loads(result, 0.0, force)
+    result = Drive(table, all_loads, held, varies, force, before, np.zeros(nodes_held), np.zeros(nodes_held))
+    for each in (force, before):
+        _add_loads(result, 0.0, each)
     result.held_force[:] = result.force[held.node, held.axis]
     return result
 

@@ -131,7 +131,8 @@ class Hybrid:
 
     def broken(self) -> arrays.Breaks:
         """Bonds that broke so far."""
-        return arrays.Breaks(*(column[: self.zone.number[BREAKS]] for column in self.zone.breaks))
+        (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
+        return arrays.Breaks(step[:count], node[:count], spring[:count])
 
     def told(self) -> Told:
         """What there is to say of the fine zone."""

@@ -230,9 +230,11 @@ class Shown:
         """As in `Operator`."""
         step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
-        step, node, spring = step[new].astype(np.int64), node[new], spring[new]
-        ends = (node, node + self.hybrid.ground.ways[spring])
-        return Broken(step, *(self._row_of[one].astype(np.int64) for one in ends))
+        source, target = (
+            self._row_of[ends].astype(np.int64)
+            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
+        )
+        return Broken(step[new].astype(np.int64), source, target)
 
     def keep(self) -> Kept:
         """As in `Operator`."""
