@@ -244,7 +244,7 @@ everywhere and moves cracks, by half a spacing at most, where they would meet a 
 
 **What it refuses**, in one line: imported meshes and other nodes on no lattice, several spacings, the thesis mode,
 single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on
-one thread.
+as many threads as its nodes are worth, to the same bits.
 
 **When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; and where a
 plate is so small that 12 h around a tip, or what is around its holes, is most of it. A run stops where a clipped bond

@@ -151,12 +151,13 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _preview(args: argparse.Namespace) -> int:
+    from pdmesh.model.cloud import grid_of
     from pdmesh.say import preview
 
     path = commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
     preview.save(preview.draw(document, str(args.drawing), args.bonds), path)
-    commandline.report({"output": str(path), "nodes": len(document.nodes)}, [str(path)], args)
+    commandline.report({"output": str(path), "nodes": len(grid_of(document, str(args.drawing)))}, [str(path)], args)
     return commandline.OK
 
 

@@ -127,7 +127,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
                 for row in rows.tolist():
                     holds.pop((row, axis_number), None)
                     holds[row, axis_number] = (value, number, HELD[type(condition)])
-    forces = np.zeros((len(model.grid), 2), dtype=kind)
+    force, before = (np.zeros((len(model.grid), 2), dtype=kind) for _ in range(2))  # of which most is never touched
     table = Profiles(
         np.cumsum([0, *(len(points) for points in profiles)]),
         np.array([time for points in profiles for time, _ in points], dtype=float),
@@ -144,18 +144,22 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     all_loads = Entries(*(np.concatenate(column) for column in zip(nothing, *loads, strict=True)))
     varies = any(len(points) > 1 for points in profiles)
     nodes_held = len(held.node)
-    result = Drive(table, all_loads, held, varies, forces, forces.copy(), np.zeros(nodes_held), np.zeros(nodes_held))
-    put_loads(result, 0.0)
-    result.before[:] = result.force
+    result = Drive(table, all_loads, held, varies, force, before, np.zeros(nodes_held), np.zeros(nodes_held))
+    for each in (force, before):
+        _add_loads(result, 0.0, each)
     result.held_force[:] = result.force[held.node, held.axis]
     return result
 
 
 def put_loads(drive: Drive, time: float) -> None:
     """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
-    loads, profiles = drive.loads, drive.profiles
     drive.force[:] = 0
-    np.add.at(drive.force, (loads.node, loads.axis), loads.value * factors_at(profiles, time)[loads.profile])
+    _add_loads(drive, time, drive.force)
+
+
+def _add_loads(drive: Drive, time: float, force: NDArray[np.floating]) -> None:
+    loads, profiles = drive.loads, drive.profiles
+    np.add.at(force, (loads.node, loads.axis), loads.value * factors_at(profiles, time)[loads.profile])
 
 
 def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:

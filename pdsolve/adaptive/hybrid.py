@@ -52,7 +52,6 @@ class Hybrid:
     def __init__(self, plate: Plate, ground: Ground, zone: Zone, drive: Drive) -> None:
         """Bits and cells of the zone are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        self.bits_at_start = zone.bits.copy()
         at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
         inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
         self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
@@ -130,6 +129,11 @@ class Hybrid:
         side_by_side(work, threads)
         return found
 
+    def broken(self) -> arrays.Breaks:
+        """Bonds that broke so far."""
+        (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
+        return arrays.Breaks(step[:count], node[:count], spring[:count])
+
     def told(self) -> Told:
         """What there is to say of the fine zone."""
         zone = self.zone
@@ -183,13 +187,17 @@ class Hybrid:
         kept |= {"holds": zone.holds.value.copy(), "stirs": zone.stirs[: zone.number[STIRS]].copy()}
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
 
+    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.int64]) -> None:
+        """Make these bonds, and no others since the start, broken."""
+        bits, (_, before, before_spring) = self.zone.bits, self.broken()
+        for k in range(len(self.ground.ways) // 2):
+            bits[before[before_spring == k]] |= np.uint64(1) << np.uint64(k)
+            bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+
     def back(self, kept: Kept) -> None:
         """Go back to what was kept."""
-        zone, half = self.zone, len(self.ground.ways) // 2
-        zone.bits[:] = self.bits_at_start
-        node, spring = kept["break_node"], kept["break_spring"]
-        for k in range(half):
-            zone.bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+        zone, node = self.zone, kept["break_node"]
+        self._put_bits(node, kept["break_spring"])
         for nodes in (zone.fine, zone.coarse):
             for array in nodes[:3]:
                 array[:] = 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptive.arrays import AXIS, BORDERS, BREAKS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
+from pdsolve.adaptive.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
 from pdsolve.adaptive.hybrid import Hybrid, Told
 from pdsolve.adaptive.irregular import part_of
 from pdsolve.adaptive.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
@@ -62,12 +62,12 @@ class Shown:
     def _fine_bonds(self) -> NDArray[np.bool_]:
         """Which bonds (k, family) fine nodes have or had, of those whose other node is there too."""
         zone, ground, fine = self.hybrid.zone, self.hybrid.ground, self._fine
-        entry, half = zone.fine.entry[fine // ROW].astype(np.int64), len(ground.ways) // 2
+        entry = zone.fine.entry[fine // ROW].astype(np.int64)
         own = zone.fine.own[np.where(entry < 0, -2 - entry, entry), :, fine % ROW] > 0
-        for k in range(2 * half):
-            owner, mask = (fine if k < half else fine + ground.ways[k]), np.uint64(1) << np.uint64(k % half)
-            own[:, k] |= (self.hybrid.bits_at_start[owner] & ~zone.bits[owner] & mask) != 0
-            own[:, k] &= zone.fine.kind[fine + ground.ways[k]] != IDLE
+        _, node, spring = self.hybrid.broken()
+        own[np.searchsorted(fine, node), spring] = True
+        for k, way in enumerate(ground.ways.tolist()):
+            own[:, k] &= zone.fine.kind[fine + way] != IDLE
         return own
 
     def _coarse_springs(self) -> NDArray[np.bool_]:
@@ -232,12 +232,13 @@ class Shown:
 
     def broken(self, after: int = 0) -> Broken:
         """As in `Operator`."""
-        zone = self.hybrid.zone
-        step, node, spring = (column[: zone.number[BREAKS]] for column in zone.breaks)
+        step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
-        step, node, spring = step[new].astype(np.int64), node[new], spring[new]
-        ends = (node, node + self.hybrid.ground.ways[spring])
-        return Broken(step, *(self._row_of[one].astype(np.int64) for one in ends))
+        source, target = (
+            self._row_of[ends].astype(np.int64)
+            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
+        )
+        return Broken(step[new].astype(np.int64), source, target)
 
     def keep(self) -> Kept:
         """As in `Operator`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
 import stat
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from plates import GLASS, square_grid, two_scale_grid
 
 from pdmesh import Circle, Material, Scene, box, files, ramp
+from pdmesh.grid import building
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of, grid_of
 from pdmesh.model.document import (
@@ -25,6 +27,7 @@ from pdmesh.model.document import (
     GridError,
     Horizon,
     InitialVelocity,
+    Lattice,
     Load,
     Region,
     Run,
@@ -293,3 +296,51 @@ def test_any_damage_to_a_file(data: st.DataObject) -> None:
     here[key] = data.draw(anything)
     with contextlib.suppress(GridError):
         assert info(read_document(json.dumps(whole), "any.json"), "any.json")["nodes"] > 0
+
+
+def test_a_lattice_stands_for_its_nodes(tmp_path: Path) -> None:
+    """A file that holds a lattice has the nodes, cells and edges of one that lists them, and stays as it is."""
+    scene = Scene(box(-0.01, 0, 0.03, 0.02), 1e-3, GLASS, 4.0, Run(adapt="hybrid")).crack(
+        [(-0.01, 0.0105), (0, 0.0105)]
+    )
+    listed, _, _ = build_grid(scene)
+    held = document_of(dataclasses.replace(listed, lattice=Lattice((-0.01, 0.0), 1e-3, 41, 21)), Settings())
+    assert not held.nodes
+    path = tmp_path / "lattice.json"
+    write_file(held, path)
+    grid = grid_of(read_file(path), "lattice")
+    for name in ("ids", "position", "delta", "border", "hole_id", "cracks"):
+        assert np.array_equal(getattr(grid, name), getattr(listed, name)), name
+    assert grid.areas == pytest.approx(listed.areas, rel=1e-12)
+    assert document_of(grid, Settings()) == held
+
+
+def test_a_scene_of_many_nodes_holds_a_lattice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the settings it has where nodes are listed; notched, or to be solved on one lattice, it lists them."""
+    scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS, 4.0, Run(adapt="hybrid")).crack([(0, 0.0105), (0.01, 0.0105)])
+    scene = scene.load("top", traction=(0.0, 1e6), rows=2).fix([(0.0, 0.0), (0.01, 0.0)])
+    listed = building.build(scene)
+    monkeypatch.setattr("pdmesh.grid.whole.MANY", 800)
+    held = building.build(scene)
+    assert held.grid.lattice == Lattice((0.0, 0.0), 1e-3, 41, 21)
+    assert held.settings == listed.settings
+    assert building.build(scene.adapt("none")).grid.lattice is None
+    assert building.build(scene.hole(Circle(0.03, 0.01, 0.003))).grid.lattice is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"nodes": BARE["nodes"]}, "$.lattice: found nodes or areas besides it, expected none"),
+        ({"lattice": {"origin": [0, 0], "spacing": 1, "columns": 10**6, "rows": 10**6}}, "found 1000000000000 nodes"),
+        ({"lattice": {"origin": [1e10, 0], "spacing": 1, "columns": 3, "rows": 3}}, "$.lattice: found 1e+10"),
+        ({"lattice": {"origin": [0, 0], "spacing": 1, "columns": 1, "rows": 3}}, "$.lattice.columns"),
+    ],
+)
+def test_a_lattice_that_is_none(change: dict[str, Any], said: str) -> None:
+    lattice = {"origin": [0, 0], "spacing": 1, "columns": 3, "rows": 3}
+    text = json.dumps({"notch": [], "nodes": [], "lattice": lattice} | change)
+    with pytest.raises(GridError) as raised:
+        grid_of(read_document(text, "plate.json"), "plate.json")
+    assert said in str(raised.value)
+    assert "plate.json" in str(raised.value)

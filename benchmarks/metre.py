@@ -1,0 +1,44 @@
+"""What a plate of 16 million fine nodes takes: python -m benchmarks.metre [SPACING].
+
+Builds geometries/duran_metre.py, 0.25 mm between nodes if not said otherwise, and solves it, each in a process of its
+own, as from the command line; prints wall time, the largest memory of each, and how far the crack has come.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+SCENE = Path(__file__).parent.parent / "geometries" / "duran_metre.py"
+NOTCH = 0.25  # m
+CRACKED = 0.35  # damage of a node on the path
+
+
+def timed(*words: str) -> tuple[float, float]:
+    """Wall time, s, and the largest memory of any process so far, GB, of a command."""
+    began = time.perf_counter()
+    subprocess.run([sys.executable, "-m", *words], check=True)
+    return time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+
+
+def main(spacing: str = "2.5e-4") -> None:
+    """Measure, and say so."""
+    from pdsolve.results import Results
+
+    with tempfile.TemporaryDirectory() as folder:
+        model, output = (str(Path(folder) / name) for name in ("metre.json", "metre.sqlite"))
+        built = timed("pdmesh", "build", str(SCENE), "--set", f"spacing={spacing}", "-o", model)
+        solved = timed("pdsolve", model, "-o", output)
+        with Results.open(Path(output)) as results:
+            last = int(results.frames()[0][-1])
+            tip = results.nodes(last).position[results.field("damage", last) > CRACKED, 0].max()
+    print(f"built in {built[0]:.1f} s, {built[1]:.2f} GB; solved in {solved[0]:.1f} s, {solved[1]:.2f} GB")
+    print(f"together {built[0] + solved[0]:.0f} s; the crack has come {tip - NOTCH:.3f} m")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
