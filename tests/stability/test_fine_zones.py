@@ -98,8 +98,8 @@ def test_zones_too_narrow(failure: Callable[..., None], pdsolve: Callable[..., S
         fails="The struck plate with horizons of 5 and 6 spacings.",
         noticed="The run is stopped (exit code 3), its frames so far kept.",
         says=[runs[5.0].err[-1], runs[6.0].err[-1]],
-        cure=f"Horizons of 3 or 4 spacings, as here: 4 spacings go on, no clipped bond beyond {stretch:.2f} of its limit."
-        " Or `--adapt none`.",
+        cure="Horizons of 3 or 4 spacings, as here: 4 spacings go on, no clipped bond beyond"
+        f" {stretch:.2f} of its limit. Or `--adapt none`.",
     )
 
 
