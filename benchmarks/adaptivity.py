@@ -246,9 +246,10 @@ everywhere and moves cracks, by half a spacing at most, where they would meet a 
 single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on
 as many threads as its nodes are worth, to the same bits.
 
-**When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; and where a
-plate is so small that 12 h around a tip, or what is around its holes, is most of it. A run stops where a clipped bond
-is stretched beyond what breaks it.
+**When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; where a plate
+is so small that 12 h around a tip, or what is around its holes, is most of it; with horizons of more than 4 spacings,
+for which the zone is narrow ([where methods fail](where_methods_fail.md)). A run stops where a clipped bond is
+stretched beyond what breaks it.
 
 "Path off" is the mean two-way distance from the other uniform runs, over the path's length: for uniform runs this is
 how far they are from each other.

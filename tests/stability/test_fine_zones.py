@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Callable
 
+import msgspec
 from failures import Said
 from plates import plate
 from zones import again, rectangle, struck
 
 from pdmesh.model.cloud import Grid
-from pdmesh.model.document import Load, Run
+from pdmesh.model.document import Horizon, Load, Run
 from pdsolve.adaptive.lattice import COARSE, FINE
 from pdsolve.model import Model
 from pdsolve.system import Options, prepare
@@ -77,6 +80,33 @@ def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Calla
         says=stopped.err,
         cure="`--adapt none`: where much of a plate breaks at once, little would stay coarse.",
     )
+
+
+def test_zones_too_narrow(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
+    """Zones that are narrow for their horizon.
+
+    Cells become fine within 8 spacings of what breaks. A horizon of 5 or 6 of them is most of that: bonds that may
+    break end beyond the zone, where they are clipped and cannot.
+    """
+    runs = {ratio: pdsolve(with_horizon(struck("hybrid", steps=85), ratio), "--json") for ratio in (4.0, 5.0, 6.0)}
+    assert [said.code for said in runs.values()] == [0, 3, 3]
+    for ratio in (5.0, 6.0):
+        assert "found a bond at the border of the fine zone stretched to" in runs[ratio].err[-1]
+    stretch = json.loads("\n".join(runs[4.0].out))["hybrid"]["clipped_stretch"]
+    assert stretch < 0.6  # measured 0.52
+    failure(
+        fails="The struck plate with horizons of 5 and 6 spacings.",
+        noticed="The run is stopped (exit code 3), its frames so far kept.",
+        says=[runs[5.0].err[-1], runs[6.0].err[-1]],
+        cure="Horizons of 3 or 4 spacings, as here: 4 spacings go on, no clipped bond beyond"
+        f" {stretch:.2f} of its limit. Or `--adapt none`.",
+    )
+
+
+def with_horizon(model: Model, ratio: float) -> Model:
+    """The same with another horizon over the spacing."""
+    settings = msgspec.structs.replace(model.settings, horizon=Horizon(ratio))
+    return dataclasses.replace(model, settings=settings)
 
 
 def plate_of(grid: Grid, loads: tuple[Load, ...], adapt: str) -> Model:

@@ -118,3 +118,19 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     with pytest.raises(SystemExit):
         main(["plan", str(GEOMETRIES / "duran50.geo"), "--within", "much"])
     assert "found 'much', expected a share such as 2% or 0.02" in capsys.readouterr().err
+
+
+def test_a_fine_zone_that_moves_is_proposed_where_it_takes_fewer_updates(capsys: pytest.CaptureFixture[str]) -> None:
+    """For a crack in a large plate; not without a crack, and not where the solver would refuse it."""
+    drawing = GEOMETRIES / "duran50.geo"
+    scene = read_scene(drawing)
+    found = proposal(scene, 0.05)
+    assert found.adapt == "hybrid"
+    assert found.error <= 0.05
+    two_scales = changed(scene, found.scene.finest, found.scene.horizon)
+    assert promise.updates(found.scene) < 0.7 * promise.updates(two_scales)
+    held = scene.move("left", acceleration=(0.0, -9.81))
+    assert proposal(held, 0.05).adapt == "none"
+    assert proposal(PLATE.hole(Circle(0.05, 0.03, 0.01)), 0.05).adapt == "none"
+    assert main(["plan", str(drawing), "--within", "5%"]) == 0
+    assert "\n  --adapt hybrid\n" in capsys.readouterr().out
