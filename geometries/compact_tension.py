@@ -3,7 +3,8 @@
 Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff discs in place of holes; they turn about
 the node that they are pulled at. The load line is x = 0, and the pins are moved apart by 1 mm a minute.
 Two scales: fine around the pins and along the way of the crack, which is between rows of both.
-Calibrated: nothing. A plane body of bonds in plane strain has nu = 1/4, whatever the material's.
+Calibrated: nothing. A plane body of bonds in plane strain has nu = 1/4, whatever the material's. The ordinary solid
+(`--set model=ordinary`) has that of the material, and no growth: what breaks of it is not followed at rest.
 """
 
 from pdmesh import Circle, Material, Run, Scene, Static, box, ramp
@@ -15,9 +16,18 @@ W = 0.05  # m: from the load line to the back
 crack = 0.025  # m: from the load line to its end
 opening = 6e-4  # m: that the pins are moved apart in the end
 load_steps = 24
+model = "bond"  # or "ordinary"
+nu = 0.36  # of PMMA, for the ordinary solid
 
-pmma = Material(E=3e9, rho=1190, G0=350, plane="strain")
-steel = Material(E=200e9, rho=7850, G0=1e5, plane="strain")
+solid = {"plane": "strain"}
+if model == "bond":
+    pmma, steel = Material(E=3e9, rho=1190, G0=350, **solid), Material(E=200e9, rho=7850, G0=1e5, **solid)
+else:
+    solid |= {"model": model, "failure": "none"}
+    pmma, steel = (
+        Material(E=3e9, rho=1190, G0=350, nu=nu, **solid),
+        Material(E=200e9, rho=7850, G0=1e5, nu=0.3, **solid),
+    )
 half, pin = 0.6 * W - fine / 2, fine * (0.275 * W // fine + 0.5)
 run = Run(solver="static", static=Static(load_steps=load_steps))
 

@@ -49,3 +49,18 @@ def test_a_beam_of_steel_flows() -> None:
     share = np.where(np.abs(y[middle]) > 0.0499, 0.5, 1.0) * y[middle] * 0.01  # cells at the edges are halves
     found = [float((one * share).sum() / 46.8787e4) for one in stress]
     assert found == pytest.approx([0.978, 1.415, 1.501, 1.537], abs=0.003)  # ten spacings high
+
+
+def test_a_square_bends_and_turns_as_it_is_said_to() -> None:
+    """Its middle by 30 degrees less half of a radian."""
+    with solved("bent_square.py") as results:
+        last = int(results.frames()[0][-1])
+        X, Y = results.nodes().position.T
+        u = np.column_stack([results.field(name, last) for name in ("ux", "uy")])
+        middle = np.abs(results.nodes().position - 0.5).max(axis=1) < 1e-9
+        (turned,) = np.degrees(results.field("rotation", last)[middle])
+    c, s, r = np.cos(np.pi / 6), np.sin(np.pi / 6), 0.5 + Y
+    x, y = r * np.sin(X), r * np.cos(X) - 0.5
+    off = u - np.column_stack([c * x - s * y - X, s * x + c * y - Y])
+    assert turned == pytest.approx(30 - np.degrees(0.5), abs=1e-3)  # measured 1.35211 of 1.35211
+    assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(2.16e-5, rel=0.02)

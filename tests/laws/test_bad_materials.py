@@ -1,0 +1,69 @@
+"""Materials that cannot be: one line that names file and place, exit code 2, and nothing written."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from plates import GLASS, plate, square_grid
+
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import Run, Velocity, write_file
+from pdsolve.__main__ import main
+from pdsolve.measures import books
+from pdsolve.system import Options, prepare
+
+FAMILY = ["material.model=correspondence", "material.nu=0.2"]
+FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_stress=1e8"]
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (
+            ["material.model=ordinary", "material.nu=0.5"],
+            "$.material.nu: found 0.5, expected Poisson's ratio below 0.5",
+        ),
+        (["material.model=micropolar", "material.nu=0.34"], "$.material.nu: found 0.34, expected 0.3333 at most"),
+        ([*FAMILY, "material.order=7"], "$.material.order: found 7, expected 4 at most"),
+        ([*FAMILY, "material.order=8"], "material.order"),
+        ([*FLOWS, "material.yield_stress=0"], "material.yield_stress"),
+        ([*FLOWS, "material.hardening=-1e9"], "$.material.hardening: found -1e+09, expected 0 Pa or more"),
+    ],
+)
+def test_a_material_that_cannot_be(
+    said: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plate.json"
+    made = plate(square_grid(21, 15), 3, run=Run(steps=10))
+    write_file(document_of(made.grid, made.settings), path)
+    settings = [part for each in said for part in ("--set", each)]
+    assert main([str(path), *settings, "-o", str(tmp_path / "plate.sqlite")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("pdsolve: ")
+    assert words in line
+    assert "expected" in line.lower()
+    assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
+
+
+@pytest.mark.parametrize("control", ["silling", "none"])
+def test_families_that_become_singular_hold_nothing(control: str) -> None:
+    """A plate torn to pieces, down to nodes without a bond: nothing is but a number, and momentum is kept."""
+    solid = {"model": "correspondence", "nu": 0.3, "failure": "stretch", "G0": 0.5, "control": control}
+    ends = tuple(
+        Velocity(box=(-1.0, low, 1.0, high), y=speed, breakable=True)
+        for low, high, speed in ((-1.0, 1e-4, -20.0), (8.9e-3, 1.0, 20.0))
+    )
+    grid = square_grid(15, 10)
+    grid = dataclasses.replace(grid, cracks=np.array([[-1.0, 4.5e-3, 5e-3, 4.5e-3]]))
+    model = plate(grid, 2, material=msgspec.structs.replace(GLASS, **solid), conditions=ends)
+    system, state = prepare(model, Options(threads=1))
+    system.stepper.march(state, 1, 300)
+    left = system.count - np.bincount(system.operator.broken().source, minlength=len(grid))
+    assert left.min() <= 2 < system.count.min()
+    assert all(np.isfinite(column).all() for column in state)
+    assert np.isfinite(books(system, state, 299)).all()
+    assert all(np.isfinite(values).all() for values in system.operator.fields(state).values())
