@@ -94,3 +94,19 @@ def _refuse_loads(model: Model) -> None:
             f"{model.name}: $.conditions: found none that loads the plate at any load step, expected a load or a"
             " displacement that is not 0"
         )
+
+
+def followed_at_rest(model: Model, breaks: bool) -> None:
+    """Raises ModelError for a state-based model that cannot be solved at rest: what it would remember or break is not
+    followed there."""
+    for number, material in enumerate(model.materials):
+        expected = {
+            "model": "one without rotations" if material.model == "micropolar" else None,
+            "solid": "one that does not flow" if material.solid == "j2" else None,
+            "form": "'total'" if material.form == "rate" else None,
+            "failure": "'none'" if breaks and material.model != "bond" and material.failure != "none" else None,
+        }
+        for name, what in expected.items():
+            if what is not None:
+                found, place = getattr(material, name), model.place_of(number)
+                raise ModelError(f"{place}.{name}: found '{found}', expected {what} at rest with '{material.model}'")

@@ -24,7 +24,7 @@ from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
-from pdsolve.loading import in_load_steps
+from pdsolve.loading import followed_at_rest, in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
@@ -257,25 +257,9 @@ def widened(driven: Drive, width: int) -> Drive:
     )
 
 
-def _refuse_rest(model: Model, breaks: bool) -> None:
-    """Raises ModelError for a state-based model that cannot be solved at rest: what it would remember or break is not
-    followed there."""
-    for number, material in enumerate(model.materials):
-        expected = {
-            "model": "one without rotations" if material.model == "micropolar" else None,
-            "solid": "one that does not flow" if material.solid == "j2" else None,
-            "form": "'total'" if material.form == "rate" else None,
-            "failure": "'none'" if breaks and material.model != "bond" and material.failure != "none" else None,
-        }
-        for name, what in expected.items():
-            if what is not None:
-                found, place = getattr(material, name), model.place_of(number)
-                raise ModelError(f"{place}.{name}: found '{found}', expected {what} at rest with '{material.model}'")
-
-
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
     """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
-    _refuse_rest(model, breaks)
+    followed_at_rest(model, breaks)
     lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
     filling = lasting.filling()
     operator, survey = _operator(model, options, scheme, filling)

@@ -48,8 +48,11 @@ def plate_of(model: Model, mode: str, precision: str) -> Plate:
     if settings.horizon.ratio > LARGEST:
         raise _refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {LARGEST:g}")
     for number, material in enumerate(model.materials):
+        place = "$.material" if number == 0 else f"$.regions[{number - 1}].material"
+        if material.model != "bond":
+            raise _refused(model, f"{place}.model", material.model, "bond")
         if material.micromodulus != model.materials[0].micromodulus:
-            place = f"$.regions[{number - 1}].material.micromodulus"
+            place = f"{place}.micromodulus"
             raise _refused(model, place, material.micromodulus, f"{model.materials[0].micromodulus}, as elsewhere")
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Acceleration | Absorb):

@@ -177,6 +177,10 @@ class Shown:
         self._strain = float(held.sum())
         return held / self.area, np.zeros_like(held)
 
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """As in `Operator`."""
+        return {}
+
     def books(self) -> tuple[float, float, float, float, float, float]:
         """Kinetic, strain and dissipated energy, work, J/m, and momentum, N s/m, when `energies` were asked for."""
         kinetic, x, y = self.hybrid.motion().tolist()

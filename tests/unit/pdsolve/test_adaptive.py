@@ -20,7 +20,8 @@ from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.drawing.sources import build, read_scene
 from pdmesh.drawing.units import UNITS
 from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Absorb, Acceleration, Region, Run, read_file, write_file
+from pdmesh.model.document import Absorb, Acceleration, Material, Region, Run, read_file, write_file
+from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptive.family import coarse_springs, fine_springs, stretches
 from pdsolve.adaptive.plate import plate_of
 from pdsolve.model import Model, ModelError
@@ -41,6 +42,10 @@ def off_lattice() -> Grid:
     return grid
 
 
+STATE_BASED = [
+    msgspec.structs.replace(GLASS, model=name, nu=nu)
+    for name, nu in (("ordinary", 0.3), ("correspondence", 0.3), ("micropolar", 0.2))
+]
 REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(GLASS, micromodulus="constant"))
 EDGE = Absorb(box=(0.0, 0.0, 0.01, 0.01))
 PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
@@ -93,6 +98,18 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
         first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("material", STATE_BASED, ids=lambda material: str(material.model))
+def test_other_models_are_refused(material: Material, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the command too, in one line that names the file and the place, before anything is written."""
+    whole = document_of(cracked(), msgspec.structs.replace(plate(cracked(), 4).settings, material=material))
+    path = tmp_path / "plate.json"
+    write_file(whole, path)
+    assert solve_command([str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]) == 2
+    words = f"$.material.model: found {material.model}, expected bond, as run.adapt is hybrid"
+    assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
 
 
 def test_scenes_and_drawings_may_ask_for_it() -> None:
