@@ -25,6 +25,7 @@ from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.blocks import families
 from pdsolve.operators.blocks.kernel import energy_densities
 from pdsolve.operators.blocks.layout import blocks_of
 from pdsolve.operators.blocks.operator import InBlocks
@@ -335,13 +336,15 @@ def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) 
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
+    survey, threads = Survey(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
+    bonds = listed(survey.parts(), filling.area).bonds
+    where = families.placed(law, bonds) if options.kernel != "listed" and compiled else None
+    if where is not None:
+        of = law, model, bonds, scheme.symmetric, options.precision, threads
+        return families.Families(*of, where), survey
     if options.kernel == "blocks":
         raise ModelError(
-            "kernel: found nodes without a lattice, a law that is no pair's, or code that is not compiled, expected"
-            " others for blocks"
+            "kernel: found nodes without a lattice, a law that blocks do not know, or code that is not compiled,"
+            " expected others for blocks"
         )
-    survey = Survey(filling, scheme.symmetric)
-    bonds = listed(survey.parts(), filling.area).bonds
-    return Listed(
-        law, model, bonds, scheme.symmetric, options.precision, threads_of(options, len(model.grid), False)
-    ), survey
+    return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

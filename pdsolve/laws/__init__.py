@@ -7,7 +7,7 @@ from types import ModuleType
 
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Material
-from pdsolve.laws import bilinear, breitzman_dayal, brittle, correspondence, gradients, micropolar, ordinary
+from pdsolve.laws import bilinear, breitzman_dayal, brittle, correspondence, gradients, micropolar, ordinary, wan
 from pdsolve.laws.possible import refuse
 from pdsolve.model import Model, ModelError, ModelWarning
 
@@ -49,6 +49,8 @@ def _named(material: Material, place: str) -> tuple[str, ModuleType]:
     if material.model != "bond":
         if material.control == "breitzman-dayal":
             return f"{material.model} with {material.control}", breitzman_dayal
+        if material.control == "wan":
+            return f"{material.model} with {material.control}", wan
         if material.order > 1 or material.constant_term:
             return f"{material.model} of order {material.order}", gradients
         return material.model, MODELS[material.model]

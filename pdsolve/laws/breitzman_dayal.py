@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from pdsolve.bonds import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.correspondence import ENERGY, NEVER, STRESS, STRETCH
-from pdsolve.laws.law import INNER, List
+from pdsolve.laws.law import INLINE, List
 from pdsolve.laws.materials.solid import Solid, holds, respond
+from pdsolve.laws.principal import largest
 from pdsolve.model import Model
 
 
@@ -117,7 +118,7 @@ def close_again(law, i, m, more):  # type: ignore[no-untyped-def]
             m[i, d * a + b] = total
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _share(law, i, j):  # type: ignore[no-untyped-def]
     """How much of the mean gradient is node i's."""
     if law.inverse[i, 0] == 0:
@@ -125,7 +126,7 @@ def _share(law, i, j):  # type: ignore[no-untyped-def]
     return 0.5 if law.inverse[j, 0] != 0 else 1.0
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     """H of a bond, nine."""
     d, s, t = len(bond.xi), _share(law, i, j), _share(law, j, i)
@@ -155,7 +156,7 @@ def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     """P_i / w_i + P_j / w_j, nine."""
     h = _gradient(law, bond, m, i, j)
@@ -175,7 +176,7 @@ def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def _component(law, bond, P, m, i, j, k, a):  # type: ignore[no-untyped-def]
     d, f = len(bond.xi), m[i, 0] * 0
     for b in range(d):
@@ -201,7 +202,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure == STRESS:
         s = respond(law.solid, i, _gradient(law, bond, m, i, j)).sigma
         t = respond(law.solid, j, _gradient(law, bond, m, i, j)).sigma
-        return correspondence.largest(law.d, s, t) > law.limit[k]
+        return largest(law.d, s, t) > law.limit[k]
     if bond.stretch <= 0:
         return False
     if law.failure == STRETCH:

@@ -12,8 +12,6 @@ in which neighbours move against each other, have no energy without it.
     silling   G c pi / (horizon sum w) in the plane, c = 9 E / pi horizon^3; in space G c 4 pi / 3 sum w, c = 12 E / pi
               horizon^4, times I (S. A. Silling, Comput. Methods Appl. Mech. Eng. 322 (2017) 42-57), by the lattice's
               own sums
-    wan       C : K^-1, C the tensor of elasticity (J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019)
-              1021-1034); where a family is not the same all around it makes a torque, as it does not turn with the node
     none      nothing
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
@@ -30,8 +28,27 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
-from pdsolve.laws.law import INLINE, INNER, List
-from pdsolve.laws.materials.solid import ALPHA_RATE, ALPHA_TOTAL, J2, Solid, holds, keep, respond, solid_of
+from pdsolve.laws.law import INLINE, INNER, List, Tabled, list_of
+from pdsolve.laws.law import exchange as force_of
+from pdsolve.laws.law import numbers as numbers_of
+from pdsolve.laws.law import shows as shown_of
+from pdsolve.laws.lists import shapes
+from pdsolve.laws.materials.solid import (
+    ALPHA_RATE,
+    ALPHA_TOTAL,
+    J2,
+    LINEAR,
+    SVK,
+    Solid,
+    elastic,
+    holds,
+    keep,
+    respond,
+    solid_of,
+)
+from pdsolve.laws.materials.tensors import det
+from pdsolve.laws.principal import principal
+from pdsolve.laws.small import blank_square, mapped, product, square, summed, with_dyad
 from pdsolve.model import Model
 
 NODE_MEMORY = ("history",)
@@ -52,7 +69,6 @@ class Law(NamedTuple):
     history: NDArray[np.floating]  # that of the solid
     failure: int
     least: float  # the least limit of all
-    wan: bool
     d: int
 
 
@@ -73,10 +89,9 @@ def columns(model: Model, bonds: Bonds) -> Law:
         history=solid.history,
         failure=FAILURES.get(first.failure, NEVER),
         least=float(bonds.limit.min(initial=np.inf)),
-        wan=first.control == "wan",
         d=d,
     )
-    mend(law, List(bonds.start, bonds.neighbour, tuple(bonds.xi.T)), np.arange(nodes))
+    mend(law, list_of(bonds), np.arange(nodes))
     return law
 
 
@@ -97,24 +112,6 @@ def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
     sound = values[:, 0] > FLAT * values.sum(axis=1)
     law.inverse[rows] = 0
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
-
-
-def shapes(
-    bonds: List, weight: NDArray[np.floating], broken: NDArray[np.int32], rows: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """K (k, d, d) of these nodes, from the bonds that are left."""
-    counts = bonds.start[rows + 1] - bonds.start[rows]
-    which = (
-        np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
-    )
-    own, d = np.repeat(np.arange(len(rows)), counts), len(bonds.xi)
-    w = np.where(broken[which] == 0, weight[which], 0.0).astype(float)
-    xi = [x[which].astype(float) for x in bonds.xi]
-    K = np.empty((len(rows), d, d))
-    for a in range(d):
-        for b in range(a, d):
-            K[:, a, b] = K[:, b, a] = np.bincount(own, w * xi[a] * xi[b], minlength=len(rows))
-    return K
 
 
 def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
@@ -147,35 +144,42 @@ def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, N
     return found
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-    if law.broken[k] == 0:
-        d, w = len(bond.xi), law.weight[k]
-        for a in range(d):
-            for b in range(d):
-                m[i, d * a + b] += w * bond.eta[a] * bond.xi[b]
+def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
+    return law.weight[k], law.control[i] + law.control[j]
+
+
+def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+    return blank_square(xi, none)
+
+
+def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    return with_dyad(sums, c[0], bond.eta, bond.xi)
 
 
 def close(law, i, m):  # type: ignore[no-untyped-def]
+    P, d = stressed(law, i, m, law.d * law.d), law.d
+    for a in range(d):
+        for b in range(d):
+            total = -law.control[i] * m[i, d * (d + a) + b]
+            for c in range(d):
+                total += P[3 * a + c] * law.inverse[i, d * c + b]
+            m[i, d * a + b] = total
+
+
+@njit(**INLINE)
+def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
+    """From the sums of node i its gradient, which goes to m[i] from `at` on, stress and J behind it; and P."""
     d = law.d
-    g = d * d
     for a in range(d):
         for b in range(d):
             total = m[i, 0] * 0
             for c in range(d):
                 total += m[i, d * a + c] * law.inverse[i, d * c + b]
-            m[i, g + d * a + b] = total
-    P = answer(law, i, m, g)
-    for a in range(d):
-        for b in range(d):
-            total = m[i, 0] * 0
-            for c in range(d):
-                total += P[3 * a + c] * law.inverse[i, d * c + b]
-                if law.wan:
-                    total -= _wan(law, i, a, c) * m[i, g + d * c + b]
-            m[i, d * a + b] = total - law.control[i] * m[i, g + d * a + b]
+            m[i, at + d * a + b] = total
+    return answer(law, i, m, at)
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def answer(law, i, m, at):  # type: ignore[no-untyped-def]
     """P, nine, of the gradient in m[i] from `at` on; puts stress and J behind it."""
     d = law.d
@@ -190,7 +194,7 @@ def answer(law, i, m, at):  # type: ignore[no-untyped-def]
     return found.P
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
     """The gradient in m[i] from `at` on, nine."""
     none = m[i, at] * 0
@@ -209,84 +213,104 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(**INNER)
-def _wan(law, i, a, b):  # type: ignore[no-untyped-def]
-    """C : K^-1, one component of a node's."""
-    found = 2 * law.solid.shear[i] * law.inverse[i, law.d * a + b]
-    if a == b:
-        first = law.solid.first[i]
-        if law.solid.plane_stress:
-            first *= 2 * law.solid.shear[i] / (first + 2 * law.solid.shear[i])
-        for c in range(law.d):
-            found += first * law.inverse[i, (law.d + 1) * c]
-    return found
+def tabled(law: Law, bonds: Bonds) -> Tabled:
+    """What blocks want of bonds (b,)."""
+    own = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
+    return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), shown=4)
+
+
+def watched(law: Law, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
+    """These columns, and limits of what is looked at bond by bond."""
+    if law.failure in (NEVER, STRESS):
+        return Tabled(columns, shown, False)
+    limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
+    return Tabled((*columns, limit), shown, True)
+
+
+def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    return looked_at(law, bond, c, here, there)
 
 
 @njit(**INLINE)
-def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
-    """One component of the force density of bond k on node i."""
-    d = len(bond.xi)
-    f = (law.control[i] + law.control[j]) * bond.eta[a]
-    for b in range(d):
-        f += (m[i, d * a + b] + m[j, d * a + b]) * bond.xi[b]
-        if law.wan:
-            f += (_wan(law, i, a, b) + _wan(law, j, a, b)) * bond.eta[b]
-    return law.weight[k] * f
+def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    """As `nears`."""
+    f = force_of(law, bond, c, here, there)
+    along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
+    found = along * bond.elongation * bond.inverse
+    if law.failure == STRETCH:
+        found = bond.stretch
+    return found, c[len(c) - 1]
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-    if law.broken[k] == 0:
-        for a in range(len(bond.xi)):
-            f[a] += _component(law, bond, m, i, j, k, a)
+def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+    """What `finish` wants of nodes: K^-1, lambda, mu, Z."""
+    return np.vstack([law.inverse[rows].T, law.solid.first[rows], law.solid.shear[rows], law.control[rows]])
 
 
-@njit(**INNER)
-def principal(law, m, i, j, at):  # type: ignore[no-untyped-def]
-    """The largest principal value of the mean of two nodes' stresses, which are in m from `at` on."""
-    if law.d == 2:
-        none = m[i, at] * 0
-        s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], none, none)
-        t = (m[j, at], m[j, at + 1], m[j, at + 2], m[j, at + 3], none, none)
-    else:
-        s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], m[i, at + 4], m[i, at + 5])
-        t = (m[j, at], m[j, at + 1], m[j, at + 2], m[j, at + 3], m[j, at + 4], m[j, at + 5])
-    return largest(law.d, s, t)
+def by_lanes(law: Law) -> bool:
+    """Where all nodes are of one solid without a history."""
+    kind = law.solid.kind
+    return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
 
 
-@njit(**INNER)
-def largest(d, s, t):  # type: ignore[no-untyped-def]
-    """The largest principal value of the mean of two stresses, six each; in the plane, of those in it."""
-    xx, yy, zz, xy = (s[0] + t[0]) / 2, (s[1] + t[1]) / 2, (s[2] + t[2]) / 2, (s[3] + t[3]) / 2
-    if d == 2:
-        return (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    xz, yz = (s[4] + t[4]) / 2, (s[5] + t[5]) / 2
-    q = (xx + yy + zz) / 3  # O. K. Smith, Commun. ACM 4 (1961) 168
-    a, b, c = xx - q, yy - q, zz - q
-    p = np.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
-    if p == 0:
-        return q
-    half = (a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)) / (2 * p * p * p)
-    return q + 2 * p * np.cos(np.arccos(min(1.0, max(-1.0, half))) / 3)
+def finish(law, sums, own):  # type: ignore[no-untyped-def]
+    H, found = closed(law, sums, own)
+    P, Z = found.P, own[6]
+    A = product((P[0], P[1], P[3], P[4]), own[:4])
+    s = found.sigma
+    return (
+        *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
+        *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], det(found.F)),
+    )
+
+
+@njit(**INLINE)
+def closed(law, sums, own):  # type: ignore[no-untyped-def]
+    """The gradient of a node, four, and its response, from its sums and what stands."""
+    H, none = product(sums, own[:4]), sums[0] * 0.0
+    h = (H[0], H[1], none, H[2], H[3], none, none, none, none)
+    return H, elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
+
+
+def shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+    return square(m, i, 0, xi)
+
+
+def exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    return mapped(c[0], summed(here, there), bond.xi, c[1], bond.eta)
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
+    return may_fail(law, i, m, 2 * law.d * law.d)
+
+
+@njit(**INNER)
+def may_fail(law, i, m, at):  # type: ignore[no-untyped-def]
+    """Whether a bond of node i may fail, whose stress is in m from `at` on."""
     if law.failure == STRESS:  # the largest principal value is convex: of a mean, one end has no less
-        return principal(law, m, i, i, 2 * law.d * law.d) > law.least
+        return principal(law, m, i, i, at) > law.least
     return law.failure != NEVER
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return failing(law, bond, m, i, j, k, 2 * law.d * law.d)
+
+
+@njit(**INLINE)
+def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
+    """Whether a bond fails; stresses are in m from `at` on."""
     if law.broken[k] != 0:
         return False
     if law.failure == STRESS:
-        return principal(law, m, i, j, 2 * law.d * law.d) > law.limit[k]
+        return principal(law, m, i, j, at) > law.limit[k]
     if bond.stretch <= 0:
         return False
     if law.failure == STRETCH:
         return bond.stretch > law.limit[k]
-    along = bond.stretch * 0
+    c = numbers_of(law, i, j, k)
+    f, along = force_of(law, bond, c, shown_of(law, bond.xi, m, i), shown_of(law, bond.xi, m, j)), bond.stretch * 0
     for a in range(len(bond.xi)):
-        along += _component(law, bond, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
+        along += f[a] * (bond.xi[a] + bond.eta[a])
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
 
 
@@ -305,9 +329,6 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     for a in range(d):
         rest = deviation(bond, m, i, d * d, a)
         held += law.control[i] * rest * rest
-        if law.wan:
-            for b in range(d):
-                held += _wan(law, i, a, b) * rest * deviation(bond, m, i, d * d, b)
     return law.weight[k] * held / 2, 0.0
 
 

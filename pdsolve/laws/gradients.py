@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from pdsolve.bonds import Bonds, find
 from pdsolve.laws import correspondence
 from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
-from pdsolve.laws.law import INLINE, INNER, List
+from pdsolve.laws.law import INLINE, INNER, List, list_of
 from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
+from pdsolve.laws.principal import principal
 from pdsolve.model import Model, ModelError
 
 NODE_MEMORY = ("history",)
@@ -88,7 +89,7 @@ def columns(model: Model, bonds: Bonds) -> Law:
         carried=np.zeros(nodes, np.int64),
         d=d,
     )
-    mend(law, List(bonds.start, bonds.neighbour, tuple(bonds.xi.T)), np.arange(nodes))
+    mend(law, list_of(bonds), np.arange(nodes))
     if nodes and law.carried.max() < first.order:
         raise ModelError(
             f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
@@ -212,7 +213,7 @@ def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
     if law.failure == STRESS:
-        return correspondence.principal(law, m, i, i, _stresses(law)) > law.least
+        return principal(law, m, i, i, _stresses(law)) > law.least
     return law.failure != NEVER
 
 
@@ -220,7 +221,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return False
     if law.failure == STRESS:
-        return correspondence.principal(law, m, i, j, _stresses(law)) > law.limit[k]
+        return principal(law, m, i, j, _stresses(law)) > law.limit[k]
     if bond.stretch <= 0:
         return False
     if law.failure == STRETCH:

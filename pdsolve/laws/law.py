@@ -21,6 +21,23 @@ cost is what their nodes held before and do not hold after. Such a law may say i
 
 and, not compiled, `mend(law, bonds, rows)`, which brings columns up to date at nodes (k,) whose bonds have failed.
 
+A law says its two passes best without numbers of bonds and nodes, in tuples that stay in registers, instead of
+`gather` and `pull`:
+
+    numbers  what the columns have of bond k
+    nothing  what a node's sums begin with
+    say      those sums and what a bond says more
+    shows    what neighbours see of a closed node, from its row of `m`
+    exchange the force density of a bond on its node, from what both ends show
+
+Such a law can be summed in blocks, where a number is that of many lanes, if it says besides
+
+    finish   what a node has between the passes, as `close`, from its sums and what `standing` has of it
+    nears    what of a bond must not be above what
+
+and, not compiled, `tabled`, the numbers of all bonds, the first never 0; `standing`; and `by_lanes`, whether `finish`
+can stand for `close`.
+
 Symbols, for the bond k from node i to node j:
     xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
     q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
@@ -37,51 +54,64 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import numpy as np
-from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-# Of functions that only compiled code calls: no references are counted, and divisions are numpy's
-INNER: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
-INLINE = INNER | {
-    "forceinline": True
-}  # of those that see every bond: to pass a law's columns on takes longer than to use them
-
-
-class List(NamedTuple):
-    """Bonds as loops read them, those of node i at start[i]:start[i + 1]; b of them, in d dimensions."""
-
-    start: NDArray[np.int64]  # (n + 1,)
-    neighbour: NDArray[np.int32]  # (b,)
-    xi: tuple[NDArray[np.floating], ...]  # d times (b,), m; a tuple, as compilers know its length
-
-
-class Now(NamedTuple):
-    """The state at a step as loops read it; n nodes, w components of all unknowns."""
-
-    value: NDArray[Any]  # (n, w)
-    rate: NDArray[Any]  # (n, w) per s; within a step the mean since the last one
-    step: int
-    dt: float  # s since the last step, 0 at rest
-
-
-class Bond(NamedTuple):
-    """One deformed bond."""
-
-    xi: tuple[Any, ...]
-    eta: tuple[Any, ...]
-    length: Any  # |xi|, m
-    q: Any
-    stretch: Any
-
+from pdsolve.laws.lists import INLINE as INLINE
+from pdsolve.laws.lists import INNER as INNER
+from pdsolve.laws.lists import Bond as Bond
+from pdsolve.laws.lists import List as List
+from pdsolve.laws.lists import Now as Now
+from pdsolve.laws.lists import Tabled as Tabled
+from pdsolve.laws.lists import deformed as deformed
+from pdsolve.laws.lists import list_of as list_of
+from pdsolve.laws.lists import stretch_before as stretch_before
 
 Function = Callable[..., Any]
+TUPLES = ("numbers", "nothing", "say", "shows", "exchange", "finish", "nears")
 
 
 def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
     """Add to m[i] what bond k says of node i's family."""
     _said[type(law)].gather(law, bond, now, i, j, k, m)
+
+
+def numbers(law: Any, i: Any, j: Any, k: Any) -> tuple[Any, ...]:
+    """What the columns have of bond k."""
+    return tuple(_said[type(law)].numbers(law, i, j, k))
+
+
+def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
+    """What sums begin with; `none` is the 0 they are made of."""
+    return tuple(_said[type(law)].nothing(law, xi, none))
+
+
+def say(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The sums and what a bond with the numbers c says of its node's family."""
+    return tuple(_said[type(law)].say(law, bond, c, sums))
+
+
+def shows(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
+    """What neighbours see of node i."""
+    return tuple(_said[type(law)].shows(law, xi, m, i))
+
+
+def exchange(
+    law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
+) -> tuple[Any, ...]:
+    """The force density of a bond with the numbers c on its node, N/m^3, from what both ends show."""
+    return tuple(_said[type(law)].exchange(law, bond, c, here, there))
+
+
+def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
+    """What nodes have between the passes."""
+    return tuple(_said[type(law)].finish(law, sums, own))
+
+
+def nears(law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]) -> tuple[Any, Any]:
+    """What of a bond must not be above what."""
+    found, limit = _said[type(law)].nears(law, bond, c, here, there)
+    return found, limit
 
 
 def close(law: Any, i: int, m: NDArray[Any]) -> None:
@@ -150,6 +180,13 @@ class _Said(NamedTuple):
     fails: Function
     remember: Function
     hold: Function
+    numbers: Function
+    nothing: Function
+    say: Function
+    shows: Function
+    exchange: Function
+    finish: Function
+    nears: Function
 
 
 def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -200,7 +237,7 @@ def bind(law: ModuleType) -> None:
         getattr(law, "gather", _gather_nothing),
         getattr(law, "close", _close_nothing),
         getattr(law, "age", _remember_nothing),
-        law.pull,
+        getattr(law, "pull", _not_said),
         law.energy,
         getattr(law, "gather_again", _gather_nothing_again),
         getattr(law, "close_again", _close_nothing_again),
@@ -208,10 +245,21 @@ def bind(law: ModuleType) -> None:
         getattr(law, "fails", _fail_never),
         getattr(law, "remember", _remember_no_node),
         getattr(law, "hold", _hold_nothing),
+        *(getattr(law, name, _not_said) for name in TUPLES),
     )
 
     _bind_bonds(kind, said)
     _bind_families(kind, said)
+    if in_tuples(law):
+        _bind_tuples(kind, said)
+
+
+def in_tuples(law: ModuleType) -> bool:
+    """Whether a law says its passes so."""
+    return hasattr(law, "exchange")
+
+
+def _not_said(*_: Any) -> Any: ...
 
 
 def _chosen(found: Any, kind: type, function: Function) -> Function | None:
@@ -245,7 +293,7 @@ def _bind_bonds(kind: type, said: _Said) -> None:
 def _bind_families(kind: type, said: _Said) -> None:
     """What only those with a first pass may."""
 
-    @overload(gather_again, jit_options=INNER)
+    @overload(gather_again, jit_options=INLINE)
     def _gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
         return _chosen(law, kind, said.gather_again)
 
@@ -270,49 +318,33 @@ def _bind_families(kind: type, said: _Said) -> None:
         return _chosen(law, kind, said.hold)
 
 
-@njit(**INNER)
-def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
-    """Bond k, from node i to node j, at these values."""
-    xi, eta = _reference(bonds.xi, k), _difference(bonds.xi, value, i, j)
-    squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
-    for a in range(1, len(xi)):
-        squared += xi[a] * xi[a]
-        along += xi[a] * eta[a]
-    e = 2 * along + more
-    for a in range(1, len(xi)):
-        e += eta[a] * eta[a]
-    e /= squared
-    q = np.sqrt(1 + e)
-    return Bond(xi, eta, np.sqrt(squared), q, e / (q + 1))
+def _bind_tuples(kind: type, said: _Said) -> None:
+    """What those that say their passes in tuples do."""
 
+    @overload(numbers, jit_options=INLINE)
+    def _numbers(law, i, j, k):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.numbers)
 
-@njit(**INNER)
-def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
-    """The stretch of the bond from i to j one step ago."""
-    squared = now.dt * 0
-    for a in range(len(bond.xi)):
-        x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (now.rate[j, a] - now.rate[i, a])
-        squared += x * x
-    return np.sqrt(squared) / bond.length - 1
+    @overload(nothing, jit_options=INLINE)
+    def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.nothing)
 
+    @overload(say, jit_options=INLINE)
+    def _say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.say)
 
-def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
-    return tuple(component[k] for component in xi)
+    @overload(shows, jit_options=INLINE)
+    def _shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.shows)
 
+    @overload(exchange, jit_options=INLINE)
+    def _exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.exchange)
 
-def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: int) -> tuple[Any, ...]:
-    return tuple(value[j, : len(xi)] - value[i, : len(xi)])
+    @overload(finish, jit_options=INLINE)
+    def _finish(law, sums, own):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.finish)
 
-
-@overload(_reference, jit_options=INNER)
-def _reference_of(xi, k):  # type: ignore[no-untyped-def]
-    if len(xi) == 2:
-        return lambda xi, k: (xi[0][k], xi[1][k])
-    return lambda xi, k: (xi[0][k], xi[1][k], xi[2][k])
-
-
-@overload(_difference, jit_options=INNER)
-def _difference_of(xi, value, i, j):  # type: ignore[no-untyped-def]
-    if len(xi) == 2:
-        return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1])
-    return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1], value[j, 2] - value[i, 2])
+    @overload(nears, jit_options=INLINE)
+    def _nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said.nears)

@@ -32,7 +32,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.continuum import bulk_modulus
 from pdsolve.bonds import Bonds, find
-from pdsolve.laws.law import INLINE
+from pdsolve.laws.law import INLINE, Tabled
+from pdsolve.laws.law import numbers as numbers_of
+from pdsolve.laws.law import shows as shown_of
+from pdsolve.laws.small import along
 from pdsolve.model import Model
 
 ROWS = 3  # theta, p, and what p is made of
@@ -48,8 +51,8 @@ class Law(NamedTuple):
     shear: NDArray[np.floating]  # (n,) 2 mu, Pa
     dilating: NDArray[np.floating]  # (b,) D_ij, 1/m
     dilating_back: NDArray[np.floating]  # (b,) D_ji V_j / V_i
-    shearing: NDArray[np.floating]  # (b,) S_ij, 1/m^2
-    shearing_back: NDArray[np.floating]  # (b,) S_ji V_j / V_i
+    shearing: NDArray[np.floating]  # (b,) 2 mu_i S_ij, Pa/m^2
+    shearing_back: NDArray[np.floating]  # (b,) 2 mu_j S_ji V_j / V_i
     weight: NDArray[np.floating]  # (b,) w, m^d
     limit: NDArray[np.floating]  # (b,) stretch or energy, J/m^(3 d), at which the bond fails
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
@@ -65,6 +68,7 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Law:
     own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     back = find(bonds, bonds.neighbour.astype(np.int64), own)
     ratio = exact.weight / exact.weight[back]  # V_j / V_i, as influence and share are the same both ways
+    shearing = shear[own] * shearing
     every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
     numbers = [np.asarray(column, dtype=kind) for column in every]
@@ -164,16 +168,80 @@ def _sources(bonds: Bonds) -> NDArray[np.int64]:
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-    if law.broken[k] == 0:
-        e = bond.length * bond.stretch
-        m[i, 0] += law.dilating[k] * e
-        m[i, 1] += law.shearing[k] * bond.length * e
-        m[i, 2] += law.shearing[k] * bond.length * bond.length
+def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
+    return (
+        law.shearing[k],
+        law.shearing_back[k],
+        law.dilating[k],
+        law.dilating_back[k],
+    )
+
+
+def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+    return none, none, none
+
+
+def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    e, moment = bond.elongation, c[0] * bond.length
+    return sums[0] + c[2] * e, sums[1] + moment * e, sums[2] + moment * bond.length
 
 
 def close(law, i, m):  # type: ignore[no-untyped-def]
-    m[i, 1] = law.bulk[i] * m[i, 0] - law.shear[i] / law.d * (m[i, 1] - m[i, 0] / law.d * m[i, 2])
+    m[i, 1] = pressure(law.bulk[i], law.d, m[i, 0], m[i, 1], m[i, 2])
+
+
+@njit(**INLINE)
+def pressure(bulk, d, theta, sheared, moment):  # type: ignore[no-untyped-def]
+    """p of a node."""
+    return bulk * theta - (sheared - theta * moment / d) / d
+
+
+def tabled(law: Law, bonds: Bonds) -> Tabled:
+    """What blocks want of bonds (b,)."""
+    columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
+    if law.failure == NEVER:
+        return Tabled(columns, shown=2, watched=False)
+    limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
+    return Tabled((*columns, limit), shown=2, watched=True)
+
+
+def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+    """What `finish` wants of nodes: K."""
+    return law.bulk[None, rows]
+
+
+def by_lanes(law: Law) -> bool:
+    """Any node."""
+    return True
+
+
+def finish(law, sums, own):  # type: ignore[no-untyped-def]
+    return sums[0], pressure(own[0], law.d, sums[0], sums[1], sums[2]), sums[2]
+
+
+def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    found = both(law, bond, c, here, there) * bond.elongation
+    if law.failure == STRETCH:
+        found = bond.stretch
+    return found, c[len(c) - 1]
+
+
+def shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+    return m[i, 0], m[i, 1]
+
+
+def exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    force = both(law, bond, c, here, there) * bond.inverse
+    return along(force, bond.xi, bond.eta)
+
+
+@njit(**INLINE)
+def both(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    """t_i + t_j of a bond, N/m^3 in the plane."""
+    e, part = bond.elongation, bond.length / law.d
+    own = c[2] * here[1] + c[0] * (e - here[0] * part)
+    other = c[3] * there[1] + c[1] * (e - there[0] * part)
+    return own + other
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
@@ -185,14 +253,9 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         return False
     if law.failure == STRETCH:
         return bond.stretch > law.limit[k]
-    return _both(law, bond, m, i, j, k) * (bond.length * bond.stretch) > 2 * law.weight[k] * law.limit[k]
-
-
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-    if law.broken[k] == 0:
-        force = _both(law, bond, m, i, j, k)
-        for a in range(len(bond.xi)):
-            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+    c = numbers_of(law, i, j, k)
+    t = both(law, bond, c, shown_of(law, bond.xi, m, i), shown_of(law, bond.xi, m, j))
+    return t * bond.elongation > 2 * law.weight[k] * law.limit[k]
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -201,13 +264,4 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     e = bond.length * bond.stretch
     rest = e - m[i, 0] * bond.length / law.d
     # K theta^2 / 2 is the sum over bonds of K theta D e / 2
-    return (law.bulk[i] * m[i, 0] * law.dilating[k] * e + law.shear[i] * law.shearing[k] * rest * rest) / 2, 0.0
-
-
-@njit(**INLINE)
-def _both(law, bond, m, i, j, k):  # type: ignore[no-untyped-def]
-    """t_i + t_j of a bond, N/m^3 in the plane."""
-    e, part = bond.length * bond.stretch, bond.length / law.d
-    own = law.dilating[k] * m[i, 1] + law.shear[i] * law.shearing[k] * (e - m[i, 0] * part)
-    other = law.dilating_back[k] * m[j, 1] + law.shear[j] * law.shearing_back[k] * (e - m[j, 0] * part)
-    return own + other
+    return (law.bulk[i] * m[i, 0] * law.dilating[k] * e + law.shearing[k] * rest * rest) / 2, 0.0

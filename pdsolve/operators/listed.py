@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds, ends, find, in_precision, stiffest
-from pdsolve.laws.law import List, Now, bind
+from pdsolve.laws.law import Now, bind, in_tuples, list_of
 from pdsolve.model import Model
 from pdsolve.operators import rows as loops
 from pdsolve.operators.bound import resistance
@@ -38,6 +38,7 @@ class Listed:
     ) -> None:
         """The law of the model for bonds in double precision, to be summed in this `precision`."""
         bind(law)
+        self._loops = (loops.say_rows, loops.exchange_rows) if in_tuples(law) else (loops.gather_rows, loops.pull_rows)
         bonds = in_precision(exact, precision)
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
@@ -50,8 +51,7 @@ class Listed:
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
         """Go on with these columns of these bonds."""
-        xi = tuple(np.ascontiguousarray(bonds.xi[:, axis]) for axis in range(bonds.xi.shape[1]))
-        self.columns, self._list = columns, List(bonds.start, bonds.neighbour, xi)
+        self.columns, self._list = columns, list_of(bonds)
 
     def _bound(self, law: ModuleType, model: Model, exact: Bonds) -> NDArray[np.float64]:
         """What resists each node's motion at rest, bonds in double precision."""
@@ -65,7 +65,7 @@ class Listed:
         def pulls(value: NDArray[np.float64]) -> NDArray[np.float64]:
             out = np.zeros_like(value)
             now = Now(value, np.zeros_like(value), 0, 0.0)
-            self._share(loops.pull_rows, now, self._between(now), out)
+            self._pull(now, self._between(now), out)
             return out
 
         return resistance(pulls, law.scale(columns, exact), exact, width)
@@ -80,23 +80,28 @@ class Listed:
         torn = self._torn(now, between) if step > 0 and hasattr(self.columns, "broken") else None
         if torn is not None:
             before = np.zeros_like(out)
-            self._share(loops.pull_rows, now, between, before)
+            self._pull(now, between, before)
             between = self._fail(now, between, torn, state.dissipated)
         if step > 0 and self._remembered_by_nodes():
             self._share(loops.remember_rows, now, between)
         pulls = out if torn is None else np.zeros_like(out)
-        self._share(loops.pull_rows, now, between, pulls)
+        self._pull(now, between, pulls)
         if torn is not None:  # the last half step already went without the forces that are lost
             state.dissipated[:] += dt / 2 * ((before - pulls) * state.rate).sum(axis=1)
             out += pulls
 
     def _torn(self, now: Now, between: NDArray[Any]) -> NDArray[np.int64] | None:
         """The nodes (k,) whose bonds fail now, if any; the bonds are marked."""
-        near, torn = np.zeros((2, self._nodes), dtype=np.bool_)
-        self._share(loops.alert_rows, between, near)
+        near, torn = self._near(now, between), np.zeros(self._nodes, dtype=np.bool_)
         if near.any():
             self._share(loops.fail_rows, now, between, near, self._failing, torn)
         return np.flatnonzero(torn) if torn.any() else None
+
+    def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
+        """The nodes (n,) whose bonds have to be looked at."""
+        near = np.zeros(self._nodes, dtype=np.bool_)
+        self._share(loops.alert_rows, between, near)
+        return near
 
     def _fail(
         self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
@@ -116,12 +121,11 @@ class Listed:
         before = held[touched]
         self.columns.broken[bonds] = now.step
         self._failing[bonds] = False
-        if hasattr(self.law, "mend"):
-            self.law.mend(self.columns, self._list, rows)
+        self._lose(bonds, rows)
         if spread:
             between = self._between(now)
         else:
-            self._share_some(loops.gather_rows, rows, now, between)
+            self._share_some(self._loops[0], rows, now, between)
         self._share_some(loops.energy_rows, touched, now, between, held, spent)
         dissipated[touched] += before - held[touched]
         return between
@@ -156,7 +160,7 @@ class Listed:
 
         def pulls(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
             now, out = Now(value, value, 0, 0.0), np.zeros_like(value)
-            self._share(loops.pull_rows, now, self._between(now), out)
+            self._pull(now, self._between(now), out)
             return out
 
         value = state.value.astype(np.complex128)
@@ -198,12 +202,12 @@ class Listed:
         for name in self._remembered_by_nodes():
             column = getattr(self.columns, name)
             column[:] = kept[name].reshape(column.shape)
-        if hasattr(self.law, "mend"):
-            self.law.mend(self.columns, self._list, self._every)
+        self._lose(np.flatnonzero(self._steps()), self._every)
 
     def bytes(self) -> int:
         """As in `Operator`."""
-        return sum(getattr(column, "nbytes", 0) for column in (*self._bonds, *self._list.xi, *self.columns))
+        arrays = *self._bonds, *self._list.xi, self._list.length, *self.columns
+        return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def place(self, state: State) -> State:
         """As in `Operator`."""
@@ -227,12 +231,21 @@ class Listed:
         wide = law.rows(self.columns, dimension) if hasattr(law, "rows") else 0
         between = np.empty((self._nodes, wide), dtype=now.value.dtype)
         if wide:
-            self._share_some(loops.gather_rows, self._every, now, between)
+            self._share_some(self._loops[0], self._every, now, between)
         if hasattr(law, "spread") and law.spread(self.columns):
             more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
             self._share(loops.gather_rows_again, now, between, more)
             self._share(loops.close_rows_again, between, more)
         return between
+
+    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+        """Add what bonds pull with, by what nodes have between the passes."""
+        self._share(self._loops[1], now, between, out)
+
+    def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Go on without these bonds (b,), which are those of the nodes (k,) that have failed."""
+        if hasattr(self.law, "mend"):
+            self.law.mend(self.columns, self._list, rows)
 
     def _share(self, loop: Callable[..., None], *arrays: Any) -> None:
         share(lambda first, last: loop(self._list, self.columns, *arrays, first, last), self._nodes, self._threads)

@@ -17,13 +17,19 @@ from pdsolve.laws.law import (
     close_again,
     deformed,
     energy,
+    exchange,
     fails,
     gather,
     gather_again,
     hold,
+    nothing,
+    numbers,
     pull,
     remember,
+    say,
+    shows,
 )
+from pdsolve.laws.small import blank, summed
 
 KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 
@@ -38,6 +44,50 @@ def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyp
             j = bonds.neighbour[k]
             gather(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
         close(law, i, m)
+
+
+@njit(**KERNEL)
+def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+    """The same of a law that says its passes in tuples."""
+    start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
+    like = blank(bonds.xi, none)
+    for at in range(first, last):
+        row = rows[at]
+        i = np.uint64(row)
+        sums = nothing(law, like, none)
+        for place in range(start[i], start[i + 1]):
+            k = np.uint64(place)
+            if broken[k] == 0:
+                j = np.uint64(neighbour[k])
+                sums = say(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
+        for a in range(len(sums)):
+            m[row, a] = sums[a]
+        close(law, row, m)
+
+
+@njit(**KERNEL)
+def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
+    """Close rows whose sums are in m."""
+    for i in range(first, last):
+        close(law, i, m)
+
+
+@njit(**KERNEL)
+def exchange_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+    """As `pull_rows` of such a law."""
+    start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
+    like = blank(bonds.xi, none)
+    for row in range(first, last):
+        i = np.uint64(row)
+        f, here = like, shows(law, like, m, i)
+        for place in range(start[i], start[i + 1]):
+            k = np.uint64(place)
+            if broken[k] == 0:
+                j = np.uint64(neighbour[k])
+                bond, there = deformed(bonds, value, i, j, k), shows(law, like, m, j)
+                f = summed(f, exchange(law, bond, numbers(law, i, j, k), here, there))
+        for a in range(len(f)):
+            out[i, a] += f[a]
 
 
 @njit(**KERNEL)

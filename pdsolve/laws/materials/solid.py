@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdmesh.model.continuum import lame
-from pdsolve.laws.law import INNER
+from pdsolve.laws.law import INLINE, INNER
 from pdsolve.laws.materials import j2, linear, neo_hooke, svk
 from pdsolve.laws.materials.tensors import (
     added,
@@ -80,15 +80,12 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
     return Solid(kinds, first_, shear, flow, hardening, past, flat, rate)
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def respond(solid, i, h):  # type: ignore[no-untyped-def]
     """The response of node i to the gradient h, nine."""
-    first, shear, kind, none = solid.first[i], solid.shear[i], solid.kind[i], h[0] * 0
+    first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate:
         return _rated(solid, i, grown(h))
-    if kind == SVK:
-        P = svk.stress(h, first, shear, solid.plane_stress)
-        return _finite(P, h, svk.strain(h, first, shear, solid.plane_stress), solid.plane_stress)
     if kind == NEO_HOOKE:
         E = neo_hooke.strain(h, first, shear, solid.plane_stress)
         return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
@@ -101,9 +98,18 @@ def respond(solid, i, h):  # type: ignore[no-untyped-def]
             trial = hooke(first, shear, with_zz(e, e[2] + zz))
         sigma, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
         return Response(full(sigma), sigma, _with_zz(grown(h), zz), more)
-    e = linear.strain(h, first, shear, solid.plane_stress)
+    return elastic(kind, h, first, shear, solid.plane_stress)
+
+
+@njit(**INLINE)
+def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
+    """The response of a solid of one of the kinds LINEAR and SVK."""
+    if kind == SVK:
+        P = svk.stress(h, first, shear, plane_stress)
+        return _finite(P, h, svk.strain(h, first, shear, plane_stress), plane_stress)
+    e = linear.strain(h, first, shear, plane_stress)
     sigma = hooke(first, shear, e)
-    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), none)
+    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), h[0] * 0)
 
 
 @njit(**INNER)

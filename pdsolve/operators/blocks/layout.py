@@ -51,7 +51,7 @@ class _Slots(NamedTuple):
     bound: _Rows
 
 
-class _Tables:
+class Tables:
     """What slots of all parts share."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
 
     `parts` (pdsolve.bonds.Part, exact) begin at multiples of 64.
     """
-    tables, slots, bonds = _Tables(), [], 0
+    tables, slots, bonds = Tables(), [], 0
     room = -(-nodes // LANES) * LANES
     for part in parts:
         found = _slots_of(part.bonds, part.first, room, tables)
@@ -98,7 +98,7 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
         start=np.concatenate([[0], np.cumsum(counts)]),
         slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
         ids=np.concatenate([part.ids for part in slots]),
-        vectors=aligned(_table(tables).astype(kind)),
+        vectors=aligned(reference_table(tables).astype(kind)),
         stiffness=aligned(np.append(tables.pulls.values, 0.0)[pulls].astype(kind), len(mask)),
         near=aligned(near.astype(kind), len(mask)),
         edge=aligned(edge.astype(kind), len(mask)),
@@ -111,17 +111,50 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
     )
 
 
-def _table(tables: _Tables) -> NDArray[np.float64]:
+def reference_table(tables: Tables) -> NDArray[np.float64]:
     """Each reference vector as the kernel wants it."""
     x, y = tables.xi()
     inverse = 1 / (x * x + y * y)
     table = np.zeros((len(x), FIELDS))
     table[:, :5] = np.column_stack([x, y, 2 * x * inverse, 2 * y * inverse, inverse])
+    table[:, 5:7] = np.column_stack([np.hypot(x, y), np.sqrt(inverse)])
     return table
 
 
-def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | None:
+class Placed(NamedTuple):
+    """Where the bonds of a part are: s slots."""
+
+    counts: NDArray[np.int64]  # (blocks,) slots of a block
+    vector: NDArray[np.int32]  # (s,)
+    way: NDArray[np.int64]  # (s, 4) or FAR + row of `ids`
+    ids: NDArray[np.int32]  # (., 16)
+    lane: NDArray[np.int32]  # (s, 64) the bond in each lane, or -1
+
+
+def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | None:
     """The slots of the bonds of the rows from `first` on, a multiple of 64; None if the nodes are no lattice."""
+    placed = place(bonds, first, room, tables)
+    if placed is None:
+        return None
+    x, y = tables.xi()
+    length, there = np.hypot(x, y), placed.lane >= 0
+    vector = np.empty(len(bonds.xi), dtype=np.int32)
+    vector[placed.lane[there]] = np.repeat(placed.vector, there.sum(axis=1))
+    pulls = tables.pulls.numbers(bonds.stiffness / length[vector])
+    bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
+    return _Slots(
+        counts=placed.counts,
+        vector=placed.vector,
+        mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
+        way=placed.way,
+        ids=placed.ids,
+        pull=_rows(pulls, placed.lane, there),
+        bound=_rows(tables.bounds.numbers(bounds), placed.lane, there),
+    )
+
+
+def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
+    """Where the bonds of the rows from `first` on, a multiple of 64, are; None if the nodes are no lattice."""
     size = np.abs(bonds.xi).ravel()
     component = tables.components.numbers(size)
     if len(tables.components.values) > MOST_COMPONENTS:
@@ -131,34 +164,27 @@ def _slots_of(bonds: Any, first: int, room: int, tables: _Tables) -> _Slots | No
     shortest = float(np.hypot(*bonds.xi.T).min(initial=np.inf))
     tables.pulls.loosen(NOISE * off / shortest)
     vector = _vectors(sides.reshape(-1, 2).astype(np.int64), tables)
-    x, y = tables.xi()
-    pulls = tables.pulls.numbers(bonds.stiffness / np.hypot(x, y)[vector])
-    bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
-
     count = len(bonds.start) - 1
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
     blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
     slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
-    lane = np.full((len(keys), LANES), -1, dtype=np.int32)  # the bond in each lane
+    lane = np.full((len(keys), LANES), -1, dtype=np.int32)
     lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
     nodes = first + keys // vectors * LANES
     way, _ = _ways(bonds.neighbour, lane, nodes, room)
     order = np.lexsort(((way >= FAR).any(axis=1), nodes))  # the quick loop then goes as far as it can
     keys, lane = keys[order], lane[order]
-    there = lane >= 0
     way, ids = _ways(bonds.neighbour, lane, nodes, room)
-    return _Slots(
-        counts=np.bincount(keys // vectors, minlength=blocks),
-        vector=(keys % vectors).astype(np.int32),
-        mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
-        way=way,
-        ids=ids,
-        pull=_rows(pulls, lane, there),
-        bound=_rows(tables.bounds.numbers(bounds), lane, there),
-    )
+    counts = np.bincount(keys // vectors, minlength=blocks)
+    return Placed(counts, (keys % vectors).astype(np.int32), way, ids, lane)
 
 
-def _vectors(sides: NDArray[np.int64], tables: _Tables) -> NDArray[np.int32]:
+def sparse(placed: Placed, bonds: int) -> bool:
+    """Whether so few lanes have a bond that the nodes are no lattice."""
+    return bonds < LEAST_FILLED * placed.lane.size
+
+
+def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
     """The numbers (b,) of reference vectors, from the numbers (b, 2) of their signed components."""
     key = sides[:, 0] * SIDES + sides[:, 1]
     new = np.unique(key[tables.vectors[key] < 0])
