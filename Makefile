@@ -5,6 +5,7 @@
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
 # make failures  where methods fail, measured anew on one page
+# make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
@@ -17,7 +18,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo film test slow thesis failures check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
+.PHONY: demo film test slow thesis failures handbook check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -44,6 +45,9 @@ thesis: $(VENV)/install.done gmsh-libraries
 
 failures: $(VENV)/test.done
 	$(BIN)/python -m pytest tests/stability --failures-page docs/where_methods_fail.md
+
+handbook: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.handbook
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check
