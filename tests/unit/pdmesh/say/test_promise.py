@@ -132,5 +132,7 @@ def test_a_fine_zone_that_moves_is_proposed_where_it_takes_fewer_updates(capsys:
     held = scene.move("left", acceleration=(0.0, -9.81))
     assert proposal(held, 0.05).adapt == "none"
     assert proposal(PLATE.hole(Circle(0.05, 0.03, 0.01)), 0.05).adapt == "none"
+    struck = read_scene(GEOMETRIES / "kalthoff_winkler.geo")  # a run of that is stopped in step 23
+    assert proposal(struck, 0.05).adapt == "none"
     assert main(["plan", str(drawing), "--within", "5%"]) == 0
     assert "\n  --adapt hybrid\n" in capsys.readouterr().out
