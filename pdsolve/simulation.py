@@ -16,6 +16,7 @@ import numpy as np
 
 from pdmesh import VERSION
 from pdsolve.adapt import Adapt, zone_back, zone_moved
+from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.measures import Ledger, books, pieces
@@ -210,7 +211,8 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
             change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
             if change is not None:
                 notes.follow(step, change)
-        system, chunk = notes.system, max(1, int(PATIENCE / max(notes.system.bonds, 1)))
+        system = notes.system
+        chunk = max(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         system.stepper.march(notes.state, step + 1, min(ends) + 1)
         step = min(ends)

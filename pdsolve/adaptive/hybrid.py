@@ -55,6 +55,7 @@ class Hybrid:
         at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
         inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
         self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
+        self._whole = self._solid.sum()
 
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Number the zone, give all nodes their velocities (n, 2), m/s, and compute the forces."""
@@ -137,7 +138,7 @@ class Hybrid:
     def told(self) -> Told:
         """What there is to say of the fine zone."""
         zone = self.zone
-        fine = self._solid[zone.cells == FINE].sum() / self._solid.sum()
+        fine = self._solid[np.flatnonzero(zone.cells == FINE)].sum() / self._whole
         largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
         return Told(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
 
