@@ -105,8 +105,8 @@ def test_controls_keep_cracks_in_one_place(control: str, first: float) -> None:
 )
 def test_a_crack_branches(ratio: float, first: float, place: tuple[float, float], far: float) -> None:
     """Of 0.5 mm, five plates; microseconds and millimetres of an independent program, one plate. With m = 4 its one
-    plate branched at 78 mm; of these the first four did at 71, 70, 55, 72: not a number to compare more closely than that
-    cracks branch beyond the middle of what is left."""
+    plate branched at 78 mm; of these the first four did at 71, 70, 55, 72: no number to compare more closely than
+    that cracks branch in the right half."""
     runs = [branched(0.5e-3, ratio, seed) for seed in (None, 1, 2, 3, 4)]
     assert runs[0].mirrored
     assert max(run.away for run in runs) == 0
