@@ -4,6 +4,7 @@
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
+# make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
@@ -18,7 +19,8 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo film test slow thesis failures handbook check bench bench-speed bench-quick compare mutants install gmsh-libraries clean
+.PHONY: demo film test slow thesis sources failures handbook check bench bench-speed bench-quick compare mutants install \
+	gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -42,6 +44,9 @@ slow: $(VENV)/test.done gmsh-libraries
 
 thesis: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.thesis
+
+sources: thesis
+	$(BIN)/python -m benchmarks.sources
 
 failures: $(VENV)/test.done
 	$(BIN)/python -m pytest tests/stability --failures-page docs/where_methods_fail.md

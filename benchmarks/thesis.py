@@ -60,7 +60,7 @@ The bilinear scenes keep the thesis's law in both modes (`keep_G0` false), which
 
 def page(folder: Path, cache: Path) -> str:
     """Solve everything, draw the pictures into `folder`, return the page."""
-    parts = [f"# The thesis, reproduced\n\n{INTRODUCTION}", _provenance(), _tables(cache)]
+    parts = [f"# The thesis, reproduced\n\n{INTRODUCTION}", provenance(), _tables(cache)]
     sections, misses = [], []
     for case in tqdm(CASES, unit=" scene", disable=not sys.stderr.isatty()):
         text, missed = _section(case, folder, cache)
@@ -74,12 +74,14 @@ def page(folder: Path, cache: Path) -> str:
     )
 
 
-def _provenance() -> str:
+def provenance() -> str:
+    """When, and with what, a page was written."""
     versions = f"numpy {np.__version__}, numba {numba.__version__}, Python {platform.python_version()}"
     return f"Written on {date.today().isoformat()} by version {VERSION}; {versions}; {platform.machine()}.\n"
 
 
-def _table(header: list[str], rows: list[list[str]]) -> str:
+def table(header: list[str], rows: list[list[str]]) -> str:
+    """In Markdown."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
@@ -101,9 +103,9 @@ def _section(case: Case, folder: Path, cache: Path) -> tuple[str, list[str]]:
             missed.append(f"{case.name}, {claim.what} {thesis:.4g}")
         rows.append([claim.what, claim.claimed, claim.accepted, f"{thesis:.4g}", verdict, f"{conservative:.4g}"])
     header = ["", "claimed", "accepted", "thesis mode", "accepted?", "conservative mode"]
-    text = f"### {case.title}\n\n" + (_table(header, rows) + "\n" if rows else "")
+    text = f"### {case.title}\n\n" + (table(header, rows) + "\n" if rows else "")
     shown = [[f"step {step}", *(f"![]({name})" for at, _, name in pictures if at == step)] for step in case.pictures]
-    return text + _table(["", "thesis mode", "conservative mode"], shown), missed
+    return text + table(["", "thesis mode", "conservative mode"], shown), missed
 
 
 def _case(name: str) -> Case:
@@ -131,9 +133,9 @@ def _tables(cache: Path) -> str:
             "## Tables\n",
             f"Table 1: a full family has {full_family(3.0)} bonds at m = 3 (claimed 28).\n",
             "Table 4, critical stretches:\n",
-            _table(["", "claimed", "here"], rows4),
+            table(["", "claimed", "here"], rows4),
             "Table 6, stretches at the peak and at the end of the bilinear law:\n",
-            _table(["spacing", "claimed", "here"], rows6),
+            table(["spacing", "claimed", "here"], rows6),
             _table_5(cache),
         ]
     )
@@ -156,7 +158,7 @@ def _table_5(cache: Path) -> str:
                 problem.march(1 + TIMED * turn, 1 + TIMED * (turn + 1))
                 best[at] = min(best[at], time.perf_counter() - began)
         rows.append([name, "0.645", f"{best[0] / best[1]:.2f}"])
-    return "Table 5, two scales against one:\n\n" + _table(["", "claimed", "here"], rows)
+    return "Table 5, two scales against one:\n\n" + table(["", "claimed", "here"], rows)
 
 
 def _waves(folder: Path, cache: Path) -> str:
@@ -173,7 +175,7 @@ def _waves(folder: Path, cache: Path) -> str:
             row.append(f"![]({picture})")
         rows.append(row)
     header = ["", "two scales, thesis mode", "two scales, conservative mode", "one scale, thesis mode"]
-    return "## Accelerations: the wave where spacings change (figures 36 and 37)\n\n" + _table(header, rows)
+    return "## Accelerations: the wave where spacings change (figures 36 and 37)\n\n" + table(header, rows)
 
 
 def _histories(folder: Path, cache: Path) -> str:
@@ -194,7 +196,7 @@ def _histories(folder: Path, cache: Path) -> str:
             off = np.abs(histories[0][mirrored] + histories[1][mirrored]).max()
             off = max(off, np.abs(histories[0][along] - histories[1][along]).max())
             rows.append([f"{_case(name).title}, {mode} mode", f"{off / largest:.1e}", f"![]({picture})"])
-    return "## Displacements of two mirrored nodes at the tip (figures 34, 35, 68, 69)\n\n" + _table(
+    return "## Displacements of two mirrored nodes at the tip (figures 34, 35, 68, 69)\n\n" + table(
         ["", "asymmetry over the largest displacement", ""], rows
     )
 

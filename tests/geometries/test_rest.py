@@ -97,3 +97,15 @@ def test_a_strip_lets_its_crack_go_at_a_steady_speed() -> None:
     assert found.growth.start.time < 2e-6  # at once; measured: 0.58 us
     (branch,) = found.branches
     assert branch.mean_speed == pytest.approx(1902, rel=0.1)  # 0.63 of the Rayleigh speed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.25, 0.36])
+def test_a_compact_specimen_may_have_its_true_poisson_ratio(nu: float) -> None:
+    """The ordinary solid, without growth; the handbook's compliance over E / (1 - nu^2)."""
+    words = {"model": "ordinary", "nu": str(nu), "horizon": "2", "load_steps": "1"}
+    made = build(GEOMETRIES / "compact_tension.py", list(words.items()))
+    with simulate(Model(made.grid, made.settings), None, Options(threads=1)) as results:
+        force, opening = pulled(results)
+    expected = handbook_compliance() * STIFFNESS / (3e9 / (1 - nu**2))
+    assert opening[1] / force[1] == pytest.approx(expected, rel=0.03)  # measured: 0.988, 0.980 of it
