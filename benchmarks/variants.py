@@ -27,6 +27,7 @@ class Variant(NamedTuple):
     corrections: Corrections = ALL
     precision: str = "float64"
     step: float = 1.0  # over the surely stable one
+    model: str = "bond"
 
     def scheme(self) -> Scheme:
         """How bonds are filled."""
@@ -38,7 +39,7 @@ class Variant(NamedTuple):
     def prepared(self, model: Model) -> Prepared:
         """The model, prepared for being solved this way."""
         assert model.settings.material is not None
-        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
+        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile, model=self.model)
         settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
         model = dataclasses.replace(model, settings=settings)
         options, scheme = Options(self.mode, self.precision), self.scheme()
@@ -71,4 +72,13 @@ VARIANTS = (
     Variant("a quarter of the step", step=0.25),
     Variant("0.7 of the step", step=0.7),
 )
-OTHER_GRIDS = tuple(variant.name for variant in VARIANTS if variant.ratio != BASE.ratio)
+STATE_BASED = (  # beside bonds, where Poisson's ratio is none of theirs
+    BASE,
+    *(
+        Variant(f"{model}, {size}, m = {m:g}", ratio=1, fine=fine, m=m, model=model)
+        for model in ("bond", "ordinary", "correspondence")
+        for size, fine in (("coarse", 2.0), ("fine", 1.0))
+        for m in (3.0, 4.0)
+    ),
+)
+OTHER_GRIDS = tuple(variant.name for variant in (*VARIANTS, *STATE_BASED) if variant.ratio != BASE.ratio)
