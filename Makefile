@@ -95,6 +95,7 @@ bench: $(VENV)/test.done gmsh-libraries
 
 bench-speed: gmsh-libraries
 	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json $(if $(AGAINST),--against $(AGAINST))
+	$(BIN)/python -W ignore -m benchmarks.laws -o benchmarks/laws.json
 	$(BIN)/python -m benchmarks.savings
 
 bench-quick: $(VENV)/install.done

@@ -28,6 +28,7 @@ class Variant(NamedTuple):
     precision: str = "float64"
     step: float = 1.0  # over the surely stable one
     adapt: str = "none"  # hybrid: fine near cracks alone, a lattice of twice the spacing elsewhere
+    model: str = "bond"
 
     def scheme(self) -> Scheme:
         """How bonds are filled."""
@@ -39,7 +40,7 @@ class Variant(NamedTuple):
     def prepared(self, model: Model) -> Prepared:
         """The model, prepared for being solved this way."""
         assert model.settings.material is not None
-        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile)
+        material = msgspec.structs.replace(model.settings.material, micromodulus=self.profile, model=self.model)
         settings = msgspec.structs.replace(model.settings, material=material, horizon=Horizon(self.m))
         model = dataclasses.replace(model, settings=settings)
         time_step = self.step * self._filled(model).system.bound
@@ -89,4 +90,15 @@ SIDE_BY_SIDE = tuple(  # uniform and hybrid at three spacings
     for words, fine in (("2 mm", 2.0), ("1 mm", 1.0), ("0.5 mm", 0.5))
     for adapt in ("uniform", "hybrid")
 )
-OTHER_GRIDS = tuple(one.name for one in (*CRACKED, *SIDE_BY_SIDE) if (one.ratio, one.fine) != (BASE.ratio, BASE.fine))
+STATE_BASED = (  # beside bonds, where Poisson's ratio is none of theirs
+    BASE,
+    *(
+        Variant(f"{model}, {size}, m = {m:g}", ratio=1, fine=fine, m=m, model=model)
+        for model in ("bond", "ordinary", "correspondence")
+        for size, fine in (("coarse", 2.0), ("fine", 1.0))
+        for m in (3.0, 4.0)
+    ),
+)
+OTHER_GRIDS = tuple(
+    one.name for one in (*CRACKED, *SIDE_BY_SIDE, *STATE_BASED) if (one.ratio, one.fine) != (BASE.ratio, BASE.fine)
+)

@@ -64,7 +64,7 @@ class Options(NamedTuple):
     mode: str = "conservative"
     precision: str = "float64"
     threads: int | None = None  # None: as many as there are and the nodes are worth
-    kernel: str | None = None  # "blocks" or "listed"; None: blocks where the nodes are a lattice and the law a pair's
+    kernel: str | None = None  # "blocks" or "listed"; None: blocks where nodes are a lattice and the law can
 
 
 @dataclass(frozen=True)

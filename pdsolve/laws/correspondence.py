@@ -222,9 +222,9 @@ def tabled(law: Law, bonds: Bonds) -> Tabled:
 def watched(law: Law, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
     """These columns, and limits of what is looked at bond by bond."""
     if law.failure in (NEVER, STRESS):
-        return Tabled(columns, shown, False)
+        return Tabled(columns, tuple(range(len(columns))), shown, False)
     limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
-    return Tabled((*columns, limit), shown, True)
+    return Tabled((*columns, limit), tuple(range(len(columns) + 1)), shown, True)
 
 
 def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]

@@ -55,6 +55,7 @@ class Tabled(NamedTuple):
     """What blocks want of b bonds."""
 
     columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `nears` wants more
+    alike: tuple[int, ...]  # columns of one number here are quantities of one kind: bonds have each other's
     shown: int  # how many numbers a node shows
     watched: bool  # whether `nears` has to be looked at
 

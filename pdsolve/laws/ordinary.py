@@ -200,9 +200,9 @@ def tabled(law: Law, bonds: Bonds) -> Tabled:
     """What blocks want of bonds (b,)."""
     columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
     if law.failure == NEVER:
-        return Tabled(columns, shown=2, watched=False)
+        return Tabled(columns, (0, 0, 1, 1), shown=2, watched=False)
     limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
-    return Tabled((*columns, limit), shown=2, watched=True)
+    return Tabled((*columns, limit), (0, 0, 1, 1, 2), shown=2, watched=True)
 
 
 def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:

@@ -1,7 +1,7 @@
 """What steppers, measures and results may ask of an operator, whatever it sums over.
 
 listed   any law over a list of bonds, in the plane and in space: the reference
-blocks   pair laws on lattices, fast
+blocks   pair laws on lattices, fast, and those of families that say their passes in tuples
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds import Bonds
-from pdsolve.laws.law import Now
+from pdsolve.laws.law import Now, Tabled
 from pdsolve.model import Model
 from pdsolve.operators import rows as loops
 from pdsolve.operators.blocks import layout
@@ -59,7 +59,7 @@ class Families(Listed):
         self._lane_of = np.empty(len(exact.neighbour), dtype=np.int64)
         some = np.flatnonzero(where.lane.ravel() >= 0)
         self._lane_of[where.lane.ravel()[some]] = some
-        kinds, rows, of_slot = _shared(where.lane, [np.asarray(c, dtype=float) for c in self._tabled.columns])
+        kinds, rows, of_slot = _shared(where.lane, self._tabled)
         self._whole, self._used = of_slot, len(rows)
         self.slots = Slots(
             start=np.concatenate([[0], np.cumsum(where.counts)]),
@@ -155,14 +155,19 @@ class Families(Listed):
 
 
 def _shared(
-    lane: NDArray[np.int32], columns: list[NDArray[np.float64]]
+    lane: NDArray[np.int32], tabled: Tabled
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
     """Numbers (., c) that all lanes of a slot share, numbers (., c, 64) of lanes that do not, and which of them each of
     the slots (s, 64) has, as in `Slots`."""
+    columns = [column.astype(float) for column in tabled.columns]
+    kinds = [Distinct(SAME_STIFFNESS) for _ in columns]
+    for kind, column in zip(tabled.alike, columns, strict=True):
+        kinds[kind].numbers(column)
     number = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:  # one number for all that a bond has
-        distinct = Distinct(SAME_STIFFNESS)
+    for at, column in enumerate(columns):  # one number for all that a bond has
+        distinct = kinds[tabled.alike[at]]
         one = distinct.numbers(column).astype(np.int64)
+        columns[at] = distinct.values[one]
         number = np.unique(number * len(distinct.values) + one, return_inverse=True)[1].ravel()
     last = int(number.max(initial=-1))
     values = np.zeros((last + 2, len(columns)))  # the last of them for lanes without a bond
@@ -171,6 +176,6 @@ def _shared(
     found = np.where(lane >= 0, number[lane], last + 1)
     mixed = (found != found[:, :1]).any(axis=1)
     own, which = np.unique(found[mixed], axis=0, return_inverse=True)
-    kind = found[:, 0].astype(np.int32)
-    kind[mixed] = -1 - which.ravel()
-    return values, values[own].transpose(0, 2, 1).copy(), kind
+    of_slot = found[:, 0].astype(np.int32)
+    of_slot[mixed] = -1 - which.ravel()
+    return values, values[own].transpose(0, 2, 1).copy(), of_slot
