@@ -21,6 +21,7 @@ from pdpost.figures.style import FigureError
 from pdpost.measures import plates
 from pdpost.measures.fields import FIELDS, FieldError
 from pdpost.measures.pairs import pairs
+from pdsolve.measures import Ledger
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
@@ -149,7 +150,9 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
-    writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), [(1, 1e-6, *[0.0] * 6, len(breaks))], [], {}))
+    writer.write(
+        Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), [Ledger(1, 1e-6, *[0.0] * 6, len(breaks))], [], {})
+    )
     return Results(writer.connection, "memory"), np.array(torn)
 
 
