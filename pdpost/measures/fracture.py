@@ -20,7 +20,7 @@ from pdmesh.model.document import Horizon, Material
 from pdpost.measures import fields
 from pdpost.measures.cracked import ROUND_OFF, damage_at
 from pdpost.measures.domain_integrals import Found, Motion, Ring, Sampled, integrals
-from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts
+from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts, nearest
 from pdpost.measures.strain import fitted, green, intact, stiffness
 from pdpost.measures.tip_fields import Elastic
 from pdpost.reading.embedded import at_rest, read
@@ -117,8 +117,7 @@ class State:
             self._step, self._sampled = step, self._sample(step)
         nodes = self._results.nodes(step)
         modulus, plane = stiffness(self._results, step)
-        nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-        elastic = Elastic(float(modulus[nearest]), BONDS_NU[plane], plane)
+        elastic = Elastic(float(modulus[nearest(nodes, tip.place)]), BONDS_NU[plane], plane)
         found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
         return Rings(tip, rings, found)
 
@@ -147,8 +146,7 @@ def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: t
 
 def _horizon(results: Results, step: int, tip: Tip) -> float:
     nodes = results.nodes(step)
-    nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest])
+    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest(nodes, tip.place)])
 
 
 def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:

@@ -94,6 +94,11 @@ def fronts(results: Results, step: int) -> list[Front]:
     return found
 
 
+def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:
+    """The row of the node nearest to a place (2,), m."""
+    return int(np.hypot(*(nodes.position - place).T).argmin())
+
+
 def inside(results: Results, place: NDArray[np.float64]) -> bool:
     """Whether a place is on the plate."""
     return bool(shapely.intersects_xy(plate(results).shape, *place))
@@ -122,13 +127,13 @@ class Obstacles:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
         modulus, _ = stiffness(self._results, step)
-        nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
+        near = nearest(nodes, tip.place)
         found = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (self._other_tips(tip, time), "another tip"),
-            (self._other_cracks(tip, time, float(nodes.delta[nearest])), "another crack or a bend of this one"),
+            (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
             (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
-            (nodes.position[modulus != modulus[nearest]], "another material"),
+            (nodes.position[modulus != modulus[near]], "another material"),
         ):
             if len(places):
                 found.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
