@@ -128,14 +128,14 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/ordinary.py",
-        "f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))",
-        "f[a] += force * (bond.xi[a] / bond.length)",
+        "return along(force, bond.xi, bond.eta)",
+        "return along(force, bond.xi, bond.xi)",
         f"{CONTRACTS}::test_momentum_and_angular_momentum",
     ),
     Mutant(
-        "pdsolve/laws/law.py",
-        "return Bond(xi, eta, np.sqrt(squared), q, e / (q + 1))",
-        "return Bond(xi, eta, np.sqrt(squared), q, along / squared)",
+        "pdsolve/laws/lists.py",
+        "return Bond(xi, eta, length, q, e / (q + 1), more * now * once, reach * once)",
+        "return Bond(xi, eta, length, q, along / squared, along / length, reach * once)",
         f"{CONTRACTS}::test_a_rigid_motion_makes_no_force_and_holds_no_energy",
     ),
     Mutant(
@@ -157,9 +157,9 @@ MUTANTS = (
         f"{CONTRACTS}::test_a_mirror_image_has_mirrored_forces",
     ),
     Mutant(
-        "pdsolve/operators/listed.py",
-        "xi = tuple(np.ascontiguousarray(bonds.xi[:, axis])",
-        "xi = tuple(np.sort(bonds.xi[:, axis])",
+        "pdsolve/laws/lists.py",
+        "tuple(np.ascontiguousarray(x) for x in bonds.xi.T)",
+        "tuple(np.sort(x) for x in bonds.xi.T)",
         f"{CONTRACTS}::test_numbering_does_not_matter",
     ),
     Mutant(
@@ -205,7 +205,7 @@ MUTANTS = (
         "tests/contracts/test_compiled.py",
     ),
     Mutant(
-        "pdsolve/laws/law.py",
+        "pdsolve/laws/lists.py",
         "x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (",
         "x = bond.xi[a] + now.value[j, a] - now.value[i, a] - 0 * (",
         f"{UNIT}/test_kernels.py::test_a_breaking_bond_takes_its_energy_along",

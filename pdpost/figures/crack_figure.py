@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +26,8 @@ from pdpost.measures.tips import Branch
 from pdpost.reading.times import told
 from pdsolve.results import Results
 
+Chart: TypeAlias = Callable[[list[Branch], Axes, Summary], None]
+
 SHOWN = 6  # main branches with a curve of their own
 PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
@@ -38,12 +41,11 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     found = crack_summary.crack(results) if found is None else found
     where = shape(results, found.step, 0.0)
     box = window or box_of([where])
-    figure, plate, length, speed = _panels(box)
+    charts = _charts(found)
+    figure, plate, places = _panels(box, len(charts))
     on = on_grey_plate(plate, box, where, damage_at(results, found.step))
     when = told(found.step * found.time_step, micro="µs")
     if not found.branches:
-        length.remove()
-        speed.remove()
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
         return figure
     shown = [one for one in found.branches if one.length >= LONG * found.branches[0].length][:SHOWN]
@@ -53,19 +55,24 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     for number, one in enumerate(shown):
         _path(on, one, lw=1.5, **look(number))
     if found.forks:
-        places = on.factor * np.array([fork.place for fork in found.forks]).T
-        plate.plot(*places, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
+        forks = on.factor * np.array([fork.place for fork in found.forks]).T
+        plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
     if not all(one.line.all() for one in found.branches):
         plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
         plate.legend(loc="best", frameon=True, fontsize="small")
-    _lengths(shown, length)
-    if found.at_rest:
-        _give_way(speed, length)
-    else:
-        _speeds(shown, speed, found.rayleigh_speed)
-        speed.set_xlim(length.get_xlim())
+    for draw, axes in zip(charts, places, strict=True):
+        draw(shown, axes, found)
+        axes.set_xlim(places[0].get_xlim())
     plate.set_title(f"Damage and path of the crack at {when}", fontsize="medium")
     return figure
+
+
+def _charts(found: Summary) -> list[Chart]:
+    """What is drawn beside the plate: of what does not grow nothing, at rest no speed."""
+    if not found.branches:
+        return []
+    speed = [] if found.at_rest else [_speeds]
+    return [_lengths, *speed, *([_released] if np.isfinite(found.release.value).any() else [])]
 
 
 def comparison(
@@ -97,30 +104,18 @@ def _aspect(box: Box) -> float:
     return (box[3] - box[1]) / (box[2] - box[0])
 
 
-def _panels(box: Box) -> tuple[Figure, Axes, Axes, Axes]:
-    """A plate, and two charts: below a wide plate, to the right of a high one."""
+def _panels(box: Box, count: int) -> tuple[Figure, Axes, list[Axes]]:
+    """A plate, and so many charts: below a wide plate, to the right of a high one."""
     aspect = _aspect(box)
-    if aspect <= 0.8:
-        height = 0.85 * WIDTH * max(aspect, 0.2)
-        figure = Figure(figsize=(WIDTH, height + 2.9), layout="constrained")
-        grid = figure.add_gridspec(2, 2, height_ratios=(height, 2.4))
-        plate, length, speed = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
-    else:
-        height = float(np.clip(2.9 * aspect, 4.2, 6.5))
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(min(height / aspect, 3.6), 3.2))
-        plate, length, speed = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
-    return figure, plate, length, speed
-
-
-def _give_way(gone: Axes, other: Axes) -> None:
-    """Remove a chart; the one beside or above it gets its room."""
-    first, last = other.get_subplotspec(), gone.get_subplotspec()
-    assert first is not None
-    assert last is not None
-    rows = slice(first.rowspan.start, last.rowspan.stop)
-    other.set_subplotspec(first.get_gridspec()[rows, first.colspan.start : last.colspan.stop])
-    gone.remove()
+    if aspect <= 0.8 or not count:
+        height = float(np.clip(0.85 * WIDTH * aspect, 0.17 * WIDTH, 6.5))
+        figure = Figure(figsize=(WIDTH, height + (2.9 if count else 0.6)), layout="constrained")
+        grid = figure.add_gridspec(1 + bool(count), max(count, 1), height_ratios=(height, 2.4)[: 1 + bool(count)])
+        return figure, figure.add_subplot(grid[0, :]), [figure.add_subplot(grid[1, at]) for at in range(count)]
+    height = float(np.clip(2.9 * aspect, 2.1 * max(count, 2), 6.5))
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    grid = figure.add_gridspec(count, 2, width_ratios=(min(height / aspect, 3.6), 3.2))
+    return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[at, 1]) for at in range(count)]
 
 
 def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64]) -> Sheet:
@@ -141,7 +136,7 @@ def _path(on: Sheet, branch: Branch, **style: Any) -> None:
         on.axes.add_collection(way, autolim=False)
 
 
-def _lengths(shown: list[Branch], length: Axes) -> None:
+def _lengths(shown: list[Branch], length: Axes, _: Summary) -> None:
     """Length over time."""
     second, seconds = scaled((one.time for one in shown), "s")
     metre, metres = scaled((one.along for one in shown), "m")
@@ -159,8 +154,9 @@ def _style(number: int) -> dict[str, Any]:
     return style
 
 
-def _speeds(shown: list[Branch], speed: Axes, limit: float) -> None:
+def _speeds(shown: list[Branch], speed: Axes, found: Summary) -> None:
     """Speed, with the band it is sure to be in, over time."""
+    limit = found.rayleigh_speed
     second, seconds = scaled((one.time for one in shown), "s")
     fast, unit = scaled([np.array([limit])], "m/s")
     for number, one in enumerate(shown):
@@ -177,3 +173,20 @@ def _speeds(shown: list[Branch], speed: Axes, limit: float) -> None:
     speed.set_title(f"over {WINDOW:g} spacings, with its band", fontsize="small")
     speed.set(xlabel=f"time, {seconds}", ylabel=f"speed of the tip, {unit}")
     plain(speed)
+
+
+def _released(shown: list[Branch], energy: Axes, found: Summary) -> None:
+    """Energy spent over crack advance, of all cracks together, beside G0."""
+    spent = found.release
+    second, seconds = scaled((one.time for one in shown), "s")
+    joule, unit = scaled([spent.value, np.array([spent.G0])], "J/m²")
+    energy.plot(spent.time * second, spent.value * joule, color="black", lw=1.3)
+    energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)
+    energy.annotate(
+        "$G_0$", (1, spent.G0 * joule), (0, 2), xycoords=("axes fraction", "data"),
+        textcoords="offset points", ha="right", va="bottom", fontsize="small",
+    )  # fmt: skip
+    energy.set_ylim(bottom=0)
+    energy.set_title("of all cracks, over ten spacings", fontsize="small")
+    energy.set(xlabel=f"time, {seconds}", ylabel=f"spent over advance, {unit}")
+    plain(energy)

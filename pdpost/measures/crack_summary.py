@@ -12,6 +12,7 @@ from pdmesh.model.fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS, Direction, Growth, directions, growth
 from pdpost.measures.fragments import Fragments, fragments
 from pdpost.measures.paths import heading
+from pdpost.measures.release import Release, release
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
@@ -36,6 +37,7 @@ class Summary:
     forks: list[Fork]
     fragments: Fragments
     rayleigh_speed: float  # m/s
+    release: Release  # energy over crack advance
     at_rest: bool = False  # cracks went from load step to load step, and have no speed
 
 
@@ -62,6 +64,7 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
         forks(found),
         fragments(results, step, threshold),
         limit,
+        release(results, found),
         rest,
     )
 
@@ -85,6 +88,7 @@ def numbers(found: Summary) -> dict[str, object]:
         "step": found.step,
         "directions": [asdict(way) for way in found.directions],
         "rayleigh_speed": found.rayleigh_speed,
+        "release": found.release._asdict(),
         "branches": [
             {
                 "points": branch.place,
@@ -109,10 +113,12 @@ def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: every point of the path with its time and speed."""
     rows: list[tuple[object, ...]] = []
     for number, branch in enumerate(found.branches):
-        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line
+        spent = found.release.at(branch.time)
+        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line, spent
         rows += [(number, *row) for row in zip(*columns, strict=True)]
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
-    return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, "direction x", "direction y", "line"), rows
+    ways = ("direction x", "direction y", "line")
+    return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, *ways, "dD/da, J/m^2"), rows
 
 
 def sentences(found: Summary) -> list[str]:
@@ -132,6 +138,10 @@ def sentences(found: Summary) -> list[str]:
     for fork in found.forks[:LISTED]:
         where = f"{_place(fork.place)}, {told(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
+    known = found.release.value[np.isfinite(found.release.value)]
+    if len(known):
+        low, middle, high = np.percentile(known, (0, 50, 100)) / found.release.G0
+        lines.append(f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}")
     for way in found.directions:
         lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
     if len(found.fragments.pieces) > 1:

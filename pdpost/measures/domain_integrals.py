@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from pdpost.measures.tip_fields import Elastic, TipField, intensities, pushed
 
+AT_TIP = 1e-9  # of a ring: a node this near to the tip does not count, where the other fields are infinite
+
 
 class Sampled(NamedTuple):
     """The fields at n nodes; a node without a gradient (NaN) does not count."""
@@ -77,7 +79,8 @@ def kink(K1: float, K2: float) -> float:
 def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic) -> Found:
     """What the tip at a place (2,), m, feels, its crack having come there along the unit vector `way` (2,)."""
     far = np.hypot(*(at.position - tip).T)
-    rows = np.flatnonzero((far < ring.outer) & np.isfinite(at.gradient).all(axis=(1, 2)))
+    there = (far < ring.outer) & (far > AT_TIP * ring.outer)
+    rows = np.flatnonzero(there & np.isfinite(at.gradient).all(axis=(1, 2)))
     turn = np.array([way, [-way[1], way[0]]])
     here = _turned(at, rows, tip, turn)
     q, slope = weight(here.position, ring)

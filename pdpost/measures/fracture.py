@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
 from pdpost.measures import fields
-from pdpost.measures.cracked import damage_at
+from pdpost.measures.cracked import ROUND_OFF, damage_at
 from pdpost.measures.domain_integrals import Found, Motion, Ring, Sampled, integrals
-from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts
+from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts, nearest
 from pdpost.measures.strain import fitted, green, intact, stiffness
 from pdpost.measures.tip_fields import Elastic
 from pdpost.reading.embedded import at_rest, read
@@ -27,7 +27,7 @@ from pdpost.reading.stored import vector
 from pdsolve.results import Results, ResultsError
 
 BLURRED = 2.0  # horizons around a tip where displacements are not the classical ones
-LEAST = 4.0  # horizons of room
+LEAST = 3.5  # horizons of room
 CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitted to its bonds says nothing
 RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
 
@@ -115,9 +115,14 @@ class State:
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample(step)
         nodes = self._results.nodes(step)
+<<<<<<< HEAD
         every = stiffness(self._results, step)
         nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
         elastic = Elastic(float(every.E[nearest]), float(every.nu[nearest]), every.plane)
+=======
+        modulus, plane = stiffness(self._results, step)
+        elastic = Elastic(float(modulus[nearest(nodes, tip.place)]), BONDS_NU[plane], plane)
+>>>>>>> fracture
         found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
         return Rings(tip, rings, found)
 
@@ -146,15 +151,14 @@ def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: t
 
 def _horizon(results: Results, step: int, tip: Tip) -> float:
     nodes = results.nodes(step)
-    nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest])
+    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest(nodes, tip.place)])
 
 
 def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
     """Why a tip has no room for rings, "" if it has."""
     x, y = tip.place
     least = LEAST * _horizon(results, step, tip) if ring is None else ring.outer
-    if room.radius >= least:
+    if room.radius >= least * (1 - ROUND_OFF):
         return ""
     words = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
     return f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of {words}"

@@ -94,6 +94,11 @@ def fronts(results: Results, step: int) -> list[Front]:
     return found
 
 
+def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:
+    """The row of the node nearest to a place (2,), m."""
+    return int(np.hypot(*(nodes.position - place).T).argmin())
+
+
 def inside(results: Results, place: NDArray[np.float64]) -> bool:
     """Whether a place is on the plate."""
     return bool(shapely.intersects_xy(plate(results).shape, *place))
@@ -121,17 +126,26 @@ class Obstacles:
     def room(self, tip: Tip, step: int, time: float) -> Room:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
+<<<<<<< HEAD
         elastic = stiffness(self._results, step)
         nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
+=======
+        modulus, _ = stiffness(self._results, step)
+        near = nearest(nodes, tip.place)
+>>>>>>> fracture
         found = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (self._other_tips(tip, time), "another tip"),
-            (self._other_cracks(tip, time, float(nodes.delta[nearest])), "another crack or a bend of this one"),
+            (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
             (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
+<<<<<<< HEAD
             (
                 nodes.position[(elastic.E[nearest] != elastic.E) | (elastic.nu != elastic.nu[nearest])],
                 "another material",
             ),
+=======
+            (nodes.position[modulus != modulus[near]], "another material"),
+>>>>>>> fracture
         ):
             if len(places):
                 found.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))

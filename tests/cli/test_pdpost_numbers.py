@@ -122,6 +122,8 @@ def test_the_crack_of_the_whole_plate(solved: Callable[[str], Path], capsys: pyt
         assert branch["time"] == sorted(branch["time"])
         bands = zip(branch["speed_low"], branch["speed"], branch["speed_high"], strict=True)
         assert all(low <= speed <= high for low, speed, high in bands if speed is not None)
+    spent = np.array(result["release"]["value"], dtype=float) / result["release"]["G0"]
+    assert np.nanmedian(spent) == pytest.approx(1.24, abs=0.15)  # measured 1.24, from 1.07 to 1.50 at the trunk's end
     (fork,) = result["forks"]
     assert fork["place"] == pytest.approx([68.5e-3, 0.0], abs=3e-3)  # measured 68.5 mm; branching by columns: 70
     assert fork["angle"] == pytest.approx(55, abs=10)  # measured 54.6 degrees; in the thesis mode 43.0

@@ -83,7 +83,7 @@ def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_a_tip_without_room(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    expected = "m, expected room of 4 horizons, 0.012 m"
+    expected = "m, expected room of 3.5 horizons, 0.0105 m"
     assert expected in said([str(small_results)], capsys)
     assert list(here.glob("*.png")) == []
 

@@ -127,6 +127,20 @@ def test_a_standing_wave_beside_free_faces_has_no_intensity() -> None:
     assert abs(moving.K1) < 3e-3 * abs(rest.K1)  # measured 1.8e-3
 
 
+def test_a_node_at_the_tip_does_no_harm() -> None:
+    """The fields of a tip are infinite there; pytest takes a warning for an error."""
+    place, area = square(20)
+    field = intensities(place[:, 0] + 1j * place[:, 1], STRESS, 1.0, 0.5)
+    at = state(field, STRESS, area, place)
+    still = np.zeros((len(place) + 1, 2))
+    more = [np.concatenate([column[:1], column]) for column in at[:5]]
+    more[0][0] = 0.0
+    motion = Motion(1.0, still, still + 1e-9, np.zeros((len(still), 2, 2)))
+    tip, way, ring = np.zeros(2), np.array([1.0, 0.0]), Ring(0.3, 0.9)
+    with_it = integrals(Sampled(*more, motion), tip, way, ring, STRESS)
+    assert with_it[:3] == pytest.approx(integrals(at, tip, way, ring, STRESS)[:3], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("K1", "K2", "angle"),
     [(1.0, 0.0, 0.0), (1.0, 1.0, -53.130), (1.0, -1.0, 53.130), (0.0, 1.0, -70.529), (0.0, -1.0, 70.529)],
