@@ -115,14 +115,8 @@ class State:
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample(step)
         nodes = self._results.nodes(step)
-<<<<<<< HEAD
-        every = stiffness(self._results, step)
-        nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-        elastic = Elastic(float(every.E[nearest]), float(every.nu[nearest]), every.plane)
-=======
-        modulus, plane = stiffness(self._results, step)
-        elastic = Elastic(float(modulus[nearest(nodes, tip.place)]), BONDS_NU[plane], plane)
->>>>>>> fracture
+        every, near = stiffness(self._results, step), nearest(nodes, tip.place)
+        elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
         return Rings(tip, rings, found)
 

@@ -126,26 +126,15 @@ class Obstacles:
     def room(self, tip: Tip, step: int, time: float) -> Room:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
-<<<<<<< HEAD
         elastic = stiffness(self._results, step)
-        nearest = int(np.hypot(*(nodes.position - tip.place).T).argmin())
-=======
-        modulus, _ = stiffness(self._results, step)
         near = nearest(nodes, tip.place)
->>>>>>> fracture
+        other = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
         found = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (self._other_tips(tip, time), "another tip"),
             (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
             (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
-<<<<<<< HEAD
-            (
-                nodes.position[(elastic.E[nearest] != elastic.E) | (elastic.nu != elastic.nu[nearest])],
-                "another material",
-            ),
-=======
-            (nodes.position[modulus != modulus[near]], "another material"),
->>>>>>> fracture
+            (nodes.position[other], "another material"),
         ):
             if len(places):
                 found.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
