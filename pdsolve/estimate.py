@@ -23,7 +23,7 @@ DEFAULT = Options()
 
 # Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
 # each node
-MEMORY = {"thesis": (196e6, 1450.0), "conservative": (181e6, 1450.0)}
+MEMORY = {"thesis": (196e6, 1700.0), "conservative": (181e6, 1700.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 # Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
 # the ledger and of a frame, each at least, and for each bond or node; of the beginning
