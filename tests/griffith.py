@@ -14,7 +14,7 @@ from systems import bonds_of, equilibrium
 from benchmarks.griffith import Griffith
 from pdmesh.model.continuum import BONDS_NU
 from pdpost.measures.domain_integrals import Found, Ring, Sampled, integrals
-from pdpost.measures.strain import fitted, green, hooke
+from pdpost.measures.strain import Stiffness, fitted, green, hooke
 from pdpost.measures.tip_fields import Elastic
 from pdsolve.results import Families, Nodes
 from pdsolve.system import Options, prepare
@@ -56,4 +56,5 @@ def sampled(problem: Any, u: NDArray[np.float64], of: Elastic) -> Sampled:
     nodes = Nodes(grid.ids, grid.position, grid.delta, problem.system.area, none, none)
     gradient = fitted(nodes, u, Families(bonds.start, bonds.neighbour))
     strain = green(small * gradient) / small
-    return Sampled(grid.position, nodes.area, gradient, strain, hooke(strain, np.full(len(u), of.E), of.plane)[:, :3])
+    stress = hooke(strain, Stiffness(np.full(len(u), of.E), np.full(len(u), of.nu), of.plane))
+    return Sampled(grid.position, nodes.area, gradient, strain, stress[:, :3])

@@ -117,7 +117,7 @@ def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-class Elastic(NamedTuple):
+class Stiffness(NamedTuple):
     """What nodes are made of."""
 
     E: NDArray[np.float64]  # (n,) Young's modulus, Pa
@@ -125,7 +125,7 @@ class Elastic(NamedTuple):
     plane: str  # stress or strain
 
 
-def hooke(strain: NDArray[np.float64], elastic: Elastic) -> NDArray[np.float64]:
+def hooke(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
     """Stress (n, 4), xx, yy, xy, zz, Pa, of strains (n, 3)."""
     modulus, nu, plane = elastic
     xx, yy, xy = strain.T
@@ -138,13 +138,13 @@ def hooke(strain: NDArray[np.float64], elastic: Elastic) -> NDArray[np.float64]:
     return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, out * (sxx + syy)])
 
 
-def thinning(strain: NDArray[np.float64], elastic: Elastic) -> NDArray[np.float64]:
+def thinning(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
     """The strain (n,) across the plane, zz, that goes with strains (n, 3) in it."""
     nu = elastic.nu
     return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if elastic.plane == "stress" else 0.0)
 
 
-def stiffness(results: Results, step: int) -> Elastic:
+def stiffness(results: Results, step: int) -> Stiffness:
     """What the nodes at `step` are made of. Raises ResultsError.
 
     Nodes that were born later are of the material of the node of the start that is nearest.
@@ -158,7 +158,7 @@ def stiffness(results: Results, step: int) -> Elastic:
         which = which[tree_of(nodes.position).query(results.nodes(step).position)[1]]
     materials = (model.material, *(region.material for region in model.regions))
     E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
-    return Elastic(E, nu, model.material.plane)
+    return Stiffness(E, nu, model.material.plane)
 
 
 def _blocks(count: int) -> Iterator[tuple[int, int]]:

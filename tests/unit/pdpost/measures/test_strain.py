@@ -104,7 +104,7 @@ def test_hookes_law(plane: str, nu: float) -> None:
     effective = nu if plane == "stress" else nu / (1 - nu)
     modulus = 70e9 if plane == "stress" else 70e9 / (1 - nu**2)
     pulled = np.array([[1e-3, -effective * 1e-3, 0.0], [0.0, 0.0, 1e-3]])
-    stress = strain.hooke(pulled, strain.Elastic(np.full(2, 70e9), np.full(2, nu), plane))
+    stress = strain.hooke(pulled, strain.Stiffness(np.full(2, 70e9), np.full(2, nu), plane))
     out = 0.0 if plane == "stress" else nu * modulus * 1e-3
     assert stress[0] == pytest.approx([modulus * 1e-3, 0.0, 0.0, out], abs=1e-3)
     assert stress[1] == pytest.approx([0.0, 0.0, 70e9 / (1 + nu) * 1e-3, 0.0], abs=1e-3)
