@@ -202,6 +202,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     what, until = (
         ("steps", f"{summary['time'] * 1e6:.4g} us") if rested is None else ("load steps", f"{summary['time']:.4g} s")
     )
+    threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
     how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
@@ -209,7 +210,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
-        f"wall time {summary['wall_time']:.2f} s on {summary['threads']} threads,{how}",
+        f"wall time {summary['wall_time']:.2f} s on {threads},{how}",
         f"broken bonds {summary['broken_bonds']}; energy, J/m:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
