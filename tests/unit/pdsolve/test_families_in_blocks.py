@@ -29,6 +29,8 @@ LAWS: dict[str, dict[str, Any]] = {
     "rate, no control": {"model": "correspondence", "form": "rate", "control": "none", "plane": "strain"},
 }
 
+SLOW = pytest.mark.slow  # to compile
+
 
 def glass(law: str) -> Material:
     """Glass of this law."""
@@ -40,7 +42,7 @@ def gone(problem: Prepared) -> set[tuple[int, int, int]]:
     return set(zip(*(column.tolist() for column in problem.system.operator.broken()), strict=True))
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [pytest.param(law, marks=SLOW if law.startswith("wan") else ()) for law in LAWS])
 @pytest.mark.parametrize("name", GRIDS)
 def test_steps_from_anywhere(name: str, law: str) -> None:
     """Random displacements: accelerations, broken bonds, what they spent, energies, and what frames show."""
