@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sqlite3
+import subprocess
+import sys
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 from pdsolve.results.schema import TABLES
 
 OWN = ("wall_time", "created", "provenance", "summary", "threads", "kernel")  # keys of meta that say how a run went
@@ -32,3 +37,18 @@ def newest(path: Path, at_least: int) -> int:
             break
         time.sleep(0.02)
     return step
+
+
+def kill_when(met: Callable[[Results], bool], path: Path, words: list[str]) -> None:
+    """Run Python with these words and kill -9 it as soon as the results it writes to `path` are so."""
+    child = subprocess.Popen([sys.executable, *words])
+    while child.poll() is None:
+        time.sleep(0.01)
+        try:
+            with Results.open(path) as results:
+                if met(results):
+                    break
+        except ResultsError:
+            continue
+    os.kill(child.pid, signal.SIGKILL)
+    assert child.wait() == -signal.SIGKILL

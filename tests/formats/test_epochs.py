@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shutil
-import signal
 import sqlite3
-import subprocess
-import sys
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -17,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from splitting import Moving, marched, torn_plate
-from whole import contents, newest
+from whole import contents, kill_when, newest
 
 from pdpost.measures.cracked import damage_at
 from pdpost.measures.pairs import pairs
@@ -165,17 +160,7 @@ watch = lambda progress: bool(time.sleep(0.02))
 simulate(model, Path(sys.argv[1]), Options(threads=1), watch, adapt=Moving(model.grid))
 """
     path, model = tmp_path / "killed.sqlite", torn_plate()
-    child = subprocess.Popen([sys.executable, "-c", program, str(path)])
-    frames = 0
-    while frames < 3 and child.poll() is None:
-        time.sleep(0.02)
-        try:
-            with Results.open(path) as results:
-                frames = len(results.frames()[0])
-        except ResultsError:
-            continue
-    os.kill(child.pid, signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL
+    kill_when(lambda results: len(results.frames()[0]) >= 3, path, ["-c", program, str(path)])
     with Results.open(path) as results:
         assert len(results.field("ux", int(results.frames()[0][-1]))) == len(results.nodes().ids)
     resume(path, adapt=adapt(model)).close()

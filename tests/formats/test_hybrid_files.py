@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from whole import contents
+from whole import contents, kill_when
 from zones import struck
 
 from pdpost.measures.cracked import damage_at
-from pdsolve.results import Results, ResultsError
+from pdsolve.results import Results
 from pdsolve.simulation import Options, resume, simulate
 
 TESTS = Path(__file__).parent.parent
@@ -61,16 +56,7 @@ pdsolve.simulation.PATIENCE = 1e6
 watch = lambda progress: bool(time.sleep(0.02))
 simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), watch)
 """
-    path, frames = tmp_path / "killed.sqlite", 0
-    child = subprocess.Popen([sys.executable, "-c", program, str(path)])
-    while frames < 4 and child.poll() is None:
-        time.sleep(0.01)
-        try:
-            with Results.open(path) as results:
-                frames = len(results.frames()[0])
-        except ResultsError:
-            continue
-    os.kill(child.pid, signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL
+    path = tmp_path / "killed.sqlite"
+    kill_when(lambda results: len(results.frames()[0]) >= 4, path, ["-c", program, str(path)])
     resume(path).close()
     assert contents(path) == contents(whole)

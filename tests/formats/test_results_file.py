@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sqlite3
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from plates import square_grid
 from systems import bonds_of
-from whole import contents
+from whole import contents, kill_when
 
 from pdmesh.model.cloud import document_of
 from pdmesh.model.document import write_file
@@ -203,25 +200,14 @@ def test_a_killed_run_is_readable_and_goes_on_to_the_same_bits(small_plate: Mode
     write_file(document_of(small_plate.grid, small_plate.settings), model)
     killed, whole = tmp_path / "killed.sqlite", tmp_path / "whole.sqlite"
     extra = ["--set", "run.steps=12000", "--set", "run.every=100", "--set", "run.time_step=2.5e-10", "-q"]
-    command = [sys.executable, "-m", "pdsolve", str(model), *extra, "-o", str(killed)]
-    child = subprocess.Popen(command)
-    broken = 0
-    while broken == 0 and child.poll() is None:
-        time.sleep(0.02)
-        if killed.exists():
-            try:
-                with Results.open(killed) as results:
-                    broken = len(results.breaks().step)
-            except ResultsError:
-                continue
-    os.kill(child.pid, signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL
+    words = ["-m", "pdsolve", str(model), *extra, "-o", str(killed)]
+    kill_when(lambda results: len(results.breaks().step) > 0, killed, words)
     with Results.open(killed) as results:
         steps, _ = results.frames()
         assert 0 < steps[-1] < 12000
         assert results.meta()["status"] == "running"
         assert 0 <= results.checkpoint()[0] <= steps[-1]
         assert len(results.field("uy", int(steps[-1]))) == len(small_plate.grid)
-    subprocess.run([*command[:-1], str(whole)], check=True)
+    subprocess.run([sys.executable, *words[:-1], str(whole)], check=True)
     resume(killed).close()
     assert contents(killed) == contents(whole)
