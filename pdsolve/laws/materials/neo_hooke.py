@@ -12,7 +12,8 @@ from numba import njit
 
 from pdsolve.laws.law import INNER
 from pdsolve.laws.materials.svk import green
-from pdsolve.laws.materials.tensors import full, grown, inverse, product, with_zz
+from pdsolve.laws.materials.tensors import full, grown, inverse, with_zz
+from pdsolve.laws.small import product
 
 ROUNDS = 25
 NEAR = 1e-15

@@ -31,11 +31,11 @@ from pdsolve.laws.materials.tensors import (
     hooke,
     inverse,
     mean,
-    product,
     symmetric,
     transposed,
     with_zz,
 )
+from pdsolve.laws.small import product
 from pdsolve.model import Model
 
 LINEAR, SVK, NEO_HOOKE, J2 = range(4)

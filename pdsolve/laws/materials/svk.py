@@ -9,7 +9,8 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.laws.law import INNER
-from pdsolve.laws.materials.tensors import full, grown, hooke, product, symmetric, transposed, with_zz
+from pdsolve.laws.materials.tensors import full, grown, hooke, symmetric, transposed, with_zz
+from pdsolve.laws.small import product
 
 
 @njit(**INNER)

@@ -34,21 +34,6 @@ def transposed(a):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def product(a, b):  # type: ignore[no-untyped-def]
-    return (
-        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
-        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
-        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-    )
-
-
-@njit(**INNER)
 def symmetric(a):  # type: ignore[no-untyped-def]
     """The symmetric part of nine, as six."""
     return (a[0], a[4], a[8], (a[1] + a[3]) / 2, (a[2] + a[6]) / 2, (a[5] + a[7]) / 2)
