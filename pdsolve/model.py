@@ -27,6 +27,7 @@ from pdmesh.model.document import (
     settings_of,
 )
 from pdmesh.model.document import read_document as parse_document
+from pdmesh.model.wordings import explained
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 
@@ -146,7 +147,9 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     try:
         merged = msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
-        raise ModelError(f"{' + '.join(map(str, filter(None, [path, settings])))}: {error}") from None
+        raise ModelError(
+            f"{' + '.join(map(str, filter(None, [path, settings])))}: {explained(error, Settings)}"
+        ) from None
     return Model(grid_of(document, str(path)), merged, str(path))
 
 

@@ -35,6 +35,7 @@ from shapely import LineString, MultiLineString
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.units import Unit
+from pdmesh.model import wordings
 from pdmesh.model.document import LARGEST
 from pdmesh.scene.plate import Refinement, Zone
 from pdmesh.scene.scene import Scene
@@ -141,7 +142,7 @@ def _sorted_out(groups: Iterable[Group]) -> dict[str, dict[str, Group]]:
 
 def _meant(kind: str, name: str) -> str:
     """What the name of a group should have been."""
-    nearest = named.nearest(kind, GROUPS)
+    nearest = wordings.nearest(kind, GROUPS)
     forms = {
         kind: " or ".join(SHAPES[dimension] for dimension in dimensions) for kind, (dimensions, _) in GROUPS.items()
     }
@@ -160,7 +161,7 @@ def _check_groups(groups: dict[str, dict[str, Group]], parameters: Parameters) -
             if kind in PLACED and parameters.text(f"{folder}/{name}/Box"):
                 continue
             group = f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}")'
-            near = named.nearest(name, groups[kind])
+            near = wordings.nearest(name, groups[kind])
             meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
             raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}{meant}")
     points = [np.asarray(curve) for group in _all(groups) for curve in _curves_of(group)]

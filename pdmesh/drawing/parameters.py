@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -12,6 +11,7 @@ import numpy as np
 
 from pdmesh.drawing.units import UNITS, Unit
 from pdmesh.model.document import Material, Run
+from pdmesh.model.wordings import explained, nearest
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.shapes import SceneError
 
@@ -203,13 +203,6 @@ def one_like(name: str, known: Iterable[str]) -> str:
     return f" one such as '{near}'" if near else " none"
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """That of the `known` names which is the most alike; empty where there is none."""
-    lower = {other.lower(): other for other in sorted(known, reverse=True)}
-    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.0)
-    return lower[close[0]] if close else ""
-
-
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder; what it leaves out is that of `base`. None where nothing says any."""
     given: dict[str, Any] = {name: parameters.maybe(f"{folder}/{own}") for name, own in NUMBERS.items()}
@@ -261,4 +254,4 @@ def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
     try:
         return msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"{PREFIX}{place}: {error}") from None
+        raise SceneError(f"{PREFIX}{place}: {explained(error, kind)}") from None

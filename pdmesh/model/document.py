@@ -16,6 +16,7 @@ import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.fields import USUAL, Column
+from pdmesh.model.wordings import explained
 
 FORMAT_VERSION = 1
 
@@ -231,7 +232,7 @@ def read_document(data: bytes | str, name: str) -> Document:
     try:
         document = msgspec.json.decode(data, type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise GridError(f"{name}: {error}") from None
+        raise GridError(f"{name}: {explained(error, Document)}") from None
     if document.version != FORMAT_VERSION:
         raise GridError(f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}")
     return document

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import LARGEST, MOST, Absorb, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.model.wordings import explained
 from pdmesh.scene.conditions import PlacedCondition, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
@@ -59,7 +60,7 @@ def _described(struct: Any, kind: type, place: str) -> None:
         fields = msgspec.to_builtins(struct)
         msgspec.convert(fields, kind)
     except (msgspec.ValidationError, TypeError) as error:
-        raise SceneError(f"{place}: {error}") from None
+        raise SceneError(f"{place}: {explained(error, kind)}") from None
     for name, value in fields.items():
         if isinstance(value, float | int) and not abs(value) <= MOST:
             raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")

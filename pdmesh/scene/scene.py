@@ -32,6 +32,7 @@ from pdmesh.model.document import (
     Region,
     Velocity,
 )
+from pdmesh.model.wordings import explained
 from pdmesh.scene import checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, Profile, checked_profile
 from pdmesh.scene.plate import Plate, Refinement, Zone
@@ -180,7 +181,7 @@ class Scene(Plate):
         try:
             action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
         except msgspec.ValidationError as error:
-            raise SceneError(f"{place}: {error}") from None
+            raise SceneError(f"{place}: {explained(error, kind)}") from None
         condition = PlacedCondition(Place(self._place(where, place), rows), action)
         return replace(self, conditions=(*self.conditions, condition))
 

@@ -1,0 +1,62 @@
+"""What may stand where a file or an option says something unknown."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+import msgspec.inspect as inspection
+
+UNKNOWN = re.compile(r"(Invalid enum value '|Object contains unknown field `)(.*?)['`](?: - at `\$(.*)`)?", re.DOTALL)
+
+
+def explained(error: Exception, kind: type) -> str:
+    """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
+
+    A word that has a fixed set of values is followed by all of them, the name of a field by the nearest one.
+    """
+    said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if said is None:
+        return str(error)
+    met = [inspection.type_info(kind)]
+    for step in re.findall(r"\.\w+|\[[^\]]*\]", said[3] or ""):
+        met = [inner for outer in met for inner in _inside(outer, step)]
+    met = [inner for outer in met for inner in _plain(outer)]
+    if said[1].startswith("Object"):
+        near = nearest(said[2], [field.encode_name for one in met for field in getattr(one, "fields", ())])
+        return f"{error}, expected one such as `{near}`" if near else str(error)
+    words = [str(value) for one in met for value in getattr(one, "values", ())]
+    return f"{error}, expected {', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else str(error)
+
+
+def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
+    """The types of what a step of a path, `.name` or `[index]`, leads to."""
+    for one in _plain(outer):
+        if step.startswith("."):
+            yield from (field.type for field in getattr(one, "fields", ()) if field.encode_name == step[1:])
+        elif isinstance(one, inspection.TupleType):
+            yield from one.item_types
+        else:
+            item: Any = getattr(one, "item_type", getattr(one, "value_type", None))
+            yield from () if item is None else (item,)
+
+
+def _plain(outer: inspection.Type) -> Iterator[inspection.Type]:
+    """The types of a union, one by one."""
+    if isinstance(outer, inspection.Metadata):
+        yield from _plain(outer.type)
+    elif isinstance(outer, inspection.UnionType):
+        for one in outer.types:
+            yield from _plain(one)
+    else:
+        yield outer
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """That of the `known` names which is the most alike; empty where there is none."""
+    lower = {other.lower(): other for other in sorted(known, reverse=True)}
+    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.0)
+    return lower[close[0]] if close else ""
