@@ -1,5 +1,6 @@
 # make demo    set up, solve a glass plate a thousand nodes across, fine near its crack alone; its picture and its film
 # make test    set up, run the quick tests
+# make docs    build the site below site/, from docs
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
@@ -16,8 +17,9 @@
 VENV ?= .venv
 PYTHON ?= python3
 BIN := $(VENV)/bin
+TWO := -n 2 --dist worksteal # tests in two processes
 
-.PHONY: demo test slow thesis sources failures handbook check bench bench-speed bench-quick compare mutants install \
+.PHONY: demo test slow thesis sources failures handbook docs check bench bench-speed bench-quick compare mutants install \
 	gmsh-libraries clean
 
 demo: gmsh-libraries
@@ -31,10 +33,10 @@ demo: gmsh-libraries
 	@echo "The picture of the crack: $(CURDIR)/demo/fork.png; its film: $(CURDIR)/demo/fork.gif"
 
 test: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest $(TWO) -m "not slow"
 
 slow: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest $(TWO) -m slow
 
 thesis: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.thesis
@@ -47,6 +49,10 @@ failures: $(VENV)/test.done
 
 handbook: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.handbook
+
+docs: $(VENV)/docs.done gmsh-libraries
+	$(BIN)/sphinx-build -W --keep-going -q docs site
+	@echo "The site: $(CURDIR)/site/index.html"
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check

@@ -23,7 +23,7 @@ from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
 
 TIME_LIMIT = 60.0  # s, for a drawing
-CAD_SECONDS, CAD_SECONDS_PER_BYTE = 20.0, 1e-5  # a broken file may never end
+CAD_SECONDS, CAD_SECONDS_PER_BYTE = 60.0, 1e-5  # a broken file may never end
 OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capitals
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
 

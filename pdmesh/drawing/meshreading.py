@@ -18,7 +18,7 @@ from pdmesh.drawing.sandbox import child
 from pdmesh.files import check_regular, read_bytes
 from pdmesh.scene.shapes import SceneError
 
-SECONDS, SECONDS_PER_BYTE = 20.0, 1e-5  # for reading
+SECONDS, SECONDS_PER_BYTE = 60.0, 1e-5  # for reading
 MEMORY, MEMORY_PER_BYTE = 2**31, 200
 ADVICE = " (--trust reads it all the same)"
 

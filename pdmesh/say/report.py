@@ -13,7 +13,7 @@ from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Document, Settings, settings_of
+from pdmesh.model.document import Document, Material, Settings, settings_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import count
 from pdmesh.scene.scene import Scene
@@ -83,8 +83,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
     if result["material"]:
-        lines.append("material: " + _words(result["material"]))
-    lines += [f"material '{region['name']}': " + _words(region) for region in result["regions"]]
+        lines.append("material: " + _words(_telling(result["material"])))
+    lines += [f"material '{region['name']}': " + _words(_telling(region)) for region in result["regions"]]
     return lines + [
         f"{entry['kind']} '{entry.get('name', '')}': {entry['nodes']} nodes, "
         + _words({key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")})
@@ -131,6 +131,13 @@ def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
     if len(spacings) > 16:
         return {f"{spacings[0]:g} to {spacings[-1]:g}": int(np.sum(counts))}
     return {f"{spacing:g}": int(number) for spacing, number in zip(spacings, counts, strict=True)}
+
+
+def _telling(material: dict[str, Any]) -> dict[str, Any]:
+    """Those fields of a material that say something: not what is as it usually is and belongs to other models."""
+    usual = {field.name: field.default for field in msgspec.structs.fields(Material)}
+    always = ("model", "plane", *(("law", "micromodulus") if material["model"] == "bond" else ()))
+    return {name: value for name, value in material.items() if name in always or value != usual.get(name)}
 
 
 def _fields(struct: Any) -> dict[str, Any]:

@@ -1,0 +1,120 @@
+"""The gallery of the site: every shipped scene, built, solved and drawn by the commands that stand below its picture.
+
+`python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes solve those alone, and keep the
+other pictures. A scene that takes minutes is solved in a coarser form, as its commands say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from PIL import Image
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "gallery.md"
+WIDE = 720  # pixels of a picture
+
+
+class Shown(NamedTuple):
+    """How a scene is shown."""
+
+    picture: str = "damage"  # the command of pdpost, with its options
+    build: str = ""  # options of pdmesh
+    solve: str = ""  # options of pdsolve
+
+
+SHOWN = {
+    "bar.py": Shown("displacement --component x"),
+    "bending.py": Shown("stress --component xx --scale auto"),
+    "bent_square.py": Shown("stress --scale 1"),
+    "compact_tension.py": Shown("stress --scale auto"),
+    "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
+    "figure_18.geo": Shown("stress --largest 4e7"),
+    "figure_19.py": Shown("stress --largest 4e7"),
+    "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
+    "plastic_beam.py": Shown("plastic --scale auto"),
+    "rubber_block.py": Shown("stress --scale 1"),
+    "strip.py": Shown("stress"),
+}
+
+
+def commands(scene: Path) -> list[str]:
+    """What a user types to see a scene."""
+    shown = SHOWN.get(scene.name, Shown())
+    name = scene.stem
+    return [
+        " ".join(filter(None, words))
+        for words in (
+            ("pdmesh build", f"geometries/{scene.name}", shown.build),
+            ("pdsolve", f"{name}.json", shown.solve),
+            ("pdpost", shown.picture.replace(" ", f" {name}.sqlite ", 1))
+            if " " in shown.picture
+            else ("pdpost", shown.picture, f"{name}.sqlite"),
+        )
+    ]
+
+
+def caption(scene: Path) -> str:
+    """The first sentence of a scene's file, which says what it is."""
+    text = re.sub(r"^(//|\"\"\") ?", "", scene.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return " ".join(text.split("\n\n")[0].split())
+
+
+def draw(scene: Path) -> None:
+    """Solve a scene in a folder of its own and keep its picture. Raises CalledProcessError."""
+    with tempfile.TemporaryDirectory() as name:
+        (Path(name) / "geometries").symlink_to(ROOT / "geometries")
+        for line in commands(scene):
+            program, *options = line.split()
+            where = ["-o", "shown.png"] if program == "pdpost" else []
+            subprocess.run([sys.executable, "-m", program, *options, "-q", *where], cwd=name, check=True)
+        found = Image.open(Path(name) / "shown.png").convert("RGB")
+        small = found.resize((WIDE, round(found.height * WIDE / found.width)), Image.Resampling.LANCZOS)
+        kept = io.BytesIO()
+        small.save(kept, "png", optimize=True)
+    picture_of(scene).parent.mkdir(exist_ok=True)
+    picture_of(scene).write_bytes(kept.getvalue())
+
+
+def picture_of(scene: Path) -> Path:
+    """Where the picture of a scene is kept."""
+    return ROOT / "docs" / "gallery" / f"{scene.stem}.png"
+
+
+def page(scenes: list[Path]) -> str:
+    """The page, in Markdown."""
+    lines = [
+        "# Gallery",
+        "",
+        "The scenes in `geometries/`, and what shows them. Written by `python -m benchmarks.gallery`.",
+        "",
+    ]
+    for scene in scenes:
+        what = caption(scene)
+        lines += [f"## {scene.stem}", "", what, "", f"![{what}](gallery/{scene.stem}.png)", ""]
+        lines += ["```text", *commands(scene), "```", ""]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Draw what is asked for, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenes", nargs="*", help="names of scenes, such as duran50.geo (default: all)")
+    asked = parser.parse_args().scenes
+    scenes = sorted(path for path in (ROOT / "geometries").iterdir() if path.suffix in (".geo", ".py"))
+    for scene in scenes:
+        if not asked or scene.name in asked:
+            print(scene.name, flush=True)
+            draw(scene)
+    PAGE.write_text(page(scenes), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
