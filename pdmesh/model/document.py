@@ -49,6 +49,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
     influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
+    sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
+    gamma: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # diffraction: how much farther the way round is, as a power
     failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
     strength: Positive | None = None  # correspondence: largest principal stress of a bond that fails by it, Pa
     solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # correspondence: what stress follows strain
@@ -63,6 +65,11 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     def __post_init__(self) -> None:
         if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
             msgspec.structs.force_setattr(self, "law", USUAL_LAW)
+
+    @property
+    def detour(self) -> float | None:
+        """The exponent of the way round a crack's tips; None where what is behind a crack is not seen."""
+        return self.gamma if self.sight == "diffraction" else None
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
