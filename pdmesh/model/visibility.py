@@ -54,6 +54,12 @@ class Sight:
         """
         return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
 
+    def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which pairs (b,) the segments (k, 4) of a crack separate, likewise."""
+        if not len(segments):
+            return np.zeros(len(pairs.source), dtype=bool)
+        return self._meet(pairs, _lengthened(segments.reshape(-1, 2, 2), SLACK * float(self._grid.delta.min())))
+
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
         return np.zeros(len(pairs.source), dtype=bool) if self._cracks is None else self._meet(pairs, self._cracks)
