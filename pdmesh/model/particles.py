@@ -50,11 +50,16 @@ def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
     return found
 
 
-def arms(particles: Particles, until: int | None = None) -> NDArray[np.float64]:
-    """Segments (k, 4), m, of the particles that are there until a step, or of all."""
-    there = particles.parent >= 0
-    if until is not None:
-        there &= particles.step <= until
+def until(particles: Particles, step: int) -> Particles:
+    """Those that were there at a step."""
+    place, normal, parent, since = particles
+    there = since <= step
+    return Particles(place[there], normal[there], parent[there], since[there])
+
+
+def arms(particles: Particles, after: int = -1) -> NDArray[np.float64]:
+    """Segments (k, 4), m, of all particles, or of those that came after a step."""
+    there = (particles.parent >= 0) & (particles.step > after)
     return np.hstack([particles.place[particles.parent[there]], particles.place[there]])
 
 

@@ -31,7 +31,7 @@ from pdsolve.steppers.equilibrium import forces
 
 BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
 OUTER = 0.8  # of the room: where a ring ends
-FORK = 1.0  # horizons between two forks of a crack
+FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels its sibling's field more than its own
 
 
 def refuse_particles(model: Model, mode: str) -> None:
@@ -122,7 +122,9 @@ class Growth:
         horizon, rules = self._horizon(tip), self.rules
         if rules.criterion == "stress":
             sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
-            return by_stress(sampled, tip.place, tip.way(horizon), horizon, rules, tip.length >= FORK * horizon)
+            young = tip.forked and tip.length < FORK * horizon
+            found = by_stress(sampled, tip.place, tip.way(horizon), horizon, rules, not young)
+            return found._replace(angles=(0.0,)) if young and found.angles else found
         refused = self._too_small(tip, tips)
         if refused:
             self._tell(tip, f"{refused}; it stays there")

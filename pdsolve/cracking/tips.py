@@ -17,6 +17,7 @@ class Tip(NamedTuple):
     particle: int
     back: NDArray[np.float64]  # (m, 2) m: places from the tip back to the next fork or end
     length: float  # m, of that way
+    forked: bool  # whether it is a fork that it comes from
 
     @property
     def place(self) -> NDArray[np.float64]:
@@ -53,4 +54,4 @@ def _followed(particles: Particles, around: list[list[int]], number: int) -> Tip
     while len(around[line[-1]]) == 2:
         line.append(next(other for other in around[line[-1]] if other != line[-2]))
     back = particles.place[line]
-    return Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()))
+    return Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()), len(around[line[-1]]) > 2)
