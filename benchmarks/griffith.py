@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.domain_integrals import Found
-from pdpost.measures.tip_fields import Elastic
+from pdmesh.model.domain_integrals import Found
+from pdmesh.model.tip_fields import Elastic
 
 
 class Griffith(NamedTuple):

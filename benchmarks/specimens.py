@@ -19,7 +19,7 @@ from benchmarks.griffith import Griffith
 from pdmesh import Circle, Material, Run, Scene, Static, box, build
 from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Displacement
-from pdpost.measures.tip_fields import Elastic
+from pdmesh.model.tip_fields import Elastic
 from pdsolve.model import Model
 
 WIDE = 80  # spacings of the width

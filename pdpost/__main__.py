@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from pdmesh import commandline
-from pdpost.commands import crack, curves, export, line, moving, pictures, report, sif, sql, tradeoff
+from pdpost.commands import crack, curves, export, line, moving, notch, pictures, report, sif, sql, tradeoff
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, curves, line, crack, sif, tradeoff, report, export, sql):
+    for group in (pictures, moving, curves, line, crack, sif, tradeoff, report, export, notch, sql):
         group.add(commands)
     return program
 

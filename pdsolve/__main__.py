@@ -44,6 +44,11 @@ def parser() -> argparse.ArgumentParser:
         help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
     )
     program.add_argument(
+        "--cracks",
+        choices=("bonds", "particles"),
+        help="particles: cracks grow from their tips, particle by particle, and cut bonds (run.cracks; default: bonds)",
+    )
+    program.add_argument(
         "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
     )
     program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
@@ -110,7 +115,7 @@ def _solve(args: argparse.Namespace) -> int:
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in (*kept, "static", "float", "adapt") if getattr(args, name)]
+            given = [name for name in (*kept, "static", "float", "adapt", "cracks") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path = args.model
@@ -169,6 +174,8 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     flags = [] if args.every is None else [("run.every", args.every)]
     if args.adapt is not None:
         flags.append(("run.adapt", f'"{args.adapt}"'))
+    if args.cracks is not None:
+        flags.append(("run.cracks", f'"{args.cracks}"'))
     if args.fields is not None:
         flags.append(("run.fields", args.fields))
     if args.probe:
@@ -221,6 +228,8 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
             f"hybrid: {fine['fine_share']:.1%} of the plate is fine; clipped bonds were stretched to"
             f" {fine['clipped_stretch']:.2f} of what breaks one; refining made {fine['refinement']:+.3g} J/m"
         )
+    if "particles" in summary:
+        lines.append(f"cracks have {summary['particles']} particles")
     return lines
 
 

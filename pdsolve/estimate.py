@@ -17,7 +17,8 @@ from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
 from pdsolve.starts import still
 from pdsolve.steppers.newton import FACTORED
-from pdsolve.system import Options, Survey, prepare, scheme_of, stable, step_of, threads_of
+from pdsolve.survey import Survey
+from pdsolve.system import Options, prepare, scheme_of, stable, step_of, threads_of
 
 DEFAULT = Options()
 

@@ -66,11 +66,13 @@ class Model:
         except GridError as error:
             raise ModelError(str(error)) from None
         for number, region in enumerate(self.settings.regions):
-            if region.material.plane != self.settings.material.plane:
-                raise ModelError(
-                    f"{self.name}: $.regions[{number}].material.plane: found '{region.material.plane}', expected"
-                    f" '{self.settings.material.plane}' as elsewhere"
-                )
+            for name in ("plane", "sight", "gamma"):
+                own, elsewhere = (getattr(each, name) for each in (region.material, self.settings.material))
+                if own != elsewhere:
+                    raise ModelError(
+                        f"{self.name}: $.regions[{number}].material.{name}: found '{own}', expected '{elsewhere}' as"
+                        " elsewhere"
+                    )
 
     def _check_places(self) -> None:
         order = np.lexsort(self.grid.position.T)

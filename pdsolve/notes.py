@@ -76,7 +76,8 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     here = {**state._asdict(), "held_force": system.drive.held_force}
     if isinstance(system.stepper, LoadSteps):
         here["rested"] = system.stepper.keep()
-    return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep())
+    grown = {} if system.growth is None else system.growth.keep()
+    return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
 
 
 def cloud(system: System) -> dict[str, NDArray[Any]]:
@@ -101,6 +102,8 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
     system.operator.back(kept, past)
     if isinstance(system.stepper, LoadSteps):
         system.stepper.back(kept["rested"], past)
+    if system.growth is not None:
+        system.growth.back(kept, past)
     put_loads(system.drive, step * system.time_step)
 
 
@@ -235,6 +238,7 @@ class Notes:
             self.wall(),
             self._epochs,
             self._rows,
+            () if system.growth is None else system.growth.rows(-1 if self.new and step == 0 else self.written),
         )
         self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
         self._breaks, self._epochs = [], []

@@ -212,6 +212,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
             if change is not None:
                 notes.follow(step, change)
         system = notes.system
+        looks = min(looks, _grown(notes, step))
         chunk = max(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         system.stepper.march(notes.state, step + 1, min(ends) + 1)
@@ -231,6 +232,16 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     writer.done().tell({"summary": json.dumps(_summary(notes, found, done))})
     closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
+
+
+def _grown(notes: Notes, step: int) -> int:
+    """Let cracks grow after `step` that are to be looked at then; the step after which they are looked at next."""
+    system = notes.system
+    if system.growth is None or system.growth.every is None:
+        return system.model.settings.run.steps
+    if step % system.growth.every == 0:
+        system.growth.look(notes.state, step + 1)
+    return _next(step, system.growth.every)
 
 
 def _take(notes: Notes, before: int, step: int) -> None:
@@ -293,6 +304,7 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "balance": notes.balance(books),
         "stopped": system.model.settings.run.until if stopped_early else None,
         **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
+        **({"particles": len(system.growth.particles.place)} if system.growth is not None else {}),
         **_rested(system.stepper),
     }
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -17,10 +16,11 @@ from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
 from pdsolve.adaptive.shown import Shown
 from pdsolve.adaptive.system import hybrid_of
-from pdsolve.bonds import Filling, Part, listed, stiffest
+from pdsolve.bonds import Filling, listed
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
+from pdsolve.cracking.growth import Growth, every_of, refuse_particles
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
@@ -41,6 +41,7 @@ from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
+from pdsolve.survey import Survey
 from pdsolve.threads import cores, crew
 
 
@@ -84,6 +85,7 @@ class System:
     bound: float  # surely stable time step, s
     initial_energy: float  # J/m
     whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
+    growth: Growth | None = None  # cracks that are particles
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
@@ -142,6 +144,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
+    refuse_particles(model, options.mode)
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
@@ -198,9 +201,15 @@ def step_of(model: Model, bound: float) -> float:
     return step
 
 
+def _filling(model: Model, scheme: Scheme) -> Filling:
+    """The bonds of a model; where cracks are particles, none breaks by itself."""
+    filling = scheme.fill(model)
+    return Lasting(filling).filling() if model.settings.run.cracks == "particles" else filling
+
+
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
-    filling, kind = scheme.fill(model), np.dtype(options.precision).type
+    filling, kind = _filling(model, scheme), np.dtype(options.precision).type
     operator, survey = _operator(model, options, scheme, filling)
     rho = model.rho.astype(kind)
     bound = stable(operator.stiffest(), model.rho)
@@ -225,6 +234,9 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
+    growth = None
+    if model.settings.run.cracks == "particles":
+        growth = Growth(model, operator, filling.area, driven, every_of(model, step))
     system = System(
         model,
         options,
@@ -238,6 +250,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         step,
         bound,
         energy,
+        growth=growth,
     )
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
@@ -263,6 +276,8 @@ def widened(driven: Drive, width: int) -> Drive:
 
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
     """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    grows = breaks and model.settings.run.cracks == "particles"
+    breaks = breaks and not grows
     followed_at_rest(model, breaks)
     lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
     filling = lasting.filling()
@@ -279,52 +294,19 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
-    stepper = LoadSteps(model, operator, driven, area, method, breakable, **remember)
+    growth = Growth(model, operator, area, driven, None) if grows else None
+    stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count
-    return Prepared(System(model, options, scheme, operator, stepper, driven, area, *counts, step, bound, 0.0), state)
+    numbers = step, bound, 0.0
+    found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
+    return Prepared(found, state)
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
     """The longest step that is surely stable, s, of an operator's `stiffest` (n,); infinite without bonds."""
     largest = float((resistance / rho).max(initial=0.0))
     return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")
-
-
-class Survey:
-    """What is kept of the bonds while they pass, part by part."""
-
-    def __init__(self, filling: Filling, symmetric: bool) -> None:
-        self._filling, self._symmetric = filling, symmetric
-        self._counts: list[NDArray[np.int64]] = []
-        self._families: list[NDArray[np.int64]] = []
-        self._stiffest: list[NDArray[np.float64]] = []
-        self.softens = False
-
-    def parts(self) -> Iterator[Part]:
-        """All parts, noted."""
-        for part in self._filling.parts():
-            bonds = part.bonds
-            self._counts.append(np.diff(bonds.start))
-            self._families.append(part.family)
-            self._stiffest.append(stiffest(bonds, bonds.stiffness, self._symmetric))
-            self.softens |= bool((bonds.peak < bonds.limit).any())
-            yield part
-
-    @property
-    def count(self) -> NDArray[np.int64]:
-        """Bonds (n,) of each node."""
-        return np.concatenate(self._counts)
-
-    @property
-    def family(self) -> NDArray[np.int64]:
-        """The same (n,), with those a pre-crack cuts."""
-        return np.concatenate(self._families)
-
-    @property
-    def stiffest(self) -> NDArray[np.float64]:
-        """As in `Operator` (n,), of linear bonds."""
-        return np.concatenate(self._stiffest)
 
 
 def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, Survey]:

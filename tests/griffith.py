@@ -13,9 +13,10 @@ from systems import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
 from pdmesh.model.continuum import BONDS_NU
-from pdpost.measures.domain_integrals import Found, Ring, Sampled, integrals
-from pdpost.measures.strain import Stiffness, fitted, green, hooke
-from pdpost.measures.tip_fields import Elastic
+from pdmesh.model.domain_integrals import Found, Ring, Sampled, integrals
+from pdmesh.model.gradients import Stiffness, green, hooke
+from pdmesh.model.tip_fields import Elastic
+from pdpost.measures.strain import fitted
 from pdsolve.results import Families, Nodes
 from pdsolve.system import Options, prepare
 

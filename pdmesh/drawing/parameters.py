@@ -27,9 +27,10 @@ LOAD = ("Traction x", "Traction y", "Body force x", "Body force y")
 FIX = ("Components", "Displacement x", "Displacement y")
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xy")
 WORDS = {"law": "Force law", "micromodulus": "Micromodulus", "plane": "Plane"} | {
-    word: word.capitalize() for word in ("model", "influence", "failure", "solid", "form", "control")
+    word: word.capitalize() for word in ("model", "influence", "sight", "failure", "solid", "form", "control")
 }  # of a material: in the model, and in drawings
 NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr")} | {
+    "gamma": "Gamma",
     "strength": "Strength",
     "control_factor": "Control factor",
     "yield_stress": "Yield stress",

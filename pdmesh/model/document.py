@@ -50,6 +50,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain"] = "stress"
     influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
+    sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
+    gamma: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # diffraction: how much farther the way round is, as a power
     failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
     strength: Positive | None = None  # correspondence: largest principal stress of a bond that fails by it, Pa
     solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # correspondence: what stress follows strain
@@ -64,6 +66,11 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     def __post_init__(self) -> None:
         if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
             msgspec.structs.force_setattr(self, "law", USUAL_LAW)
+
+    @property
+    def detour(self) -> float | None:
+        """The exponent of the way round a crack's tips; None where what is behind a crack is not seen."""
+        return self.gamma if self.sight == "diffraction" else None
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -160,6 +167,20 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     floating: bool = False  # bodies that nothing supports are held softly, not refused
 
 
+class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How cracks grow that are particles."""
+
+    criterion: Literal["intensity", "stress"] = "intensity"  # what lets them grow
+    direction: Literal["hoop", "principal"] = "hoop"  # stress: of the largest hoop stress, or across the mean's axis
+    spacing: Annotated[float, msgspec.Meta(ge=1, le=64)] = 1.0  # between particles, over that of the nodes there
+    toughness: Positive | None = None  # intensity: Pa m^0.5; None: sqrt(E' G0)
+    strength: Positive | None = None  # stress: largest principal value, Pa
+    branch: Annotated[float, msgspec.Meta(gt=0, le=1)] = (
+        0.95  # stress: second maximum over the first that forks a crack
+    )
+    most: PositiveInt | None = None  # particles that a run adds, at most
+
+
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How long the solver goes on and how often it writes."""
 
@@ -170,6 +191,8 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
     adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
+    cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown
+    particles: ParticleRules = ParticleRules()
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
     solver: Literal["explicit", "static"] = "explicit"  # static: a load step is a step and a frame

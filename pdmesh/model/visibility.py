@@ -1,5 +1,8 @@
 """Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts.
 
+A pair that a crack parts may count as far apart as the way round its tips is (D. Organ, M. Fleming, T. Terry, T.
+Belytschko, Comput. Mech. 18 (1996) 225-235): what one has of the other is then continuous around a tip.
+
 shapely is imported where there is one of them: a bare list of nodes is solved without.
 """
 
@@ -12,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.cloud import Grid
+from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
@@ -50,9 +54,50 @@ class Sight:
         """
         return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
 
+    def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which pairs (b,) the segments (k, 4) of a crack separate, likewise."""
+        if not len(segments):
+            return np.zeros(len(pairs.source), dtype=bool)
+        return self._meet(pairs, _lengthened(segments.reshape(-1, 2, 2), SLACK * float(self._grid.delta.min())))
+
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
         return np.zeros(len(pairs.source), dtype=bool) if self._cracks is None else self._meet(pairs, self._cracks)
+
+    def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
+        """How far apart pairs (b,) are for the influence they have on each other, m: straight, or, where a pre-crack
+        parts them, twice as far as any influence reaches, `farthest`, m.
+
+        With a `gamma` those are ((s1 + s2) / s0)^gamma s0 apart, s0 straight and s1 + s2 on the shortest way round, if
+        that is less. (i, j) and (j, i) give the same.
+        """
+        cut = self.cut(pairs)
+        found = np.where(cut, 2 * farthest, pairs.length)
+        which = np.flatnonzero(cut)
+        if gamma is None or not len(which):
+            return found
+        slack = SLACK * float(self._grid.delta.min())
+        segments = self._grid.cracks.reshape(-1, 2, 2)
+        detours = Detours(segments, slack, farthest * (1 + ROUND_OFF), self._inside_the_plate, self._void)
+        ends = np.sort(np.column_stack([pairs.source[which], pairs.target[which]]), axis=1)
+        rows, number = np.unique(ends, return_inverse=True)
+        way = detours.around(self._grid.position[rows], *number.reshape(-1, 2).T)
+        straight = pairs.length[which]
+        with np.errstate(over="ignore"):
+            found[which] = np.minimum(np.maximum(way / straight, 1) ** gamma * straight, 2 * farthest)
+        return found
+
+    def _inside_the_plate(self, places: NDArray[np.float64], headings: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether cracks end or bend at places (v, 2) inside the plate; without an outline, one that ends within three
+        quarters of a spacing of the last nodes ends on the edge."""
+        import shapely
+
+        plate, smallest = plate_of(self._grid), float(self._grid.delta.min())
+        if plate is not None:
+            edge = shapely.distance(plate.boundary, shapely.points(places))
+            return np.asarray(shapely.intersects_xy(plate, places) & (edge > SLACK * smallest))
+        distance, near = self._tree.query(places + smallest / 2 * headings)
+        return np.asarray(distance <= COVERED * self._grid.delta[near])
 
     def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
         """Which pairs (b,) have a segment that meets the obstacle; (i, j) and (j, i) give the same answer."""

@@ -9,8 +9,8 @@ from pdpost.commands import delivery
 from pdpost.commands.shared import add_every, add_window, check_window, counted, finite_numbers, point
 
 if TYPE_CHECKING:
+    from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
-    from pdpost.measures.domain_integrals import Ring
     from pdpost.measures.fracture import Series
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -39,8 +39,8 @@ def _ring(text: str) -> tuple[float, float]:
 
 
 def _sif(args: argparse.Namespace) -> int:
+    from pdmesh.model.domain_integrals import Ring
     from pdpost.measures import fracture
-    from pdpost.measures.domain_integrals import Ring
     from pdpost.measures.release import release
     from pdpost.measures.tips import tips
     from pdpost.reading.frames import chosen

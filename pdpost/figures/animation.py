@@ -20,7 +20,7 @@ from PIL import Image
 
 from pdpost.figures import field_figure
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import border, box_of, legend, mark, paint, seen, shape, sheet
+from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
 from pdpost.reading.frames import chosen
@@ -61,14 +61,16 @@ def frames(
         largest = max(_usual(results, name, step, part, box) for step in steps) or None
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
-    on = sheet(box, room=LINE * (len(words) + bool(len(still.plate.cracks)) + still.plate.adapts))
+    last = still._replace(grown=shape(results, steps[-1], 0.0).grown)
+    lines = bool(len(still.plate.cracks)) + bool(len(last.grown)) + still.plate.adapts
+    on = sheet(box, room=LINE * (len(words) + lines))
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)
     extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
     range_of = field_figure.colours(name, part, extremes, largest)
     mappable = field_figure.bar(on, range_of)
     mark(on, still._replace(scale=scale))
-    edge = border(on, still)
+    edge = border(on, still) + ([] if len(still.grown) else grown(on, last))
     legend(on, *words, columns=1)
     for artist in edge:
         artist.remove()
@@ -76,7 +78,8 @@ def frames(
         shot = field_figure.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
             still = shape(results, step, scale, still)
-            cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn) + border(on, still)
+            cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn)
+            cells += border(on, still) + grown(on, still)
         on.axes.set_title(field_figure.title(results, name, part, step, scale))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

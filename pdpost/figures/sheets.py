@@ -18,11 +18,12 @@ from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pdmesh.model.particles import arms, until
 from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
-from pdpost.figures.style import BLACK, EDGE, THICK, THIN, TORN
+from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN
 from pdpost.measures import plates
 from pdpost.measures.plates import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
@@ -48,6 +49,7 @@ class Shape(NamedTuple):
     turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
     scale: float  # what their displacement is multiplied by
     epoch: int  # the first step with these nodes
+    grown: NDArray[np.float64] = np.zeros((0, 2, 2))  # (k, 2, 2) m: arms of cracks that are particles, grown by now
 
 
 class Sheet(NamedTuple):
@@ -70,6 +72,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
         on = plate(results) if still is None else still.plate
         own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
         still = Shape(on, nodes.position, nodes.position, nodes.delta, own, None, 0.0, epoch)
+    still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:
         return still._replace(position=nodes.position, turned=None, scale=0.0)
     moved = displacement(results, step)
@@ -172,7 +175,7 @@ def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) ->
 
 
 def mark(on: Sheet, nodes: Shape) -> None:
-    """The edges of the plate and of its holes, and the pre-cracks; dotted where they were if nodes are displaced."""
+    """The edges of the plate and of its holes, and cracks; dotted where they were if nodes are displaced."""
     style = {"linestyle": ":"} if nodes.scale else {}
     if nodes.plate.edges:
         rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
@@ -185,6 +188,20 @@ def mark(on: Sheet, nodes: Shape) -> None:
             cracks = LineCollection(list(lines), colors=colour, linewidths=width, zorder=4, label=label, **style)
             cracks.set_capstyle("round")
             on.axes.add_collection(cracks, autolim=False)
+    grown(on, nodes)
+
+
+def grown(on: Sheet, nodes: Shape) -> list[Artist]:
+    """The cracks that have grown as particles by now, where they were before displacements."""
+    found: list[Artist] = []
+    for colour, width, label in (("white", 1.8 * THICK, None), (GROWN, THICK, "grown crack")):
+        if len(nodes.grown):
+            lines = LineCollection(
+                list(nodes.grown * on.factor), colors=colour, linewidths=width, zorder=4, label=label
+            )
+            lines.set_capstyle("round")
+            found.append(on.axes.add_collection(lines, autolim=False))
+    return found
 
 
 def border(on: Sheet, nodes: Shape) -> list[Artist]:

@@ -37,6 +37,7 @@ SHADES = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION, YELLOW, BLACK)  # of
 UNKNOWN = "#707070"  # nodes without a value
 TORN = "#c8c8c8"  # nodes whose value says nothing, as most of their bonds are broken
 EDGE = "#262626"  # of the plate and its holes
+GROWN = BLUE  # cracks that have grown
 THIN, THICK = 0.6, 1.2  # points: an edge, a pre-crack
 
 KINDS = (  # of settings that pictures have

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model import fields
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.gradients import green, hooke, thinning
 from pdpost.measures.cracked import damage_at
-from pdpost.measures.strain import gradients, green, hooke, stiffness, thinning
+from pdpost.measures.strain import gradients, stiffness
 from pdpost.reading.stored import scalar, vector
 from pdsolve.results import Results
 

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
+from pdmesh.model.domain_integrals import Found, Motion, Ring, Sampled, integrals
+from pdmesh.model.gradients import green
+from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
 from pdpost.measures.cracked import ROUND_OFF, damage_at
-from pdpost.measures.domain_integrals import Found, Motion, Ring, Sampled, integrals
 from pdpost.measures.fronts import Front, Obstacles, Room, Tip, fronts, nearest
-from pdpost.measures.strain import fitted, green, intact, stiffness
-from pdpost.measures.tip_fields import Elastic
+from pdpost.measures.strain import fitted, intact, stiffness
 from pdpost.reading.embedded import at_rest, read
 from pdpost.reading.stored import vector
 from pdsolve.results import Results, ResultsError

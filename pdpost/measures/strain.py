@@ -9,23 +9,18 @@ are all gone, has no strain: NaN.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.continuum import poisson
 from pdmesh.model.document import Material, Region
+from pdmesh.model.gradients import Stiffness, gradients_of
 from pdmesh.model.selection import selected
 from pdmesh.model.trees import tree_of
 from pdpost.reading.embedded import read
 from pdpost.reading.stored import vector
 from pdsolve.results import Families, Nodes, Results
-
-BLOCK = 1 << 15  # nodes at a time, so that memory stays small
-FLAT = 1e-6  # det / trace^2 of a family's shape below which its bonds lie on a line; a full family has 0.25
 
 
 class _Materials(msgspec.Struct):
@@ -46,29 +41,7 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
 def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
     """The gradient (n, k, 2) of values (n, k) at the nodes, fitted to the bonds of `families`."""
-    position, area = nodes.position, nodes.area
-    start, neighbour = families
-    found = np.full((len(position), values.shape[1], 2), np.nan)
-    for first, last in _blocks(len(position)):
-        near = neighbour[start[first] : start[last]]
-        count = np.diff(start[first : last + 1])
-        own = np.repeat(np.arange(last - first), count)
-        x, y = (position[near] - np.repeat(position[first:last], count, axis=0)).T
-        weight = area[near] / np.hypot(x, y)
-
-        def total(product: NDArray[np.float64], own: NDArray[np.int64] = own, nodes: int = last - first) -> NDArray:  # type: ignore[type-arg]
-            return np.bincount(own, product, minlength=nodes).astype(float)  # of none, bincount makes integers
-
-        xx, xy, yy = total(weight * x * x), total(weight * x * y), total(weight * y * y)
-        det = xx * yy - xy * xy
-        flat = det <= FLAT * (xx + yy) ** 2
-        det[flat] = np.nan
-        for k in range(values.shape[1]):
-            eta = weight * (values[near, k] - np.repeat(values[first:last, k], count))
-            with_x, with_y = total(eta * x), total(eta * y)
-            found[first:last, k, 0] = (with_x * yy - with_y * xy) / det
-            found[first:last, k, 1] = (with_y * xx - with_x * xy) / det
-    return found
+    return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
 
 
 def intact(results: Results, families: Families, step: int) -> Families:
@@ -109,41 +82,6 @@ def broken_ends(
     return np.searchsorted(rows, here[found]), np.searchsorted(rows, there[found]), breaks.step[found]
 
 
-def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Green's strain (n, 3), xx, yy, xy, of gradients (n, 2, 2) of the displacement."""
-    (a, b), (c, d) = gradient.transpose(1, 2, 0)
-    return np.column_stack(
-        [a + (a * a + c * c) / 2, d + (b * b + d * d) / 2, (b + c + a * b + c * d) / 2],
-    )
-
-
-class Stiffness(NamedTuple):
-    """What nodes are made of."""
-
-    E: NDArray[np.float64]  # (n,) Young's modulus, Pa
-    nu: NDArray[np.float64]  # (n,) Poisson's ratio of the material's model
-    plane: str  # stress or strain
-
-
-def hooke(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """Stress (n, 4), xx, yy, xy, zz, Pa, of strains (n, 3)."""
-    modulus, nu, plane = elastic
-    xx, yy, xy = strain.T
-    if plane == "stress":
-        factor, out = modulus / (1 - nu**2), 0 * nu
-        sxx, syy = factor * (xx + nu * yy), factor * (yy + nu * xx)
-    else:
-        factor, out = modulus / ((1 + nu) * (1 - 2 * nu)), nu
-        sxx, syy = factor * ((1 - nu) * xx + nu * yy), factor * ((1 - nu) * yy + nu * xx)
-    return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, out * (sxx + syy)])
-
-
-def thinning(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """The strain (n,) across the plane, zz, that goes with strains (n, 3) in it."""
-    nu = elastic.nu
-    return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if elastic.plane == "stress" else 0.0)
-
-
 def stiffness(results: Results, step: int) -> Stiffness:
     """What the nodes at `step` are made of. Raises ResultsError.
 
@@ -159,8 +97,3 @@ def stiffness(results: Results, step: int) -> Stiffness:
     materials = (model.material, *(region.material for region in model.regions))
     E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
     return Stiffness(E, nu, model.material.plane)
-
-
-def _blocks(count: int) -> Iterator[tuple[int, int]]:
-    for first in range(0, count, BLOCK):
-        yield first, min(first + BLOCK, count)

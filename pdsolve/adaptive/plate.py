@@ -49,11 +49,11 @@ def plate_of(model: Model, mode: str, precision: str) -> Plate:
         raise _refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {LARGEST:g}")
     for number, material in enumerate(model.materials):
         place = "$.material" if number == 0 else f"$.regions[{number - 1}].material"
-        if material.model != "bond":
-            raise _refused(model, f"{place}.model", material.model, "bond")
-        if material.micromodulus != model.materials[0].micromodulus:
-            place = f"{place}.micromodulus"
-            raise _refused(model, place, material.micromodulus, f"{model.materials[0].micromodulus}, as elsewhere")
+        alike = model.materials[0].micromodulus
+        for name, expected in (("model", "bond"), ("sight", "visibility"), ("micromodulus", alike)):
+            if getattr(material, name) != expected:
+                also = ", as elsewhere" if name == "micromodulus" else ""
+                raise _refused(model, f"{place}.{name}", getattr(material, name), expected + also)
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Acceleration | Absorb):
             kind = str(condition.__struct_config__.tag)

@@ -45,6 +45,8 @@ def _unheard(material: Material) -> Iterator[tuple[str, str]]:
     for name, models in ITS_OWN.items():
         if model not in models and getattr(material, name) != getattr(USUAL, name):
             yield name, f"none with model '{model}'"
+    if material.sight == "visibility" and material.gamma != USUAL.gamma:
+        yield "gamma", "none with sight 'visibility'"
     if material.failure not in FAILURES[model]:
         yield "failure", f"one of {', '.join(FAILURES[model])} with model '{model}'"
 

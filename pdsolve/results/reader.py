@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import UNITS
+from pdmesh.model.particles import Particles
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.lives import NEVER, Lives
@@ -176,6 +177,13 @@ class Results:
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
         return np.array(self._tables.all("crack"), dtype=float).reshape(-1, 4)
+
+    def particles(self) -> Particles:
+        """All particles of cracks that are some; none where bonds break by themselves."""
+        rows = self._tables.all("crack_particle") if self._tables.particles else []
+        table = np.array(rows, dtype=float).reshape(-1, 7)
+        step, parent = table[:, 1:3].astype(np.int64).T
+        return Particles(table[:, 3:5].copy(), table[:, 5:7].copy(), parent, step)
 
     def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Steps and times (s) of the frames."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_REFINEMENT, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 5, 4, 3, 2
+SCHEMA_VERSION, WITHOUT_PARTICLES, WITHOUT_REFINEMENT, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 4, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 
@@ -73,6 +73,7 @@ class Frame(NamedTuple):
     wall_time: float = 0.0  # s spent so far
     epochs: Sequence[Epoch] = ()  # since the last transaction
     rows: NDArray[np.int64] | None = None  # (n,) of the table `node` that the fields' nodes are; None: 0 to n - 1
+    particles: Sequence[tuple[Any, ...]] = ()  # rows of `crack_particle` since the last transaction
 
 
 TABLES = {  # name: columns
@@ -86,6 +87,9 @@ TABLES = {  # name: columns
     "family_chunk": """first INTEGER PRIMARY KEY, crc INTEGER, bonds BLOB, ahead BLOB -- deflated int32: the bonds of
     -- each node from this row on, and for each bond how many rows further its neighbour is, or was at that birth: who
     -- has its id later takes its place
+    """,
+    "crack_particle": """particle INTEGER PRIMARY KEY, step INTEGER, parent INTEGER, x REAL, y REAL, normal_x REAL,
+    normal_y REAL -- cracks as particles, from 0: the first step with it, and that it grew from, -1 if from none
     """,
     "crack": "x0 REAL, y0 REAL, x1 REAL, y1 REAL -- segments of pre-cracks\n",
     "frame": "step INTEGER PRIMARY KEY, time REAL NOT NULL, fields TEXT -- names, with a space between\n",
@@ -106,7 +110,18 @@ TABLES = {  # name: columns
     -- the SQL of all tables
     """,
 }
-STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction", "node_death", "epoch")  # grow in a run
+# grow in a run
+STEPPED = (
+    "frame",
+    "field_chunk",
+    "bond_break",
+    "history",
+    "probe",
+    "reaction",
+    "node_death",
+    "epoch",
+    "crack_particle",
+)
 
 
 def prefixes() -> list[tuple[int, float | None, float | None]]:

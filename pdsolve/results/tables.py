@@ -19,7 +19,7 @@ from pdsolve.results.schema import (
     TABLES,
     WITHOUT_CHECKSUMS,
     WITHOUT_EPOCHS,
-    WITHOUT_REFINEMENT,
+    WITHOUT_PARTICLES,
 )
 
 
@@ -35,6 +35,7 @@ class Tables:
         ((self.version,),) = self.rows("PRAGMA user_version")
         self.checked = self.version != WITHOUT_CHECKSUMS
         self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
+        self.particles = self.version > WITHOUT_PARTICLES  # whether cracks may be particles
 
     def expect_ours(self) -> None:
         """Look whether this is a database of ours, with the tables that it was made with; it may be made meanwhile."""
@@ -46,7 +47,7 @@ class Tables:
                 raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
             if found != APPLICATION_ID:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, WITHOUT_REFINEMENT, SCHEMA_VERSION):
+            if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
                 raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
             if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
                 self.damaged("schema")

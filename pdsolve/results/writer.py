@@ -112,6 +112,7 @@ class Writer:
             self._append("history", frame.ledger)
             self._append("probe", frame.probes)
             self._append("reaction", frame.reactions)
+            self._append("crack_particle", frame.particles)
             if frame.checkpoint is not None:
                 self._write_checkpoint(frame.step, frame.checkpoint)
                 self._tell({"wall_time": frame.wall_time})

@@ -10,9 +10,10 @@ from pdsolve.schemes.scheme import Scheme
 
 def _bonds_of_their_own(model: Model) -> Filling:
     """The thesis's bonds. Raises ModelError for a model that has others."""
-    kind = model.materials[0].model
-    if kind != "bond":
-        raise ModelError(f"{model.place_of(0)}.model: found '{kind}', expected 'bond' in the thesis mode")
+    for name, expected in (("model", "bond"), ("sight", "visibility")):
+        found = getattr(model.materials[0], name)
+        if found != expected:
+            raise ModelError(f"{model.place_of(0)}.{name}: found '{found}', expected '{expected}' in the thesis mode")
     return one_sided.fill(model)
 
 

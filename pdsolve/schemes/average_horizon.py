@@ -15,6 +15,7 @@ is reflected less where spacings differ.
   Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). Bonds that a pre-crack cuts hold none,
   around its tip as well: to spare the tip makes displacements around it worse
   (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
+- A bond that goes round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of that length.
 - Where two materials meet, each end brings half the stiffness and half the energy a bond spends on breaking.
 """
 
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from pdmesh.model.continuum import C11, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
@@ -63,7 +64,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     margin = grid.delta / 2 if corrections.partial_cells else 0.0
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
-    sight = Sight(grid, model.name)
+    sight, farthest, gamma = Sight(grid, model.name), float((horizon + margin).max()), model.materials[0].detour
     nothing = ROUND_OFF * max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
 
     def candidates(rows: NDArray[np.int64]) -> Candidates:
@@ -74,7 +75,14 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         kept = np.flatnonzero(modulus * reach**3 > nothing)
         kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
         pairs = Pairs(i[kept], j[kept], length[kept])
-        return Candidates(pairs, ~sight.cut(pairs), modulus[kept], (peak[kept], limit[kept]))
+        modulus, peak, limit, reach = modulus[kept], peak[kept], limit[kept], reach[kept]
+        far = sight.apart(pairs, gamma, farthest)
+        round_a_tip = (far > pairs.length) & (far < 2 * farthest)
+        if round_a_tip.any():
+            some = chosen(pairs._replace(length=far), round_a_tip)
+            modulus[round_a_tip] = _mean_of_ends(model, some, reach[round_a_tip], corrections)[0]
+        intact = (far < 2 * farthest) & (modulus * reach**3 > nothing)
+        return Candidates(pairs, intact, modulus, (peak, limit))
 
     lack = np.ones((len(grid), 2))
     all_of_them: Candidates | None = None  # where they are so few as to be found in one go

@@ -3,7 +3,8 @@
 Two nodes see each other within the mean of their horizons, with one influence a pair. A neighbour counts by its
 influence times its cell; where the influence is 0 at the horizon, or stress follows a gradient that is exact for any
 weights (correspondence), by its whole cell, else by the share of it within the horizon (Hu's beta) in a family that
-reaches half a spacing further.
+reaches half a spacing further. Neighbours behind a pre-crack have none, or, by diffraction, that of one as far away as
+the way round the tip says (`pdmesh.model.visibility`).
 
 What a bond fails at is set so that a crack along a row costs G0, as it does where one half of a lattice is moved away
 from the other (`pdsolve.schemes.opening`).
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
@@ -64,28 +65,30 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
     first, whole = model.materials[0], whole_cells(model.materials[0])
     margin = 0.0 if whole else grid.delta / 2
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
-    sight = Sight(grid, model.name)
+    sight, farthest = Sight(grid, model.name), float((horizon + margin).max())
 
-    def part(rows: NDArray[np.int64]) -> Part:
-        pairs = neighbours.pairs(rows)
+    def counts(pairs: Pairs) -> NDArray[np.float64]:
+        """How much neighbours (b,) as far away as `pairs` say count, over their cells."""
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
         if whole:
             beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
         else:
             beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
-        counts = beta * influence(first, length / reach)
-        kept = np.flatnonzero(counts > ROUND_OFF)
-        pairs = type(pairs)(i[kept], j[kept], length[kept])
-        inside = sight.inside(pairs)
-        pairs, kept = chosen(pairs, inside), kept[inside]
-        limit = np.zeros(len(kept))
+        return np.asarray(beta * influence(first, length / reach))
+
+    def part(rows: NDArray[np.int64]) -> Part:
+        pairs = neighbours.pairs(rows)
+        pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
+        pairs = chosen(pairs, sight.inside(pairs))
+        reach, limit = (horizon[pairs.source] + horizon[pairs.target]) / 2, np.zeros(len(pairs.source))
         for number, of in enumerate(limits):
             for end in (pairs.source, pairs.target):
-                limit += np.where(model.material_of[end] == number, of(reach[kept]) / 2, 0.0)
-        weight = counts[kept] * area[pairs.target]
-        nothing = np.zeros(len(kept))
-        return part_of(grid.position, held, rows, Paired(pairs, ~sight.cut(pairs), nothing, limit, limit, weight))
+                limit += np.where(model.material_of[end] == number, of(reach) / 2, 0.0)
+        part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
+        nothing = np.zeros(len(limit))
+        paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
+        return part_of(grid.position, held, rows, paired)
 
     return Filling(area, part)
 

@@ -60,16 +60,18 @@ class LoadSteps:
         area: Array,
         method: Method,
         breakable: Breakable | None,
+        grow: Callable[[State, int], bool] | None = None,
         remember: Callable[[State], None] = lambda state: None,
     ) -> None:
-        """`breakable` are the bonds that break here; None: none does. `remember` is told each state at rest on the way
+        """`breakable` are the bonds that break here; None: none does. `grow` lets cracks grow from a state at rest, in
+        a step, and says whether any has. `remember` is told each state at rest on the way
         under load. Raises ModelError for a body without supports."""
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
         self.held = np.zeros((len(area), 2), dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
-        self._remember = remember
+        self._remember, self._grow = remember, grow
         self.watch: Callable[[Going], None] | None = None
         self._warned, self._loose = False, cast("Loose | None", None)
         source, target = operator.bonds(start=True)
@@ -115,9 +117,10 @@ class LoadSteps:
             self._balance("")
             settled = self._load(state, before, step, step * self._dt)
             settled, breaks, least = self._break(state, step, settled)
+            settled, grown = self._let_grow(state, step, settled)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
-        self.rested.append(Rested(step, settled.iterations, settled.residual, breaks, least))
+        self.rested.append(Rested(step, settled.iterations, settled.residual, breaks + grown, least))
         self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
 
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
@@ -185,6 +188,17 @@ class LoadSteps:
             iterations += settled.iterations
             breaks += 1
         return Settled(iterations, settled.residual), breaks, least
+
+    def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
+        """Let cracks grow and settle until none grows; how, and how often."""
+        times, iterations = 0, settled.iterations
+        while self._grow is not None and self._grow(state, step):
+            broken = self._operator.broken()
+            self._support(broken, f"after {len(broken.step)} directed bonds were cut: ")
+            settled = self._settle(state, step, iterations)
+            iterations += settled.iterations
+            times += 1
+        return Settled(iterations, settled.residual), times
 
     def _settle(self, state: State, step: int, iterations: int) -> Settled:
         """To rest under the same loads; books their work, and what the plate gives up."""

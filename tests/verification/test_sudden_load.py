@@ -10,7 +10,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.continuum import BONDS_NU, pressure_speed
 from pdmesh.model.document import Displacement, Load, Material, Run
-from pdpost.measures.domain_integrals import Ring
+from pdmesh.model.domain_integrals import Ring
 from pdpost.measures.fracture import Series, follow
 from pdsolve.model import Model
 from pdsolve.simulation import Options, simulate

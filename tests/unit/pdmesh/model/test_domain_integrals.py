@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from plates import square_grid
 
-from pdpost.measures.domain_integrals import Motion, Ring, Sampled, integrals, kink, weight
-from pdpost.measures.tip_fields import Elastic, TipField, intensities, pushed
+from pdmesh.model.domain_integrals import Motion, Ring, Sampled, integrals, kink, weight
+from pdmesh.model.tip_fields import Elastic, TipField, intensities, pushed
 
 STRESS, STRAIN = Elastic(3.0, 0.3, "stress"), Elastic(3.0, 0.3, "strain")
 

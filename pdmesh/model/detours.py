@@ -1,0 +1,198 @@
+"""The way round: how far it is from one place to another where cracks stand between them.
+
+The shortest way round the tips and bends of polylines, which may be kinked, curved, branched or inside the plate. It
+is made of straight legs between corners: a corner is a vertex of the cracks together with one of the sectors that its
+arms part, and only one of half a turn or more can hold a way that bends there. A way that touches a vertex stays on its
+side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.graphs import connected
+from pdmesh.model.trees import tree_of
+
+if TYPE_CHECKING:
+    import shapely
+
+FLAT = 1e-9  # rad: a vertex this near to straight is passed along the crack
+TOGETHER = 1 << 20  # sums of legs at once
+
+Inside = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
+
+
+class Corners(NamedTuple):
+    """Where ways may bend, c of them."""
+
+    vertex: NDArray[np.int64]  # (c,) number of the vertex
+    place: NDArray[np.float64]  # (c, 2) m
+    first: NDArray[np.float64]  # (c,) rad: the direction of the arm that the sector begins with, and goes left from
+    width: NDArray[np.float64]  # (c,) rad
+    before: NDArray[np.int64]  # (c,) vertices at the other ends of the arms it begins and ends with
+    after: NDArray[np.int64]
+
+
+class Detours:
+    """Ways round the segments of cracks (k, 2, 2), m."""
+
+    def __init__(
+        self,
+        segments: NDArray[np.float64],
+        slack: float,
+        farthest: float,
+        inside: Inside,
+        void: shapely.Geometry | None = None,
+    ) -> None:
+        """Places `slack` m apart are one; legs longer than `farthest` m are not taken. `inside(places, headings)` says
+        whether vertices (v, 2), with the way on from them if they are tips, are passed within the plate; no leg meets
+        `void`."""
+        import shapely
+
+        self._slack, self._farthest = slack, farthest
+        lines = shapely.union_all(shapely.multilinestrings(segments))  # cracks that meet have a vertex there
+        ends = np.concatenate([shapely.get_coordinates(line)[[0, -1]] for line in shapely.get_parts(lines)])
+        place, vertex = _vertices(ends, slack)
+        arms = vertex.reshape(-1, 2)
+        arms = arms[arms[:, 0] != arms[:, 1]]
+        passed = _passed(place, arms, lines, slack, inside)
+        self._obstacles = [_lines(place, arms, passed, slack)]
+        self._obstacles += [] if void is None or void.is_empty else [void]
+        shapely.prepare(self._obstacles)
+        self._corners = _corners(place, arms, passed)
+        self._between = self._legs_between()
+
+    def around(
+        self, places: NDArray[np.float64], one: NDArray[np.int64], other: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """The shortest way (b,) from the places[one] to the places[other], (n, 2) m, that bends at least once; infinite
+        where there is none."""
+        found = np.full(len(one), np.inf)
+        if not len(self._corners.vertex) or not len(one):
+            return found
+        corner, far = self._table(places)
+        both = np.flatnonzero((corner[one, 0] >= 0) & (corner[other, 0] >= 0))
+        for some in np.array_split(both, len(both) * corner.shape[1] ** 2 // TOGETHER + 1):
+            start, end = one[some], other[some]
+            between = self._between[corner[start][:, :, None], corner[end][:, None, :]]
+            total = far[start][:, :, None] + between + far[end][:, None, :]
+            found[some] = total.min(axis=(1, 2), initial=np.inf)
+        return found
+
+    def _table(self, places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The corners (n, k) that places (n, 2) see, and how far they are, m; -1 and infinity for none."""
+        near = tree_of(places).sparse_distance_matrix(
+            tree_of(self._corners.place), self._farthest, output_type="ndarray"
+        )
+        near = near[np.lexsort((near["j"], near["i"]))]
+        row, corner, far = near["i"], near["j"], near["v"]
+        seen = self._in_sector(places[row], corner)
+        seen[seen] = ~self._blocked(places[row[seen]], self._corners.place[corner[seen]], False)
+        row, corner, far = row[seen], corner[seen], far[seen]
+        count = np.bincount(row, minlength=len(places))
+        column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        which = np.full((len(places), max(1, int(count.max(initial=0)))), -1, dtype=np.int64)
+        length = np.full(which.shape, np.inf)
+        which[row, column], length[row, column] = corner, far
+        return which, length
+
+    def _in_sector(self, places: NDArray[np.float64], corner: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether places (b, 2) are in the sectors of corners (b,)."""
+        way = places - self._corners.place[corner]
+        turn = np.mod(np.arctan2(way[:, 1], way[:, 0]) - self._corners.first[corner], 2 * np.pi)
+        return np.asarray((turn <= self._corners.width[corner] + FLAT) | (turn >= 2 * np.pi - FLAT))
+
+    def _blocked(self, start: NDArray[np.float64], end: NDArray[np.float64], both: bool) -> NDArray[np.bool_]:
+        """Whether straight legs (b, 2) that end at vertices, with `both` begin there too, meet a crack before."""
+        import shapely
+
+        way = end - start
+        short = self._slack * way / np.maximum(np.hypot(*way.T), self._slack)[:, None]
+        legs = np.stack([start + short if both else start, end - short], axis=1)
+        lines = shapely.linestrings(legs)
+        return np.asarray(np.any([shapely.intersects(obstacle, lines) for obstacle in self._obstacles], axis=0))
+
+    def _legs_between(self) -> NDArray[np.float64]:
+        """The shortest ways (c, c) between corners, m."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import dijkstra
+
+        corners = self._corners
+        count = len(corners.vertex)
+        if not count:
+            return np.zeros((0, 0))
+        one, other = np.triu_indices(count, 1)
+        length = np.hypot(*(corners.place[other] - corners.place[one]).T)
+        along = (corners.after[one] == corners.vertex[other]) & (corners.before[other] == corners.vertex[one])
+        along |= (corners.before[one] == corners.vertex[other]) & (corners.after[other] == corners.vertex[one])
+        apart = (corners.vertex[one] != corners.vertex[other]) & (along | (length <= self._farthest))
+        one, other, along, length = (each[apart] for each in (one, other, along, length))
+        free = ~along & self._in_sector(corners.place[other], one) & self._in_sector(corners.place[one], other)
+        free[free] = ~self._blocked(corners.place[one[free]], corners.place[other[free]], True)
+        taken = along | free
+        graph = coo_array((length[taken], (one[taken], other[taken])), shape=(count, count)).tocsr()
+        return np.asarray(dijkstra(graph, directed=False, limit=self._farthest))
+
+
+def _vertices(ends: NDArray[np.float64], slack: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Places (v, 2) of which each is one of the ends (e, 2) within `slack`, and which of them each end is (e,)."""
+    pairs = tree_of(ends).query_pairs(slack, output_type="ndarray")
+    _, first, number = np.unique(connected(len(ends), *pairs.T), return_index=True, return_inverse=True)
+    return ends[first], number.ravel()
+
+
+def _passed(
+    place: NDArray[np.float64],
+    arms: NDArray[np.int64],
+    lines: shapely.Geometry,
+    slack: float,
+    inside: Inside,
+) -> NDArray[np.bool_]:
+    """Which vertices (v,) can be passed: not tips on an edge, or on another crack that misses them by round-off."""
+    import shapely
+
+    count = np.bincount(arms.ravel(), minlength=len(place))
+    heading = np.zeros(place.shape)
+    for near, far in (arms.T, arms.T[::-1]):
+        heading[near] = place[near] - place[far]
+    heading[count != 1] = 0
+    passed = inside(place, heading / np.maximum(np.hypot(*heading.T), slack)[:, None])
+    parts = shapely.get_parts(lines)
+    tips = np.flatnonzero(count == 1)
+    within = shapely.dwithin(shapely.points(place[tips])[:, None], parts[None, :], slack).sum(axis=1)
+    passed[tips[within > 1]] = False
+    return passed
+
+
+def _lines(
+    place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_], slack: float
+) -> shapely.Geometry:
+    """The cracks as lines that legs must not meet, a little longer where they cannot be passed."""
+    import shapely
+
+    segments = place[arms]
+    way = segments[:, 1] - segments[:, 0]
+    longer = slack * way / np.hypot(*way.T)[:, None]
+    segments[:, 0] -= np.where(passed[arms[:, 0]], 0.0, 1.0)[:, None] * longer
+    segments[:, 1] += np.where(passed[arms[:, 1]], 0.0, 1.0)[:, None] * longer
+    return shapely.multilinestrings(segments)
+
+
+def _corners(place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_]) -> Corners:
+    """The sectors of vertices in which ways may bend."""
+    vertex, other = np.concatenate([arms, arms[:, ::-1]]).T
+    way = place[other] - place[vertex]
+    angle = np.arctan2(way[:, 1], way[:, 0])
+    order = np.lexsort((angle, vertex))
+    vertex, other, angle = vertex[order], other[order], angle[order]
+    begins = np.flatnonzero(np.diff(vertex, prepend=-1))
+    following = np.arange(1, len(vertex) + 1)
+    following[np.append(begins[1:], len(vertex)) - 1] = begins  # the last arm's sector ends with the first
+    width = np.mod(angle[following] - angle, 2 * np.pi)
+    width[following == np.arange(len(vertex))] = 2 * np.pi
+    kept = np.flatnonzero((width >= np.pi - FLAT) & passed[vertex])
+    return Corners(vertex[kept], place[vertex[kept]], angle[kept], width[kept], other[kept], other[following[kept]])

@@ -1,0 +1,98 @@
+"""Cracks as particles: each has a place, a normal, and arms to the one it grew from and to those that grew from it.
+
+Bonds that meet an arm are cut. Arms join at their particles, at whatever angle, so that none passes between two of them
+(T. Rabczuk, T. Belytschko, Int. J. Numer. Methods Eng. 61 (2004) 2316-2343, had one straight segment a particle, which
+leaves gaps where a crack bends, and cuts beside it).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Particles(NamedTuple):
+    """p particles, those that were first first."""
+
+    place: NDArray[np.float64]  # (p, 2) m
+    normal: NDArray[np.float64]  # (p, 2) unit vector, to the left of the way it was grown
+    parent: NDArray[np.int64]  # (p,) number of the one it grew from, -1 of one that grew from none
+    step: NDArray[np.int64]  # (p,) the first in which it was there
+
+
+def nobody() -> Particles:
+    """None."""
+    return Particles(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+def grown(particles: Particles, place: NDArray[np.float64], parent: int, step: int) -> Particles:
+    """With one more at a place (2,), m, that grows from one that is there, or from none (-1)."""
+    way = place - particles.place[parent] if parent >= 0 else np.zeros(2)
+    length = float(np.hypot(*way))
+    normal = np.array([-way[1], way[0]]) / length if length > 0 else np.zeros(2)
+    new = Particles(place[None], normal[None], np.array([parent]), np.array([step]))
+    found = Particles(*(np.concatenate(both) for both in zip(particles, new, strict=True)))
+    if parent >= 0 and not particles.normal[parent].any():
+        found.normal[parent] = normal
+    return found
+
+
+def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
+    """Those of pre-cracks (k, 4), at step 0: ends that are `slack` m apart are one, and each segment is an arm."""
+    found = nobody()
+    for start, end in segments.reshape(-1, 2, 2):
+        near = np.flatnonzero(np.hypot(*(found.place - start).T) <= slack)
+        if not len(near):
+            found = grown(found, start, -1, 0)
+        found = grown(found, end, int(near[0]) if len(near) else len(found.place) - 1, 0)
+    return found
+
+
+def until(particles: Particles, step: int) -> Particles:
+    """Those that were there at a step."""
+    place, normal, parent, since = particles
+    there = since <= step
+    return Particles(place[there], normal[there], parent[there], since[there])
+
+
+def arms(particles: Particles, after: int = -1) -> NDArray[np.float64]:
+    """Segments (k, 4), m, of all particles, or of those that came after a step."""
+    there = (particles.parent >= 0) & (particles.step > after)
+    return np.hstack([particles.place[particles.parent[there]], particles.place[there]])
+
+
+def links(particles: Particles, slack: float) -> list[list[int]]:
+    """Who is at the other ends of each particle's arms; of those within `slack` m of each other the first has all."""
+    number = np.arange(len(particles.place))
+    for at, place in enumerate(particles.place):
+        number[at] = number[np.flatnonzero(np.hypot(*(particles.place[: at + 1] - place).T) <= slack)[0]]
+    found: list[list[int]] = [[] for _ in number]
+    for one, parent in zip(number.tolist(), particles.parent.tolist(), strict=True):
+        if parent >= 0:
+            found[one].append(int(number[parent]))
+            found[number[parent]].append(one)
+    return found
+
+
+def polylines(particles: Particles, slack: float = 0.0) -> list[NDArray[np.float64]]:
+    """All arms as lines (m, 2), m, from ends and forks to ends and forks."""
+    around = links(particles, slack)
+    left = {(one, other) for one, others in enumerate(around) for other in others}
+    found = []
+    ends = [one for one, others in enumerate(around) if others and len(others) != 2]
+    for first in [*ends, *range(len(around))]:  # what is left after the ends are closed lines
+        for second in around[first]:
+            if (first, second) not in left:
+                continue
+            line = [first, second]
+            left -= {(first, second), (second, first)}
+            while len(around[line[-1]]) == 2:
+                on = [other for other in around[line[-1]] if (line[-1], other) in left]
+                if not on:
+                    break
+                left -= {(line[-1], on[0]), (on[0], line[-1])}
+                line.append(on[0])
+            found.append(particles.place[line])
+    return found

@@ -1,0 +1,61 @@
+"""The cracks of a run that are particles, as pre-cracks of another run."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands import delivery
+from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `notch` on the command line."""
+    notch = commands.add_parser(
+        "notch",
+        help="write the model of a run with the cracks it has grown as its notch, to be solved again",
+        description="Write the grid file that a run with --cracks particles was made from, its notch being the cracks"
+        " as they were at a frame: they can be loaded otherwise, from there. --csv and --json give them as polylines.",
+    )
+    add_results(notch)
+    commandline.add_common_options(
+        notch,
+        output="the grid file (default: the results' name with .notch.json; none with --json or --csv alone)",
+        assignment="none is known here",
+    )
+    add_frame(notch)
+    add_csv(notch)
+    notch.set_defaults(run=_notch)
+
+
+def _notch(args: argparse.Namespace) -> int:
+    import msgspec
+
+    from pdmesh.model.document import read_document, write_file
+    from pdmesh.model.particles import arms, polylines, until
+    from pdsolve.results import Results, ResultsError
+
+    if args.assignments:
+        raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, notch has none")
+    none = args.output is None and (args.json or args.csv is not None)
+    path = None if none else commandline.output_path(args.output, args.results, ".notch.json", args.force)
+    check_csv(args, path)
+    with Results.open(args.results) as results:
+        step, time = chosen_frame(results, args)
+        particles = until(results.particles(), step)
+        if not len(particles.place):
+            raise ResultsError(f"{args.results}: found no particles, expected a run with --cracks particles")
+        document = read_document(results.model(), results.name)
+    segments, lines = arms(particles), polylines(particles)
+    if path is not None:
+        notch = tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in segments.tolist())
+        write_file(msgspec.structs.replace(document, notch=notch), path)
+    rows = ((number, *place) for number, line in enumerate(lines) for place in line.tolist())
+    told = [] if path is None else [f"{path}: the grid file, with {len(segments)} segments of cracks"]
+    words = [*told, f"{len(lines)} polylines of {len(particles.place)} particles, at {time:.4g} s"]
+    result = {"output": None if path is None else str(path), "step": step, "time": time, "lines": lines}
+    return delivery.deliver(args, result, words, ("line", "x, m", "y, m"), rows, None)

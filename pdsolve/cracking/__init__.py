@@ -1,0 +1,1 @@
+"""Cracks that are grown: where, when and whither."""

@@ -1,0 +1,219 @@
+"""Cracks that grow particle by particle ahead of their tips, and what that does to bonds.
+
+All tips are looked at in one state; those that may then grow, by one particle each. Bonds that meet a new arm are cut
+as bonds of a crack are: what they held is booked as spent, and the motion goes on without their forces. Particles are
+all that is kept: who is a tip, and which way it points, follows from them, so that a run that goes on does the same.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.continuum import poisson, rayleigh_speed
+from pdmesh.model.document import ParticleRules
+from pdmesh.model.domain_integrals import Ring
+from pdmesh.model.particles import Particles, arms, grown, of_segments
+from pdmesh.model.visibility import Sight
+from pdsolve.conditions import Drive, unbreakable
+from pdsolve.cracking.criteria import AHEAD, Verdict, by_intensity, by_stress
+from pdsolve.cracking.near import Surroundings
+from pdsolve.cracking.plate import Ground
+from pdsolve.cracking.tips import Tip, tips_of
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.operator import Operator
+from pdsolve.state import Broken, State
+from pdsolve.steppers.equilibrium import forces
+
+BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
+OUTER = 0.8  # of the room: where a ring ends
+FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels its sibling's field more than its own
+
+
+def refuse_particles(model: Model, mode: str) -> None:
+    """Raises ModelError for what cracks that are particles cannot be solved with, and for rules that mean nothing."""
+    run = model.settings.run
+    if run.cracks == "bonds":
+        if run.particles != ParticleRules():
+            raise ModelError(f"{model.name}: $.run.particles: found some, expected none, as run.cracks is bonds")
+        return
+    rules, words = run.particles, "expected {} with cracks that are particles"
+    solids = [material.solid for material in model.materials if material.solid not in ("linear", "svk")]
+    for place, found, wrong, expected in (
+        ("mode", mode, mode != "conservative", "conservative"),
+        ("$.run.adapt", run.adapt, run.adapt != "none", "none"),
+        ("$.material.sight", "diffraction", model.materials[0].detour is not None, "visibility"),
+        ("$.material.solid", (*solids, "")[0], bool(solids), "linear or svk"),
+    ):
+        if wrong:
+            raise ModelError(f"{model.name}: {place}: found {found}, {words.format(expected)}")
+    for name, criterion in (("strength", "stress"), ("toughness", "intensity")):
+        value = getattr(rules, name)
+        if value is not None and rules.criterion != criterion:
+            raise ModelError(
+                f"{model.name}: $.run.particles.{name}: found {value:g}, expected none as the criterion is"
+                f" {rules.criterion}"
+            )
+    if rules.criterion == "stress" and rules.strength is None:
+        raise ModelError(
+            f"{model.name}: $.run.particles.strength: found none, expected the largest principal stress, Pa, as the"
+            " criterion is stress"
+        )
+    if rules.criterion == "intensity" and rules.direction != "hoop":
+        raise ModelError(
+            f"{model.name}: $.run.particles.direction: found {rules.direction}, expected hoop as the criterion is"
+            " intensity"
+        )
+
+
+def every_of(model: Model, step: float) -> int:
+    """Steps of so many seconds between two looks at cracks: a crack that grows at each runs as fast as Rayleigh waves,
+    which none outruns."""
+    speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
+    shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
+    return max(1, int(np.ceil(shortest / (max(speeds) * step))))
+
+
+class Growth:
+    """The cracks of a run and the operator whose bonds they cut."""
+
+    def __init__(
+        self, model: Model, operator: Operator, area: NDArray[np.float64], drive: Drive, every: int | None
+    ) -> None:
+        """`every`: steps between two looks; None: at rest, when told. Raises ModelError where no crack can grow."""
+        self.every, self.rules = every, model.settings.run.particles
+        self._model, self._operator, self._lasting = model, operator, unbreakable(model)
+        self._held = np.zeros((len(area), 2), dtype=bool)
+        self._held[drive.holds.node, drive.holds.axis] = True
+        self._ground, self._sight = Ground(model), Sight(model.grid, model.name)
+        self._near = Surroundings(model, operator, area, every is None)
+        self.particles = of_segments(model.grid.cracks, self._ground.slack)
+        self._first, self._told = len(self.particles.place), set[int]()
+        tips = self.tips()
+        if not tips:
+            raise ModelError(f"{model.name}: $.notch: found no tip of a crack inside the plate, expected one to grow")
+        for tip in tips if self.rules.criterion == "intensity" else ():
+            refused = self._too_small(tip, tips)
+            if refused:
+                raise ModelError(f"{model.name}: $.notch: {refused}")
+
+    def tips(self) -> list[Tip]:
+        """The ends of cracks inside the plate, that are on no other crack."""
+        return tips_of(self.particles, self._ground)
+
+    def look(self, state: State, step: int) -> bool:
+        """Let cracks grow from a state, as of `step`; returns whether any has."""
+        before, tips = len(self.particles.place), self.tips()
+        verdicts = [self.judge(tip, tips, state) for tip in tips]
+        for tip, verdict in zip(tips, verdicts, strict=True):
+            if verdict.share >= 1:
+                self._grow(tip, verdict, step)
+        new = len(self.particles.place) - before
+        if new:
+            self._cut(arms(self.particles)[-new:], state, step)
+        return new > 0
+
+    def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
+        """What a tip, one of all, is found to do in a state."""
+        horizon, rules = self._horizon(tip), self.rules
+        if rules.criterion == "stress":
+            sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
+            young = tip.forked and tip.length < FORK * horizon
+            found = by_stress(sampled, tip.place, tip.way(horizon), horizon, rules, not young)
+            return found._replace(angles=(0.0,)) if young and found.angles else found
+        refused = self._too_small(tip, tips)
+        if refused:
+            self._tell(tip, f"{refused}; it stays there")
+            return Verdict(0.0, ())
+        ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * self._room(tip, tips)[0]))
+        row = self._near.nearest(tip.place)
+        plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
+        toughness = rules.toughness or float(np.sqrt(plate.effective * G0))
+        sampled = self._near.sampled(state, self._near.rows(tip.place, ring.outer))
+        return by_intensity(sampled, tip.place, tip.way(ring.inner), ring, plate, toughness)
+
+    def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
+        """Set particles ahead of a tip."""
+        rules, grid = self.rules, self._model.grid
+        way = tip.way(self._looked_back(tip))
+        length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
+        for angle in verdict.angles:
+            if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
+                self._tell(tip, f"found {rules.most} particles grown, expected no more (run.particles.most)")
+                return
+            toward = float(np.arctan2(way[1], way[0])) + angle
+            place = self._ground.end(tip.place, toward, length, arms(self.particles))
+            self.particles = grown(self.particles, place, tip.particle, step)
+
+    def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
+        """Cut the bonds that meet new arms (k, 4)."""
+        operator, near, model = self._operator, self._near, self._model
+        reach = 1.5 * float(model.horizons.max()) + float(np.hypot(*(new[:, 2:] - new[:, :2]).T).max())
+        rows = np.unique(np.concatenate([near.rows((arm[:2] + arm[2:]) / 2, reach) for arm in new]))
+        numbers = near.bonds(rows)
+        pairs = near.pairs(numbers)
+        cut = numbers[self._sight.parted(pairs, new) & ~(self._lasting[pairs.source] | self._lasting[pairs.target])]
+        if not len(cut):
+            return
+        held, pulled = operator.energies(state)[0], forces(operator, state)
+        gone = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
+        broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), gone, strict=True)))
+        operator.back(operator.keep(), broken)
+        near.intact[cut] = False
+        state.dissipated[:] += held - operator.energies(state)[0]
+        if self.every is not None:  # the next half step goes without the forces that are lost
+            lost = (forces(operator, state) - pulled) / model.rho[:, None]
+            lost[:, :2][self._held] = 0
+            state.second[:] += lost.astype(state.second.dtype)
+
+    def keep(self) -> dict[str, NDArray[Any]]:
+        """The particles, for a checkpoint."""
+        return {f"particle_{name}": column.copy() for name, column in self.particles._asdict().items()}
+
+    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+        """Go back to what was kept, and to these broken bonds."""
+        place, normal, parent, step = (kept[f"particle_{name}"] for name in Particles._fields)
+        self.particles = Particles(place.reshape(-1, 2), normal.reshape(-1, 2), parent, step)
+        near, nodes = self._near, len(self._near.start) - 1
+        near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
+
+    def rows(self, after: int) -> list[tuple[float, ...]]:
+        """The particles since a step as rows of results."""
+        place, normal, parent, step = self.particles
+        numbers = np.flatnonzero(step > after)
+        columns = numbers, step[numbers], parent[numbers], *place[numbers].T, *normal[numbers].T
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def _horizon(self, tip: Tip) -> float:
+        """That of the node nearest to a tip, m."""
+        return float(self._model.horizons[self._near.nearest(tip.place)])
+
+    def _looked_back(self, tip: Tip) -> float:
+        """How far behind it a tip's way begins, m: where what it was judged by does."""
+        return (BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip)
+
+    def _room(self, tip: Tip, tips: list[Tip]) -> tuple[float, str]:
+        other = [np.tile(one.place, 2) for one in tips if one is not tip]
+        every = arms(self.particles)
+        gaps = every.reshape(-1, 2, 1, 2) - tip.back
+        own = (np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=2) <= self._ground.slack).all(axis=1)
+        return self._ground.room(tip.place, np.vstack([every[~own], *other]) if other else every[~own])
+
+    def _too_small(self, tip: Tip, tips: list[Tip]) -> str:
+        """Why a tip has no room for a ring, "" if it has."""
+        radius, what = self._room(tip, tips)
+        least = LEAST * self._horizon(tip)
+        if radius >= least:
+            return ""
+        x, y = tip.place
+        return f"found {what} {radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of {least:.3g} m"
+
+    def _tell(self, tip: Tip, words: str) -> None:
+        """Say something of a tip once."""
+        if tip.particle not in self._told:
+            self._told.add(tip.particle)
+            warnings.warn(f"{self._model.name}: {words}", ModelWarning, stacklevel=2)
