@@ -25,12 +25,25 @@ class Bonds(NamedTuple):
     weight: NDArray[np.floating]  # (b,) of the neighbour's cell, as far as it counts, m^2
 
 
+class Counted(NamedTuple):
+    """What is known of n nodes besides their bonds."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    bonds: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+
+
 class Assembly(NamedTuple):
     """The whole list of bonds of n nodes."""
 
     bonds: Bonds
     area: NDArray[np.float64]  # (n,) m^2
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+
+    @property
+    def counted(self) -> Counted:
+        """What is known of the nodes."""
+        return Counted(self.area, self.family, np.diff(self.bonds.start))
 
 
 class Part(NamedTuple):
@@ -154,3 +167,39 @@ def stiffest(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> 
     for (a, b), values in sums.items():
         matrices[:, a, b] = matrices[:, b, a] = values
     return np.asarray(np.linalg.eigvalsh(matrices)[:, -1])
+
+
+class Survey:
+    """What is kept of the bonds while they pass, part by part."""
+
+    def __init__(self, filling: Filling, symmetric: bool) -> None:
+        self._filling, self._symmetric = filling, symmetric
+        self._counts: list[NDArray[np.int64]] = []
+        self._families: list[NDArray[np.int64]] = []
+        self._stiffest: list[NDArray[np.float64]] = []
+        self.softens = False
+
+    def parts(self) -> Iterator[Part]:
+        """All parts, noted."""
+        for part in self._filling.parts():
+            bonds = part.bonds
+            self._counts.append(np.diff(bonds.start))
+            self._families.append(part.family)
+            self._stiffest.append(stiffest(bonds, bonds.stiffness, self._symmetric))
+            self.softens |= bool((bonds.peak < bonds.limit).any())
+            yield part
+
+    @property
+    def count(self) -> NDArray[np.int64]:
+        """Bonds (n,) of each node."""
+        return np.concatenate(self._counts)
+
+    @property
+    def family(self) -> NDArray[np.int64]:
+        """The same (n,), with those a pre-crack cuts."""
+        return np.concatenate(self._families)
+
+    @property
+    def stiffest(self) -> NDArray[np.float64]:
+        """As in `Operator` (n,), of linear bonds."""
+        return np.concatenate(self._stiffest)

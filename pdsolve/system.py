@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -13,11 +12,13 @@ from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
 from pdsolve.adaptive.energy import held
+from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
 from pdsolve.adaptive.shown import Shown
+from pdsolve.adaptive.split.leaves import SURE, Leaves, tree_over
 from pdsolve.adaptive.system import hybrid_of
-from pdsolve.bonds import Filling, Part, listed, stiffest
+from pdsolve.bonds import Counted, Filling, Survey, listed
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
@@ -97,6 +98,11 @@ class System:
         return self.operator if isinstance(self.operator, Shown) else None
 
     @property
+    def told(self) -> Told | None:
+        """What there is to say of finer nodes that come and go; None where none do."""
+        return self.operator.told() if isinstance(self.operator, Shown | Leaves) else None
+
+    @property
     def threads(self) -> int:
         """How many share the work."""
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, InBlocks))
@@ -144,6 +150,8 @@ def prepare(model: Model, options: Options) -> Prepared:
     scheme = scheme_of(model, options)
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
+    if model.settings.run.adapt == "split":
+        return _split(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
@@ -174,6 +182,21 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
+def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model whose cells split, none of which has. Raises ModelError for what cannot be solved so."""
+    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    cells = tree.roots()
+    now = tree.model_of(cells)
+    filled, threads = scheme.fill(now).whole(), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, filled, scheme.symmetric, threads)
+    bound = SURE[scheme.name] * stable(operator.stiffest(), now.rho) / 2**tree.levels
+    system, state = assembled(now, options, scheme, operator, filled.counted, (step_of(model, bound), bound))
+    velocity = initial_velocity(model)  # of which `now` knows nothing
+    state.rate[:] = velocity
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
+
+
 def moved(system: System, shown: Shown) -> System:
     """The system of other nodes of the same plate."""
     count, family = shown.counts
@@ -200,13 +223,21 @@ def step_of(model: Model, bound: float) -> float:
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
-    filling, kind = scheme.fill(model), np.dtype(options.precision).type
+    filling = scheme.fill(model)
     operator, survey = _operator(model, options, scheme, filling)
-    rho = model.rho.astype(kind)
     bound = stable(operator.stiffest(), model.rho)
-    step = step_of(model, bound)
+    filled = Counted(filling.area, survey.family, survey.count)
+    return assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+
+
+def assembled(
+    model: Model, options: Options, scheme: Scheme, operator: Operator, filled: Counted, steps: tuple[float, float]
+) -> Prepared:
+    """The same with this operator; `steps` are that of the run and the one that is surely stable, s."""
+    kind, (step, bound) = np.dtype(options.precision).type, steps
+    rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
-    driven = widened(drive(model, filling.area, scheme.exact_load, kind), width)
+    driven = widened(drive(model, filled.area, scheme.exact_load, kind), width)
     velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
     velocity[:, :2] = initial_velocity(model)
     state = State(
@@ -223,22 +254,9 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         driven = stepper.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
-    energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
-    system = System(
-        model,
-        options,
-        scheme,
-        operator,
-        stepper,
-        driven,
-        filling.area,
-        survey.family,
-        survey.count,
-        step,
-        bound,
-        energy,
-    )
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 
@@ -289,42 +307,6 @@ def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
     """The longest step that is surely stable, s, of an operator's `stiffest` (n,); infinite without bonds."""
     largest = float((resistance / rho).max(initial=0.0))
     return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")
-
-
-class Survey:
-    """What is kept of the bonds while they pass, part by part."""
-
-    def __init__(self, filling: Filling, symmetric: bool) -> None:
-        self._filling, self._symmetric = filling, symmetric
-        self._counts: list[NDArray[np.int64]] = []
-        self._families: list[NDArray[np.int64]] = []
-        self._stiffest: list[NDArray[np.float64]] = []
-        self.softens = False
-
-    def parts(self) -> Iterator[Part]:
-        """All parts, noted."""
-        for part in self._filling.parts():
-            bonds = part.bonds
-            self._counts.append(np.diff(bonds.start))
-            self._families.append(part.family)
-            self._stiffest.append(stiffest(bonds, bonds.stiffness, self._symmetric))
-            self.softens |= bool((bonds.peak < bonds.limit).any())
-            yield part
-
-    @property
-    def count(self) -> NDArray[np.int64]:
-        """Bonds (n,) of each node."""
-        return np.concatenate(self._counts)
-
-    @property
-    def family(self) -> NDArray[np.int64]:
-        """The same (n,), with those a pre-crack cuts."""
-        return np.concatenate(self._families)
-
-    @property
-    def stiffest(self) -> NDArray[np.float64]:
-        """As in `Operator` (n,), of linear bonds."""
-        return np.concatenate(self._stiffest)
 
 
 def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, Survey]:
