@@ -17,6 +17,7 @@ from pdsolve.adaptive.split.motion import kinetic, moved
 from pdsolve.conditions import put_loads
 from pdsolve.operators.operator import Kept
 from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
 from pdsolve.system import Prepared, System, assembled, stable
 from pdsolve.unstable import UnstableError
 
@@ -117,7 +118,8 @@ def _pushed(system: System, state: State) -> float:
     Verlet follows them for half of a kick.
     """
     rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
-    excess = rho * state.second - leaves(system).forces(state) - drive.force
+    still = state._replace(dissipated=np.zeros_like(state.dissipated))  # nothing breaks
+    excess = rho * state.second - forces(system.operator, still) - drive.force
     excess[drive.holds.node, drive.holds.axis] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))

@@ -13,11 +13,9 @@ from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.split.cells import Cells, Tree
 from pdsolve.bonds import Assembly
 from pdsolve.laws import law_of
-from pdsolve.laws.law import Now
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Kept
-from pdsolve.state import State
 
 ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
 # Of the sure step of the grid that is there, over the times its cells are halved: what is left at borders between
@@ -49,12 +47,6 @@ class Leaves(Listed):
     def put(self, steps: NDArray[np.int32]) -> None:
         """Let bonds be broken since these steps (b,); 0: intact."""
         self._steps()[:] = steps
-
-    def forces(self, state: State) -> NDArray[np.float64]:
-        """Densities (n, 2) of what neighbours do, N/m^3; no bond breaks."""
-        now, out = Now(state.value, state.rate, 0, 0.0), np.zeros_like(state.value)
-        self._pull(now, self._between(now), out)
-        return out
 
     def told(self) -> Told:
         """What there is to say of the finer cells."""
