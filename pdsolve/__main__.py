@@ -40,8 +40,9 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument(
         "--adapt",
-        choices=("none", "hybrid"),
-        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
+        choices=("none", "hybrid", "split"),
+        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere; split: cells split where"
+        " energy is, and merge behind it (run.adapt, run.split; default: none)",
     )
     program.add_argument(
         "--cracks",
@@ -163,6 +164,8 @@ def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
         unheard = ("run.static.load_steps",) if run.start == "static" else ("run.static",)
         expected = "--static" if run.start == "static" else "--static, or run.start=static"
     for name, _ in (*args.assignments, *_flags(args)):
+        if run.adapt != "split" and (name == "run.split" or name.startswith("run.split.")):
+            raise commandline.UsageError(f"{name}: found it given for run.adapt {run.adapt}, expected split")
         if any(name == one or name.startswith(f"{one}.") for one in unheard):
             raise commandline.UsageError(
                 f"{name}: found it given for a run {'at rest' if rest else 'in time'}, expected {expected}"
@@ -200,6 +203,8 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
         f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} {steps}",
         f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
+    if found.most is not None:
+        lines.append(f"that is the start: cells that split add to it, up to {found.most} nodes if all of them do")
     commandline.report(found._asdict(), lines, args)
     return commandline.OK
 
@@ -230,6 +235,10 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         )
     if "particles" in summary:
         lines.append(f"cracks have {summary['particles']} particles")
+    cells = summary.get("split")
+    if cells is not None:
+        made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
+        lines.append(f"split: {cells['fine_share']:.1%} of the plate is fine; {made}")
     return lines
 
 
@@ -265,7 +274,8 @@ class _Watch:
     def _show(self, progress: Progress) -> bool:
         told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
         if progress.fine is not None:
-            told += f", fine {progress.fine.fine_share:.1%}, clipped stretch {progress.fine.clipped_stretch:.2f}"
+            told += f", fine {progress.fine.fine_share:.1%}"
+            told += f", clipped stretch {progress.fine.clipped_stretch:.2f}" if progress.fine.clipped_stretch else ""
         if progress.going is not None:
             told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:

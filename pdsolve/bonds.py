@@ -25,12 +25,25 @@ class Bonds(NamedTuple):
     weight: NDArray[np.floating]  # (b,) of the neighbour's cell, as far as it counts, m^2
 
 
+class Counted(NamedTuple):
+    """What is known of n nodes besides their bonds."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    bonds: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+
+
 class Assembly(NamedTuple):
     """The whole list of bonds of n nodes."""
 
     bonds: Bonds
     area: NDArray[np.float64]  # (n,) m^2
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+
+    @property
+    def counted(self) -> Counted:
+        """What is known of the nodes."""
+        return Counted(self.area, self.family, np.diff(self.bonds.start))
 
 
 class Part(NamedTuple):

@@ -62,12 +62,15 @@ class Plan(NamedTuple):
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
+    most: int | None = None  # nodes if all cells were to split, of which none has at the start
 
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme, settings = scheme_of(model, options), model.settings
-    paired, moves = law_of(model) in PAIRS, settings.run.adapt == "hybrid"
+    paired, moves, splits = law_of(model) in PAIRS, settings.run.adapt == "hybrid", settings.run.adapt == "split"
+    most = len(model.grid) * 4**settings.run.split.levels if splits else None
+    paired &= not splits  # whose cells are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     if prepared is not None and not moves:
         count, bound = prepared.count, prepared.bound
@@ -85,6 +88,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    found = found._replace(most=most)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 

@@ -73,6 +73,7 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             momentum_x=float(np.sum(rho * area * velocity[:, 0])),
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
             broken=system.broken_before + len(broken.step),
+            **({} if system.told is None else system.told._asdict()),
         )
 
 

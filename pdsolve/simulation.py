@@ -23,6 +23,7 @@ from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
+from pdsolve.splitting import changing
 from pdsolve.starts import started
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
@@ -85,6 +86,8 @@ def run(
 def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
+    adapt = adapt or changing(system)
+
     def new() -> Writer:
         cracks = system.model.grid.cracks
         return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
@@ -127,6 +130,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
             )
         model = model_of(results.model(), str(output))
         system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
+        adapt = adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(
@@ -192,8 +196,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        books, hybrid = notes.last, notes.system.hybrid
-        fine = None if hybrid is None else hybrid.told()
+        books, fine = notes.last, notes.system.told
         return watch is not None and watch(Progress(step, run.steps, books.broken, notes.balance(books), fine))
 
     def going(now: Going) -> None:
@@ -303,10 +306,19 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
         "balance": notes.balance(books),
         "stopped": system.model.settings.run.until if stopped_early else None,
-        **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
         **({"particles": len(system.growth.particles.place)} if system.growth is not None else {}),
+        **_finer(system),
         **_rested(system.stepper),
     }
+
+
+def _finer(system: System) -> dict[str, Any]:
+    """What finer nodes that come and go were like."""
+    told, how = system.told, system.asked.settings.run.adapt
+    if told is None:
+        return {}
+    found = told._asdict()
+    return {how: found if system.hybrid is not None else {name: found[name] for name in ("refinement", "fine_share")}}
 
 
 def _rested(stepper: Stepper) -> dict[str, Any]:

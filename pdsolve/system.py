@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
 from pdsolve.adaptive.energy import held
+from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
 from pdsolve.adaptive.shown import Shown
+from pdsolve.adaptive.split.leaves import SURE, Leaves, tree_over
 from pdsolve.adaptive.system import hybrid_of
-from pdsolve.bonds import Filling, listed
+from pdsolve.bonds import Counted, Filling, listed
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
@@ -99,6 +101,11 @@ class System:
         return self.operator if isinstance(self.operator, Shown) else None
 
     @property
+    def told(self) -> Told | None:
+        """What there is to say of finer nodes that come and go; None where none do."""
+        return self.operator.told() if isinstance(self.operator, Shown | Leaves) else None
+
+    @property
     def threads(self) -> int:
         """How many share the work."""
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, InBlocks))
@@ -147,6 +154,8 @@ def prepare(model: Model, options: Options) -> Prepared:
     refuse_particles(model, options.mode)
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
+    if model.settings.run.adapt == "split":
+        return _split(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
@@ -175,6 +184,21 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
         whole=model,
     )
     return Prepared(system, state)
+
+
+def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model whose cells split, none of which has. Raises ModelError for what cannot be solved so."""
+    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    cells = tree.roots()
+    now = tree.model_of(cells)
+    filled, threads = scheme.fill(now).whole(), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, filled, scheme.symmetric, threads)
+    bound = SURE[scheme.name] * stable(operator.stiffest(), now.rho) / 2**tree.levels
+    system, state = assembled(now, options, scheme, operator, filled.counted, (step_of(model, bound), bound))
+    velocity = initial_velocity(model)  # of which `now` knows nothing
+    state.rate[:] = velocity
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
 
 
 def moved(system: System, shown: Shown) -> System:
@@ -209,13 +233,21 @@ def _filling(model: Model, scheme: Scheme) -> Filling:
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
-    filling, kind = _filling(model, scheme), np.dtype(options.precision).type
+    filling = _filling(model, scheme)
     operator, survey = _operator(model, options, scheme, filling)
-    rho = model.rho.astype(kind)
     bound = stable(operator.stiffest(), model.rho)
-    step = step_of(model, bound)
+    filled = Counted(filling.area, survey.family, survey.count)
+    return assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+
+
+def assembled(
+    model: Model, options: Options, scheme: Scheme, operator: Operator, filled: Counted, steps: tuple[float, float]
+) -> Prepared:
+    """The same with this operator; `steps` are that of the run and the one that is surely stable, s."""
+    kind, (step, bound) = np.dtype(options.precision).type, steps
+    rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
-    driven = widened(drive(model, filling.area, scheme.exact_load, kind), width)
+    driven = widened(drive(model, filled.area, scheme.exact_load, kind), width)
     velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
     velocity[:, :2] = initial_velocity(model)
     state = State(
@@ -232,26 +264,12 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         driven = stepper.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
-    energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
     growth = None
     if model.settings.run.cracks == "particles":
-        growth = Growth(model, operator, filling.area, driven, every_of(model, step))
-    system = System(
-        model,
-        options,
-        scheme,
-        operator,
-        stepper,
-        driven,
-        filling.area,
-        survey.family,
-        survey.count,
-        step,
-        bound,
-        energy,
-        growth=growth,
-    )
+        growth = Growth(model, operator, filled.area, driven, every_of(model, step))
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy, growth=growth)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 

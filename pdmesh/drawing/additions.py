@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from pdmesh.drawing.parameters import unit_of
 from pdmesh.drawing.units import Unit
+from pdmesh.model.document import ADAPTS
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -30,8 +31,8 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
         kept[REFINE + word] = word
     if adapt is not None:
-        if adapt not in ("none", "hybrid"):
-            raise SceneError(f"{ADAPT}: found '{adapt}', expected none or hybrid")
+        if adapt not in ADAPTS:
+            raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(ADAPTS)}")
         scene = scene.adapt(adapt)  # type: ignore[arg-type]
         kept[ADAPT] = adapt
     return replace(scene, parameters=tuple(kept.items()))

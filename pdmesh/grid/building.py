@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pdmesh.grid import soundness, whole
 from pdmesh.grid.lattice import Shift, build_grid
-from pdmesh.grid.nested import nested
+from pdmesh.grid.nested import nested, undivided
 from pdmesh.model.cloud import Grid, document_of
 from pdmesh.model.document import Document, Settings, write_file
 from pdmesh.scene import checks
@@ -38,6 +38,9 @@ def build(scene: Scene) -> Built:
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt == "hybrid":
         scene, more = nested(scene)
+        notes = (*notes, *more)
+    if scene.run.adapt == "split":
+        scene, more = undivided(scene)
         notes = (*notes, *more)
     lattice = whole.lattice_of(scene)
     if lattice is not None:

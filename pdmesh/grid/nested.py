@@ -3,6 +3,8 @@
 A fine zone that moves has the finest spacing of all zones, so that what is coarser needs none drawn. The solver's cells
 are twice as large as that, and fit a plate where its nodes lie on its edges; so a crack that meets a node is moved, by
 half a spacing at most, where other lattices are.
+
+Where cells are to split, it is the coarsest spacing that is laid everywhere.
 """
 
 from __future__ import annotations
@@ -10,11 +12,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import LineString
 
+from pdmesh.model.document import MOST_LEVELS
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.slits import Crack, Slit
@@ -43,6 +47,22 @@ def nested(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
         points = shapely.get_coordinates(slit.line) + way
         cracks.append(Crack(slit.name, LineString(points)))
     return replace(scene, cracks=tuple(cracks)), tuple(notes)
+
+
+def undivided(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the coarsest spacing everywhere, whose cells may split into the finest; and what was done to it.
+
+    Raises SceneError where that is too fine.
+    """
+    ratio = scene.spacing / scene.finest
+    if ratio == 1:
+        return scene, ()
+    levels = round(float(np.log2(ratio)))
+    if levels > MOST_LEVELS:
+        raise SceneError(f"run.adapt split: found zones {ratio:g} times finer, expected at most {2**MOST_LEVELS}")
+    run = msgspec.structs.replace(scene.run, split=msgspec.structs.replace(scene.run.split, levels=levels))
+    note = f"nodes of {scene.spacing:g} m everywhere: the solver splits them down to {scene.finest:g} m where it must"
+    return replace(scene, zones=(), refinements=(), run=run), (note,)
 
 
 def _way(scene: Scene, slit: Slit) -> tuple[float, float]:

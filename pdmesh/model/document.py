@@ -10,7 +10,7 @@ SI units throughout; the model is plane, per unit thickness.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
@@ -22,11 +22,16 @@ FORMAT_VERSION = 1
 
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
+MOST_LEVELS = 6  # how often a cell can be split
 USUAL_LAW = "brittle"
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+# hybrid: peridynamics where bonds may break, a compact lattice elsewhere; split: cells split where energy is
+Adapt = Literal["none", "hybrid", "split"]
+ADAPTS: tuple[str, ...] = get_args(Adapt)
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 MOST_STEPS = 2**31 - 1  # what a broken bond can remember
+Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -181,6 +186,18 @@ class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
     most: PositiveInt | None = None  # particles that a run adds, at most
 
 
+class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Which cells are split into four, and which four merge, where `Run.adapt` is split."""
+
+    by: Literal["energy", "stretch"] = "energy"  # of nodes, over the plate's largest; of bonds, over the critical one
+    threshold: Share = 0.3  # of that: what is above is split, with all within its horizon
+    floor: Annotated[float, msgspec.Meta(ge=0)] = 0.25  # of the energy density at the critical stretch: none below it
+    merge: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1  # as the threshold: what stays below merges; 0: nothing
+    hold: PositiveInt = 10  # looks that it must stay below
+    every: PositiveInt = 10  # steps between two looks
+    levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # how often a cell of the grid can be split
+
+
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How long the solver goes on and how often it writes."""
 
@@ -190,7 +207,8 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
-    adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
+    adapt: Adapt = "none"
+    split: Split = Split()  # where adapt is that
     cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown
     particles: ParticleRules = ParticleRules()
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more

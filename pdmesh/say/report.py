@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
-from pdmesh.grid.nested import nested
+from pdmesh.grid.nested import nested, undivided
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document, Material, Settings, settings_of
@@ -168,8 +168,11 @@ def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
     if scene.run.adapt == "hybrid":
         return _moving(scene, mode)
+    flat = scene.one_scale()
+    if scene.run.adapt == "split":
+        scene, _ = undivided(scene)
     grid, settings, _ = build_grid(scene)
-    own, flat = run_of(grid, settings, scene.source, mode), scene.one_scale()
+    own = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     ratio = 1.0 if own is None else own.bonds / counted
     return {

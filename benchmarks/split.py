@@ -1,0 +1,259 @@
+"""Cells that split where energy is, by threshold and by how often it is looked: python -m benchmarks.split [-o CHART].
+
+The Duran plate of the thesis from 1020 nodes 2 mm apart, whose cells split once, beside uniform runs of 2 and of 1 mm:
+when the crack starts, when and where it branches, and what the runs cost. A crack that branches is known no better than
+runs that differ by the time step alone differ from each other, so all are medians of several, with their range. Draws
+the chart, the nodes of one run at several times, in the manner of the thesis's figures 70 to 75, and writes its section
+of docs/adaptivity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import msgspec
+import numpy as np
+
+from benchmarks.pages import put_section
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Horizon, Load, Material, Run, Settings, Split
+from pdpost import figures
+from pdsolve.model import Model, ModelWarning
+from pdsolve.simulation import Options, simulate
+
+ROOT = Path(__file__).parent.parent
+CHART, PAGE, PICTURES = ROOT / "docs" / "split.png", ROOT / "docs" / "adaptivity.md", ROOT / "docs" / "split"
+TITLE = "## Cells that split"
+GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
+COARSE, DURATION, LOOK = 2e-3, 36e-6, 0.25e-6  # m; s; s between two frames
+STEPS = (25e-9, 24.5e-9, 24e-9)  # s
+THRESHOLDS, EVERY = (0.15, 0.3, 0.45, 0.6), (5, 10, 20, 40)
+TIMES = (8e-6, 16e-6, 24e-6, 28e-6, 32e-6, 36e-6)  # s: of the pictures
+CRACKED, GAP = 0.35, 2 * COARSE  # damage; m between the arms of a crack, of the coarse grid in all runs
+
+NONE = (np.nan, np.nan, np.nan, 0)
+SHOWN = {
+    "start": "start, us",
+    "branch": "branches after, us",
+    "place": "at, mm",
+    "updates": "bonds times steps, of 1 mm",
+}
+
+
+class Way(NamedTuple):
+    """How the plate is solved."""
+
+    spacing: float  # m
+    threshold: float | None = None  # None: cells stay
+    every: int = 10
+    mode: str = "conservative"
+    by: str = "energy"
+    merge: float = 0.1
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        if self.threshold is None:
+            return f"uniform, {1e3 * self.spacing:g} mm"
+        what = "largest energy" if self.by == "energy" else "critical stretch"
+        return f"split above {self.threshold:g} of the {what}, every {self.every} steps"
+
+
+class Found(NamedTuple):
+    """What came of one run."""
+
+    start: float  # us; not a number where it did not
+    branch: float  # us; likewise
+    place: float  # mm
+    tip: float  # mm, at 30 us
+    updates: float  # bonds times steps
+    coarse: int  # broken bonds between two coarse nodes
+    refinement: float  # energy that splitting and merging made, over the work
+    balance: float
+
+
+def plate(way: Way, dt: float, **more: object) -> Model:
+    """The plate: 102 x 40 mm, notched to its middle, 12 MPa on both edges, carried by 6 mm that do not break."""
+    n = round(COARSE / way.spacing)
+    y, x = np.mgrid[0 : 20 * n, 0 : 51 * n] + 0.5
+    position = way.spacing * np.column_stack([x.ravel(), y.ravel()]) - (COARSE / 2, 20e-3)
+    count = len(position)
+    grid = Grid(
+        ids=np.arange(1, count + 1),
+        position=position,
+        delta=np.full(count, way.spacing),
+        border=np.zeros(count, dtype=bool),
+        hole_id=np.full(count, -1),
+        cracks=np.array([[-COARSE, 0.0, 50e-3, 0.0]]),
+    )
+    pull = 12e6 / 6e-3
+    ends = (
+        Load(box=(-1.0, 14e-3, 1.0, 1.0), body_force=(0.0, pull), breakable=False),
+        Load(box=(-1.0, -1.0, 1.0, -14e-3), body_force=(0.0, -pull), breakable=False),
+    )
+    every = round(LOOK / dt)
+    run = Run(time_step=dt, steps=round(DURATION / dt / every) * every, every=every, fields=("damage",))
+    if way.threshold is not None:
+        split = Split(threshold=way.threshold, every=way.every, by=way.by, merge=way.merge)  # type: ignore[arg-type]
+        run = msgspec.structs.replace(run, adapt="split", split=split)
+    settings = Settings(material=GLASS, horizon=Horizon(4.0), conditions=ends, run=run)
+    return Model(grid, settings, "duran")
+
+
+def solved(way: Way, dt: float) -> Found:
+    """One run."""
+    with simulate(plate(way, dt), options=Options(way.mode, threads=1)) as results:
+        start, branch, tip = np.nan, (np.nan, np.nan), np.nan
+        for step in results.frames()[0].tolist():
+            time, nodes = 1e6 * step * dt, results.nodes(step)
+            ahead = (results.field("damage", step) > CRACKED) & (nodes.position[:, 0] > 50.2e-3)
+            x, y = nodes.position[ahead].T
+            if np.isnan(start) and x.max(initial=0.0) > 51.4e-3:
+                start = time
+            if np.isnan(branch[0]):
+                place = _branch(x, y)
+                branch = branch if place is None else (time, 1e3 * place)
+            tip = 1e3 * x.max(initial=0.0) if time <= 30.0 + 1e-6 else tip
+        breaks, lives, told = results.breaks(), results.lives(), results.summary()
+        deltas = [lives.nodes.delta[lives.at(end, breaks.step)] for end in (breaks.node, breaks.neighbour)]
+        coarse = int(np.count_nonzero(np.min(deltas, axis=0) > 0.75 * COARSE))
+        updates = float(results.bond_updates(told["steps"]))
+        made = told.get("split", {}).get("refinement", 0.0) / told["energy"]["work"]
+        return Found(start, *branch, tip, updates, coarse, made, told["balance"])
+
+
+def _branch(x: np.ndarray, y: np.ndarray) -> float | None:
+    """The first column, m, whose cracked nodes are in two groups."""
+    column = np.floor((x + COARSE / 2) / COARSE).astype(int)
+    order = np.lexsort((y, column))
+    apart = (np.diff(column[order]) == 0) & (np.diff(y[order]) > GAP * (1 + 1e-6))
+    return float(COARSE * column[order][1:][apart].min()) if apart.any() else None
+
+
+def several(way: Way) -> list[Found]:
+    """Runs that differ by the step alone."""
+    found = [solved(way, dt) for dt in STEPS]
+    print(way.mode, way.name, *found, sep="\n  ", file=sys.stderr, flush=True)
+    return found
+
+
+def middle(found: list[Found], what: str) -> tuple[float, float, float, int]:
+    """Median, least and most of those runs in which it happened, and how many they are."""
+    values = np.array([getattr(one, what) for one in found])
+    values = values[~np.isnan(values)]
+    return (*(float(each) for each in np.quantile(values, [0.5, 0, 1])), len(values)) if len(values) else NONE
+
+
+def chart(runs: dict[Way, list[Found]], path: Path) -> None:
+    """Each of what is shown against the threshold, a line for each interval; uniform runs as bands."""
+    fine, coarse = (runs[Way(spacing)] for spacing in (COARSE / 2, COARSE))
+    whole = middle(fine, "updates")[0]
+    figure, panels = plt.subplots(2, 2, figsize=(9.0, 6.4), layout="constrained", sharex=True)
+    for axes, (what, words) in zip(panels.flat, SHOWN.items(), strict=True):
+        unit = whole if what == "updates" else 1.0
+        for found, colour, label in ((fine, "0.35", "uniform, 1 mm"), (coarse, "0.75", "uniform, 2 mm")):
+            median, least, most, _ = (value / unit for value in middle(found, what))
+            axes.axhspan(least, most, color=colour, alpha=0.4, linewidth=0)
+            axes.axhline(median, color=colour, label=label)
+        for number, every in enumerate(EVERY):
+            found = [middle(runs[Way(COARSE, threshold, every)], what) for threshold in THRESHOLDS]
+            median, least, most, count = np.array(found).T
+            place = np.array(THRESHOLDS) + 0.012 * (number - 1.5)
+            spread = np.array([median - least, most - median]) / unit
+            style = {"marker": "o", "markersize": 4, "capsize": 2, "linewidth": 1}
+            axes.errorbar(place, median / unit, spread, label=f"every {every} steps", **style)
+            for at, value, some in zip(place, median / unit, count, strict=True):
+                if 0 < some < len(STEPS):
+                    near = {"textcoords": "offset points", "xytext": (4, 4), "fontsize": 7}
+                    axes.annotate(f"{some:g}/{len(STEPS)}", (at, value), **near)
+        axes.set_ylabel(words)
+    for axes in panels[1]:
+        axes.set_xlabel("threshold, of the largest energy density")
+    panels[0, 1].legend(fontsize=8)
+    figure.suptitle(
+        "Duran's plate, cells of 2 mm that split once: median and range of runs that differ by the time step"
+    )
+    figure.savefig(path, dpi=110)
+
+
+def rows(runs: dict[Way, list[Found]]) -> Iterator[str]:
+    """The table."""
+    yield (
+        "| mode | run | start, us | branches after, us | at, mm | tip at 30 us, mm | bonds times steps, of 1 mm |"
+        " coarse bonds broken | made by splitting, % of the work | balance, % |"
+    )
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    for way, found in runs.items():
+        whole = middle(runs[Way(COARSE / 2, mode=way.mode)], "updates")[0]
+        words = [_words(middle(found, what)) for what in ("start", "branch", "place", "tip")]
+        made, balance = (100 * middle(found, what)[0] for what in ("refinement", "balance"))
+        coarse = max(one.coarse for one in found) if way.threshold is not None else "-"
+        share = f"{middle(found, 'updates')[0] / whole:.2f}"
+        yield f"| {way.mode} | {way.name} | {' | '.join(words)} | {share} | {coarse} | {made:+.2f} | {balance:+.3f} |"
+
+
+def _words(found: tuple[float, float, float, int]) -> str:
+    median, least, most, count = found
+    if not count:
+        return "none"
+    return f"{median:.4g} ({least:.4g} to {most:.4g})" + (f", {count} of {len(STEPS)}" if count < len(STEPS) else "")
+
+
+def pictures(folder: Path) -> list[Path]:
+    """The nodes of one run at several times."""
+    folder.mkdir(parents=True, exist_ok=True)
+    model, found = plate(Way(COARSE, 0.3), STEPS[0]), []
+    run = msgspec.structs.replace(model.settings.run, fields=("ux", "uy", "damage"))
+    model = Model(model.grid, msgspec.structs.replace(model.settings, run=run), model.name)
+    with simulate(model, options=Options(threads=1)) as results:
+        for time in TIMES:
+            path = folder / f"nodes_{1e6 * time:.0f}.png"
+            figures.save(figures.nodes(results, round(time / STEPS[0])), path)
+            found.append(path)
+    return found
+
+
+HEAD = f"""{TITLE}
+
+`--adapt split`, the thesis's adaptive refinement (pp. 97-103). Duran's plate of 51 x 20 nodes 2 mm apart (m = 4,
+conical, 12 MPa, 36 us), whose cells split once, beside uniform runs; written by `python -m benchmarks.split`. Each row
+is {len(STEPS)} runs with steps of {", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns: the median, the least and the most,
+to {1e6 * LOOK:g} us. A crack has branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apart.
+
+![Start, branching and cost against the threshold, a line for each interval between two looks](split.png)
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Measure, draw, write."""
+    parser = argparse.ArgumentParser(description="Measure what splitting cells costs and is off by.")
+    parser.add_argument("-o", "--output", type=Path, default=CHART, help="the chart (default: docs/split.png)")
+    parser.add_argument("--page", type=Path, default=PAGE, help="the page whose section is written")
+    parser.add_argument("--pictures", type=Path, default=PICTURES, help="a folder for nodes at several times")
+    args = parser.parse_args(arguments)
+    warnings.simplefilter("ignore", ModelWarning)
+    ways = [Way(COARSE), Way(COARSE / 2)]
+    ways += [Way(COARSE, threshold, every) for threshold, every in itertools.product(THRESHOLDS, EVERY)]
+    ways += [Way(COARSE, 0.9, by="stretch")]
+    ways += [Way(COARSE, mode="thesis"), Way(COARSE / 2, mode="thesis")]
+    ways += [Way(COARSE, threshold, mode="thesis") for threshold in (0.3, 0.6)]
+    runs = {way: several(way) for way in ways}
+    chart(runs, args.output)
+    drawn = pictures(args.pictures)
+    folder = args.pictures.name
+    links = [f"[{1e6 * time:.0f} us]({folder}/{path.name})" for time, path in zip(TIMES, drawn, strict=True)]
+    after = f"Nodes of a run above 0.3, every 10 steps, as in the thesis's figures 70 to 75: {', '.join(links)}."
+    put_section(args.page, "\n".join([HEAD, *rows(runs), "", after]))
+    print(args.output, args.page, sep="\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,136 @@
+"""Runs whose cells split where energy is, and merge behind it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adapt import Adapt, Change
+from pdsolve.adaptive.split import marks
+from pdsolve.adaptive.split.cells import Cells
+from pdsolve.adaptive.split.cracks import Before, healed, inherited, sources
+from pdsolve.adaptive.split.heirs import Heirs, heirs_of
+from pdsolve.adaptive.split.leaves import Leaves, Memory, remembered
+from pdsolve.adaptive.split.motion import kinetic, moved
+from pdsolve.conditions import put_loads
+from pdsolve.operators.operator import Kept
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
+from pdsolve.system import Prepared, System, assembled, stable
+from pdsolve.unstable import UnstableError
+
+
+class Splitting:
+    """What changes the nodes of a run; all it remembers is in the operator."""
+
+    def __init__(self, system: System) -> None:
+        """`system` is that of the start."""
+        self.tree = leaves(system).tree
+        self.settings = self.tree.model.settings.run.split
+        self.every = self.settings.every
+        self._floor = marks.floors(self.tree)
+
+    def epoch(self, system: System, state: State, step: int) -> Change | None:
+        """As in `Adapt`."""
+        own, wanted = leaves(system), self.settings
+        energy = own.energies(state)[0]
+        if wanted.by == "energy":
+            height = marks.heights(self.tree, own.cells, energy, self._floor)
+        else:
+            height = marks.stretches(self.tree, own.cells, own.filled.bonds, own.steps(), state.value)
+        before = Before(own.filled.bonds, own.steps())
+        grid = system.model.grid
+        look = marks.Look(own.cells, grid.position, system.model.horizons, height, before.hurt)
+        quiet = height < wanted.merge
+        own.memory = own.memory._replace(calm=np.where(quiet, own.memory.calm + 1, 0))
+        splits = marks.split(self.tree, look, wanted.threshold)
+        merged = marks.merge(self.tree, look, own.memory.calm >= wanted.hold, splits, wanted.threshold)
+        if not splits.any() and not len(merged.root):
+            return None
+        cells, heirs = heirs_of(self.tree, own.cells, splits, merged)
+        new, made = self._cloud(system, cells), _energy(system, state, energy)
+        operator = leaves(new.system)
+        broken = inherited(before, operator.filled.bonds, heirs)
+        assert not healed(before, operator.filled.bonds, heirs, broken), f"step {step}: a bond has healed"
+        operator.put(broken)
+        begun = moved(state, heirs, own.filled.bonds, own.steps() == 0)
+        for values, found in zip(new.state, begun, strict=True):
+            values[:] = found
+        new.system.drive.held_force[:] = system.drive.held_force
+        put_loads(new.system.drive, step * system.time_step)
+        made = _energy(new.system, new.state, operator.energies(new.state)[0]) - made
+        made += own.memory.made + _pushed(new.system, new.state)
+        calm = np.where(heirs.stays, own.memory.calm[heirs.before[:, 0]], 0)
+        operator.memory = Memory(calm, made)
+        return Change(new.system, new.state, self._origin(system, new.system, heirs))
+
+    def _cloud(self, system: System, cells: Cells) -> Prepared:
+        """The system of these leaves, at rest. Raises UnstableError where the run's step is too long for it."""
+        tree, threads = self.tree, system.threads
+        model = tree.model_of(cells)
+        filled = system.scheme.fill(model).whole()
+        operator = Leaves(tree, cells, model, filled, system.scheme.symmetric, threads)
+        steps = system.time_step, system.bound
+        found = assembled(model, system.options, system.scheme, operator, filled.counted, steps)
+        sure = stable(operator.stiffest(), model.rho)
+        if sure < system.time_step <= system.bound:
+            raise UnstableError(
+                f"found cells whose surely stable step is {sure:.4g} s, expected the run's, {system.time_step:.4g} s;"
+                " give a smaller run.time_step"
+            )
+        return Prepared(dataclasses.replace(found.system, whole=tree.model), found.state)
+
+    def _origin(self, system: System, new: System, heirs: Heirs) -> NDArray[np.int64]:
+        """Rows (m,) that nodes had which are there with the bonds they had; -1 of others."""
+        before, now = leaves(system).filled.bonds, leaves(new).filled.bonds
+        origin = np.where(heirs.stays, heirs.before[:, 0], -1)
+        gone = np.ones(len(before.start) - 1, dtype=bool)
+        gone[origin[heirs.stays]] = False
+        changed = np.zeros(len(origin), dtype=bool)
+        changed[sources(now)[~heirs.stays[now.neighbour]]] = True
+        lost = np.zeros(len(gone), dtype=bool)
+        lost[sources(before)[gone[before.neighbour]]] = True
+        same = heirs.stays & ~changed & ~lost[origin] & (system.family[origin] == new.family)
+        return np.where(same, origin, -1)
+
+    def back(self, system: System, kept: Kept) -> Prepared:
+        """As in `Adapt`."""
+        found = self._cloud(system, self.tree.cells(kept["ids"]))
+        leaves(found.system).memory = remembered(kept)
+        return found
+
+
+def _energy(system: System, state: State, held: NDArray[np.float64]) -> float:
+    """What the motion has, J/m, of nodes that hold (n,) J/m^3: the sum that Verlet keeps from step to step.
+
+    It is less by m (dt a)^2 / 8 than that of whole steps, in which the ledger has it.
+    """
+    mass = system.model.rho * system.area
+    swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
+    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * held))
+
+
+def _pushed(system: System, state: State) -> float:
+    """What accelerations that are interpolated, and are not those of the forces, do on the next step's way, J/m.
+
+    Verlet follows them for half of a kick.
+    """
+    rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
+    still = state._replace(dissipated=np.zeros_like(state.dissipated))  # nothing breaks
+    excess = rho * state.second - forces(system.operator, still) - drive.force
+    excess[drive.holds.node, drive.holds.axis] = 0.0
+    way = dt * (state.rate + dt / 2 * state.second)
+    return float(np.sum(system.area[:, None] * excess / 2 * way))
+
+
+def leaves(system: System) -> Leaves:
+    """The operator of such a run."""
+    assert isinstance(system.operator, Leaves)
+    return system.operator
+
+
+def changing(system: System) -> Adapt | None:
+    """What changes the nodes of a run as its model asks; None where nothing does, or the operator itself."""
+    return Splitting(system) if isinstance(system.operator, Leaves) else None

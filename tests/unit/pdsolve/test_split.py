@@ -1,0 +1,302 @@
+"""Cells that split where energy is and merge behind it: the tree of cells, who splits, what the heirs have."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from plates import GEOMETRIES, GLASS, plate, square_grid
+
+from pdmesh.__main__ import main as build_command
+from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.drawing.units import UNITS
+from pdmesh.model.cloud import Grid, document_of
+from pdmesh.model.document import Absorb, Acceleration, Load, Region, Run, Split, read_file, write_file
+from pdsolve.__main__ import main as solve_command
+from pdsolve.adaptive.split import marks
+from pdsolve.adaptive.split.cells import Cells, Tree
+from pdsolve.adaptive.split.cracks import Before, healed, inherited
+from pdsolve.adaptive.split.heirs import Heirs, heirs_of
+from pdsolve.adaptive.split.leaves import tree_over
+from pdsolve.adaptive.split.motion import kinetic, moved
+from pdsolve.model import Model, ModelError
+from pdsolve.schemes import SCHEMES
+from pdsolve.state import State
+
+MODES = ("thesis", "conservative")
+
+
+def tree(columns: int = 21, rows: int = 21, levels: int = 1, ratio: float = 3.0, **settings: Any) -> Tree:
+    """The cells of a plate of glass without an outline."""
+    split = Run(adapt="split", split=Split(levels=levels))
+    return Tree(plate(square_grid(columns, rows), ratio, run=split, **settings))
+
+
+def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> marks.Look:
+    """A look at leaves of which these rows are flagged; no bond has broken."""
+    height = np.zeros(len(cells.root))
+    height[flagged] = 1.0
+    horizon = of.model.settings.horizon.ratio * of.spacing / 2.0**cells.level
+    return marks.Look(cells, of.place(cells), horizon, height, np.zeros(len(height), dtype=bool))
+
+
+def nearest(of: Tree, cells: Cells, x: float, y: float) -> NDArray[np.int64]:
+    """The row of the leaf at a place."""
+    return np.array([np.hypot(*(of.place(cells) - (x, y)).T).argmin()])
+
+
+@pytest.mark.parametrize(("ratio", "count"), [(3.0, 29), (4.0, 49)])
+def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
+    """One flagged node splits itself and its 28 or 48 neighbours, into 116 and 196."""
+    of = tree(ratio=ratio)
+    cells = of.roots()
+    splits = marks.split(of, looked(of, cells, np.array([220])), 0.5)
+    assert splits.sum() == count
+    new, heirs = heirs_of(of, cells, splits, cells.taken(splits[:0].nonzero()[0]))
+    assert heirs.split.sum() == 4 * count
+    assert len(new.root) == 441 + 3 * count
+
+
+def test_leaves_that_touch_differ_by_one_level() -> None:
+    """Three levels around one node, and beside nodes that stay whole as they carry a load."""
+    load = Load(box=(-1.0, 12.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
+    of = tree(levels=3, conditions=(load,))
+    cells = of.roots()
+    nothing = cells.taken(np.zeros(0, dtype=np.int64))
+    for _ in range(6):
+        splits = marks.split(of, looked(of, cells, nearest(of, cells, 10.1e-3, 10.1e-3)), 0.5)
+        cells, _ = heirs_of(of, cells, splits, nothing)
+    assert np.bincount(cells.level).all()
+    assert cells.level.max() == 3
+    place, half = of.place(cells), of.spacing / 2.0 ** (cells.level + 1)
+    away = np.abs(place[:, None] - place).max(axis=2)
+    touch = away <= (half[:, None] + half) * (1 + 1e-9)
+    assert np.abs(cells.level[:, None] - cells.level)[touch].max() == 1
+    assert cells.level[of.pinned[cells.root]].max() == 0
+    assert of.areas(cells).sum() == pytest.approx(441e-6, rel=1e-14)
+
+
+def test_ids_say_which_cells_they_are() -> None:
+    """Of all levels, with nodes whose ids are in no order."""
+    of = tree(5, 4, levels=3)
+    shuffled = np.random.default_rng(1).permutation(of.model.grid.ids) * 7
+    of = Tree(dataclasses.replace(of.model, grid=dataclasses.replace(of.model.grid, ids=shuffled)))
+    cells = of.roots()
+    for level in range(4):
+        found = of.cells(of.ids(cells))
+        assert all(np.array_equal(one, other) for one, other in zip(cells, found, strict=True))
+        assert len(np.unique(of.place(cells).round(9), axis=0)) == 20 * 4**level
+        cells = cells.quarters()
+
+
+def edged() -> Model:
+    """A plate whose outer nodes are on its edges, with half cells, and a round hole."""
+    outline = 1e-3 * np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    ring = 1e-3 * (10.3 + 3.2 * np.column_stack([np.cos(turn), np.sin(turn)]))
+    from pdmesh.grid.cells import cell_areas
+    from pdmesh.model.visibility import plate_of
+
+    grid = dataclasses.replace(square_grid(21, 21), outline=(outline,), holes=(ring,))
+    shape = plate_of(grid)
+    assert shape is not None
+    import shapely
+
+    own = np.flatnonzero(shapely.contains_xy(shape.buffer(1e-9), grid.position))
+    columns = {name: getattr(grid, name)[own] for name in ("ids", "position", "delta", "border", "hole_id")}
+    grid = dataclasses.replace(grid, **columns)
+    areas = cell_areas(grid.position, shape, grid.delta)
+    return plate(dataclasses.replace(grid, areas=areas), 3, run=Run(adapt="split", split=Split(levels=2)))
+
+
+def test_cells_that_an_edge_cuts_keep_their_area() -> None:
+    """Only quarters whose middle is in the plate are made, and share all of it; momentum is kept to round-off."""
+    of = Tree(edged())
+    cells, random = of.roots(), np.random.default_rng(2)
+    whole, v = of.area.sum(), random.normal(size=(of.count, 2))
+    filled = SCHEMES["conservative"].fill(of.model_of(cells)).whole()
+    state = State(np.zeros_like(v), v, v, np.ones(of.count), np.ones(of.count))
+    splits = of.splits(cells)
+    new, heirs = heirs_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    assert splits.sum() > 0.95 * of.count
+    assert len(new.root) < 4 * of.count - 100
+    assert of.areas(new).sum() == pytest.approx(whole, rel=1e-13)
+    begun = moved(state, heirs, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
+    momentum = of.areas(new) @ begun.rate
+    assert momentum == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
+    merged, back = heirs_of(of, new, np.zeros(len(new.root), dtype=bool), cells.taken(splits))
+    filled = SCHEMES["conservative"].fill(of.model_of(new)).whole()
+    begun = moved(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
+    assert np.array_equal(of.ids(merged), of.ids(cells))
+    assert of.area @ begun.rate == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
+
+
+def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells, Heirs, State]:
+    """Roots of which these have split, and their state."""
+    cells = of.roots()
+    bonds = SCHEMES["conservative"].fill(of.model_of(cells)).whole().bonds
+    new, heirs = heirs_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    return new, heirs, moved(state, heirs, bonds, np.ones(len(bonds.weight), dtype=bool))
+
+
+def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> None:
+    """u, v and a of the quarters, momentum, m D^2 |grad v|^2 / 32 of kinetic energy more; merging loses it again."""
+    of = tree(levels=2)
+    random = np.random.default_rng(3)
+    slope, place = random.normal(size=(3, 2, 2)), of.model.grid.position
+    u, v, a = (place @ one.T + 0.1 for one in slope)
+    state = State(u, v, a, random.uniform(size=441), random.uniform(size=441))
+    new, heirs, begun = split_once(of, state, np.ones(441, dtype=bool))
+    for one, found in zip(slope, begun[:3], strict=True):
+        assert found == pytest.approx(of.place(new) @ one.T + 0.1, rel=1e-12)
+    rho, area = 2235.0, of.areas(new)
+    mass, whole = rho * area, rho * of.area
+    gain = kinetic(mass, begun.rate) - kinetic(whole, v)
+    formula = 441 * rho * 1e-6 * 1e-6 * (slope[1] ** 2).sum() / 32
+    assert gain == pytest.approx(formula, abs=1e-14 * kinetic(whole, v))  # 1e-16 of it
+    assert mass @ begun.rate == pytest.approx(whole @ v, rel=1e-14)
+    for spent in ("dissipated", "work"):
+        assert area @ getattr(begun, spent) == pytest.approx(of.area @ getattr(state, spent), rel=1e-13)
+    shaken = begun._replace(rate=begun.rate + random.normal(size=begun.rate.shape))
+    bonds = SCHEMES["conservative"].fill(of.model_of(new)).whole().bonds
+    merged, back = heirs_of(of, new, np.zeros(len(new.root), dtype=bool), of.roots())
+    after = moved(shaken, back, bonds, np.ones(len(bonds.weight), dtype=bool))
+    apart = shaken.rate - after.rate[np.searchsorted(merged.root, new.root)]
+    loss = kinetic(mass, shaken.rate) - kinetic(whole, after.rate)
+    assert loss == pytest.approx(kinetic(mass, apart), abs=1e-14 * kinetic(mass, shaken.rate))
+    assert whole @ after.rate == pytest.approx(mass @ shaken.rate, abs=1e-14 * np.abs(mass @ np.abs(shaken.rate)).max())
+    assert heirs.split.all()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
+    """The bonds of quarters amid quarters are those of a grid of half the spacing."""
+    of = tree(16, 16)
+    cells = of.roots()
+    x, y = of.model.grid.position.T * 1e3
+    new, _ = heirs_of(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.taken(np.zeros(0, dtype=np.int64)))
+    filled = SCHEMES[mode].fill(of.model_of(new)).whole()
+    fine = square_grid(32, 32, 5e-4, x0=-2.5e-4, y0=-2.5e-4)
+    expected = SCHEMES[mode].fill(plate(fine, 3, area_rule="square")).whole()
+    at = nearest(of, new, 7.75e-3, 7.75e-3)[0]
+    other = np.hypot(*(fine.position - of.place(new)[at]).T).argmin()
+    assert new.level[at] == 1
+    for name in ("stiffness", "limit", "weight"):
+        own, theirs = (
+            np.sort(getattr(one.bonds, name)[one.bonds.start[row] : one.bonds.start[row + 1]])
+            for one, row in ((filled, at), (expected, other))
+        )
+        assert own == pytest.approx(theirs, abs=1e-9 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_no_bond_heals(mode: str) -> None:
+    """Bonds across a line are broken: all that cross it are, after any cells split and merge; none beside it is."""
+    of, random = tree(21, 20), np.random.default_rng(4)
+    cells, scheme = of.roots(), SCHEMES[mode]
+    for _ in range(3):
+        bonds = scheme.fill(of.model_of(cells)).whole().bonds
+        broken = crossing(of, cells, bonds)
+        splits = of.splits(cells) & (random.uniform(size=len(cells.root)) < 0.3)
+        new, heirs = heirs_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+        now = scheme.fill(of.model_of(new)).whole().bonds
+        before = Before(bonds, broken)
+        found = inherited(before, now, heirs)
+        assert np.array_equal(found, crossing(of, new, now))
+        assert healed(before, now, heirs, found) == 0
+        assert healed(before, now, heirs, np.zeros_like(found)) > 100
+        cells = new
+
+
+def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
+    """7 of bonds (b,) that cross a row's edge in the middle of the plate, 0 of others."""
+    upper = of.place(cells)[:, 1] > 9.5e-3
+    source = np.repeat(np.arange(len(upper)), np.diff(bonds.start))
+    return np.where(upper[source] != upper[bonds.neighbour], 7, 0).astype(np.int32)
+
+
+def off_lattice() -> Grid:
+    """Nodes of two spacings."""
+    grid = square_grid(9, 9)
+    return dataclasses.replace(grid, delta=np.where(grid.position[:, 0] > 4e-3, 2e-3, 1e-3))
+
+
+SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
+BOX = (0.0, 0.0, 1e-3, 1e-3)
+NOTCH = 1e-3 * np.array([[0.0, 4.25, 4.0, 4.25]])
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (plate(square_grid(9, 9), material=SOFT), r"material\.law: found bilinear, expected brittle"),
+        (plate(square_grid(9, 9), regions=(Region(box=BOX, material=SOFT),)), r"regions\[0\]\.material\.law"),
+        (plate(square_grid(9, 9), conditions=(Absorb(box=BOX),)), r"conditions\[0\]: found absorb"),
+        (plate(square_grid(9, 9), conditions=(Acceleration(box=BOX, x=1.0),)), r"conditions\[0\]: found acceleration"),
+        (plate(square_grid(9, 9), run=Run(solver="static")), r"run\.solver: found static, expected explicit"),
+        (plate(square_grid(9, 9), run=Run(start="static")), r"run\.start: found static, expected unloaded"),
+        (plate(square_grid(9, 9), area_rule="eq19"), r"area_rule: found eq19, expected cells"),
+        (plate(off_lattice()), "found several spacings, expected one"),
+        (
+            plate(square_grid(9, 9), run=Run(split=Split(merge=0.5))),
+            r"split\.merge: found 0\.5, expected less than the",
+        ),
+        (
+            plate(dataclasses.replace(square_grid(9, 9), cracks=NOTCH)),
+            r"notch\[0\]: found it through \(.*, 0\.00425\) m",
+        ),
+    ],
+)
+def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
+    """In one sentence that names the place."""
+    with pytest.raises(ModelError, match=words) as error:
+        tree_over(model, "conservative", "float64", None)
+    assert str(error.value).endswith("as run.adapt is split")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("--adapt", "split", "--set", "run.split.threshold=1.5"),
+            "Expected `float` <= 1.0 - at `$.run.split.threshold`",
+        ),
+        (("--adapt", "split", "--set", "run.split.threshold=0"), "Expected `float` > 0.0 - at `$.run.split.threshold`"),
+        (("--adapt", "split", "--set", "run.split.levels=9"), "Expected `int` <= 6 - at `$.run.split.levels`"),
+        (("--adapt", "split", "--set", "run.split.treshold=0.5"), "Object contains unknown field `treshold`"),
+        (("--adapt", "split", "--precision", "float32"), "precision: found float32, expected float64, as run.adapt is"),
+        (("--set", "run.split.levels=2"), "run.split.levels: found it given for run.adapt none, expected split"),
+    ],
+)
+def test_bad_settings_get_one_line(
+    words: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And exit code 2, before anything is written."""
+    model, path = plate(square_grid(9, 9)), tmp_path / "plate.json"
+    write_file(document_of(model.grid, model.settings), path)
+    assert solve_command([str(path), *words, "-o", str(tmp_path / "plate.sqlite")]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
+
+
+def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The coarsest spacing everywhere; its zones say how often cells split; plans and dry runs say it is the start."""
+    path = tmp_path / "plate.json"
+    assert run(Parameters({"Peridynamics/Run/Adapt": "split"}, UNITS["m"])).adapt == "split"
+    assert build_command(["build", str(GEOMETRIES / "duran50.geo"), "--adapt", "split", "-o", str(path), "-q"]) == 0
+    document = read_file(path)
+    assert (document.run.adapt, document.run.split.levels, len(document.nodes)) == ("split", 1, 1020)
+    capsys.readouterr()
+    assert solve_command([str(path), "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("1020 nodes, 38084 bonds, 1700 steps of 2.5e-08 s")
+    assert "cells that split add to it, up to 4080 nodes if all of them do" in said
+    assert build_command(["plan", str(GEOMETRIES / "duran50.geo"), "--set", "Run/Adapt=split"]) == 0
+    assert "nodes                           1020          4040" in capsys.readouterr().out
