@@ -12,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
+from pdsolve.adaptive.collocation import march as collocation
+from pdsolve.adaptive.collocation.shown import Collocated
+from pdsolve.adaptive.collocation.system import collocation_of
 from pdsolve.adaptive.energy import held
 from pdsolve.adaptive.march import march
 from pdsolve.adaptive.precracks import begin_coarse
@@ -92,9 +95,9 @@ class System:
         return self.whole or self.model
 
     @property
-    def hybrid(self) -> Shown | None:
+    def hybrid(self) -> Shown | Collocated | None:
         """The operator, where it is one with a fine zone and books of its own."""
-        return self.operator if isinstance(self.operator, Shown) else None
+        return self.operator if isinstance(self.operator, Shown | Collocated) else None
 
     @property
     def threads(self) -> int:
@@ -142,19 +145,24 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
-    if model.settings.run.adapt == "hybrid":
-        return _hybrid(model, options, scheme)
+    if model.settings.run.adapt != "none":
+        return _moving(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
 
 
-def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
-    settle(march, held, begin_coarse)
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown, bound = hybrid_of(model, options.mode, options.precision, step_of, threads)
+    shown: Shown | Collocated
+    if model.settings.run.adapt == "collocation":
+        settle(collocation.march, collocation.held)
+        shown, bound = collocation_of(model, options.mode, options.precision, step_of, threads)
+    else:
+        settle(march, held, begin_coarse)
+        shown, bound = hybrid_of(model, options.mode, options.precision, step_of, threads)
     state = shown.state()
     system = System(
         model=shown.model,
@@ -166,7 +174,7 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=shown.hybrid.ground.dt,
+        time_step=float(shown.hybrid.ground.dt),
         bound=bound,
         initial_energy=shown.books()[0],
         whole=model,
@@ -174,7 +182,7 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
-def moved(system: System, shown: Shown) -> System:
+def moved(system: System, shown: Shown | Collocated) -> System:
     """The system of other nodes of the same plate."""
     count, family = shown.counts
     return replace(
