@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.document import Absorb, Run, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
@@ -66,7 +66,7 @@ class Plan(NamedTuple):
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme, settings = scheme_of(model, options), model.settings
-    paired, moves = law_of(model) in PAIRS, settings.run.adapt == "hybrid"
+    paired, moves = law_of(model) in PAIRS, settings.run.adapt in ON_ONE_LATTICE
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     if prepared is not None and not moves:
         count, bound = prepared.count, prepared.bound

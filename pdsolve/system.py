@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
-from pdsolve.adaptive.collocation import march as collocation
-from pdsolve.adaptive.collocation.shown import Collocated
-from pdsolve.adaptive.collocation.system import collocation_of
-from pdsolve.adaptive.energy import held
-from pdsolve.adaptive.march import march
-from pdsolve.adaptive.precracks import begin_coarse
-from pdsolve.adaptive.shown import Shown
-from pdsolve.adaptive.system import hybrid_of
+from pdsolve.adaptive.moving import Moving, moving_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -95,9 +88,9 @@ class System:
         return self.whole or self.model
 
     @property
-    def hybrid(self) -> Shown | Collocated | None:
+    def hybrid(self) -> Moving | None:
         """The operator, where it is one with a fine zone and books of its own."""
-        return self.operator if isinstance(self.operator, Shown | Collocated) else None
+        return self.operator if isinstance(self.operator, Moving) else None
 
     @property
     def threads(self) -> int:
@@ -156,13 +149,7 @@ def prepare(model: Model, options: Options) -> Prepared:
 def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown: Shown | Collocated
-    if model.settings.run.adapt == "collocation":
-        settle(collocation.march, collocation.held)
-        shown, bound = collocation_of(model, options.mode, options.precision, step_of, threads)
-    else:
-        settle(march, held, begin_coarse)
-        shown, bound = hybrid_of(model, options.mode, options.precision, step_of, threads)
+    shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
     state = shown.state()
     system = System(
         model=shown.model,
@@ -182,7 +169,7 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
-def moved(system: System, shown: Shown | Collocated) -> System:
+def moved(system: System, shown: Moving) -> System:
     """The system of other nodes of the same plate."""
     count, family = shown.counts
     return replace(

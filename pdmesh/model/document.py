@@ -159,6 +159,10 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     floating: bool = False  # bodies that nothing supports are held softly, not refused
 
 
+Adapt = Literal["none", "hybrid", "collocation"]
+ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
+
+
 class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How a plate is solved where `adapt` is collocation."""
 
@@ -176,7 +180,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
-    adapt: Literal["none", "hybrid", "collocation"] = "none"  # peridynamics where bonds may break; hybrid: a compact
+    adapt: Adapt = "none"  # peridynamics where bonds may break; hybrid: a compact
     # lattice elsewhere, collocation: stencils of the same horizon
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet

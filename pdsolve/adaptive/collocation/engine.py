@@ -124,7 +124,7 @@ class Engine:
         """Energy densities (places,), J/m^3, of fine nodes of these rows and of active coarse ones."""
         found = np.zeros((1, self.ground.at.places))
         held(self.ground, self.zone, rows, found)
-        return found[0]
+        return np.asarray(found[0])
 
     def held(self) -> NDArray[np.float64]:
         """The same of all active nodes."""

@@ -108,9 +108,7 @@ def ground_of(
     ways, limit = springs.dy * at.stride + springs.dx, float(e_of(springs.limit))
     row = np.full(at.places, -1, dtype=np.int32)
     row[place] = np.arange(len(place))
-    area = model.grid.areas
-    if area is None:
-        area = h**2 / 4 * quarters((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
+    area = _areas(model, at, place, row)
     there, lasting = np.zeros((1, at.places)), np.zeros(at.places, dtype=np.bool_)
     share = area / h**2
     there[0, place] = np.where(np.abs(share - 1) < SAME, 1.0, share)
@@ -153,6 +151,14 @@ def ground_of(
     return ground, Plate(model, place, row, area, cut, parted, whole, acted)
 
 
+def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Areas (n,) of nodes, m^2: those of the grid, or else by the squares between nodes around."""
+    if model.grid.areas is not None:
+        return model.grid.areas
+    around = quarters((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
+    return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
+
+
 def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
     """Places (places,) at most so many columns and rows from one that is marked."""
     field = marked[: at.places - 2 * ROW].reshape(-1, at.stride).astype(np.uint8)
@@ -164,7 +170,7 @@ def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.boo
 def kinds_of(ground: Ground, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """What each row of 16 places is like."""
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    edge = dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1)
+    edge = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
     edge[-2:] = True
     return np.where(edge, EDGE, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
 

@@ -108,21 +108,27 @@ def begun(ground: Ground, plate: Plate, active: NDArray[np.bool_], band: float) 
     """The zone at the start, at rest; `band` as in `renumbered`."""
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
+    u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
+    damping, damped = np.zeros((2, places))
     zone = Zone(
-        *(aligned(np.zeros((2, places))) for _ in range(4)),
-        plate.cut,
-        kinds_of(ground, plate.cut),
-        np.zeros(places, dtype=np.uint8),
-        nothing,
-        nothing,
-        nothing.reshape(0, 5),
-        *np.zeros((2, places)),
-        np.zeros(0, dtype=np.uint8),
-        np.zeros(places // ROW, dtype=np.uint8),
-        np.zeros(places, dtype=np.bool_),
-        np.zeros(3),
-        np.zeros(3, dtype=np.int64),
-        Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
+        u=u,
+        v=v,
+        a=a,
+        f=f,
+        cut=plate.cut,
+        kinds=kinds_of(ground, plate.cut),
+        node=np.zeros(places, dtype=np.uint8),
+        rows=nothing,
+        coarse=nothing,
+        between=nothing.reshape(0, 5),
+        damping=damping,
+        damped=damped,
+        flags=np.zeros(0, dtype=np.uint8),
+        again=np.zeros(places // ROW, dtype=np.uint8),
+        hot=np.zeros(places, dtype=np.bool_),
+        total=np.zeros(3),
+        number=np.zeros(3, dtype=np.int64),
+        breaks=Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
     )
     return renumbered(ground, plate, zone, active, band)
 
