@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ROUND_OFF
 
 PARTS = {2: 4, 3: 3}  # auxiliary spacings in a horizon: 49 nodes of a disc, 123 of a ball
-ALPHAS = (0.3, 0.25, 0.2)  # tried in turn
+ALPHAS = (0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2)  # tried in turn
+SOFT = 0.9  # of the smallest eigenvalue of the longest waves: a stencil that has less for others is not taken
 WAVES = {2: 60, 3: 24}  # looked at along each axis: a multiple of those that sublattices have
 NEGATIVE = 1e-12  # of the largest eigenvalue: less is round-off
 COMPACT = 2.0  # spacings: reach of the stencil that ties sublattices together
-SHARE = 0.05  # of it
+NEAR, SHARE = 0.3, 0.05  # its alpha, and how much of it there is
 
 
 class StencilError(ValueError):
@@ -117,21 +118,41 @@ def stencil(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) 
 def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
     """The stencil for a horizon over spacing `ratio`, with the widest weight that is stable. Raises StencilError.
 
-    Nodes two and more spacings apart are those of sublattices that know nothing of each other. A share of a compact
-    stencil, as exact for quadratics, ties them together. (Nearest nodes among the others make the symbol negative.)
+    Stable is meant with a margin: no wave may be much softer than the longest ones. Nodes two and more spacings apart
+    are those of sublattices that know nothing of each other. A share of a compact stencil, as exact for quadratics,
+    ties them together. (Nearest nodes among the others make the symbol negative.)
     """
-    xi = chosen(ratio, dimension)
-    apart = np.gcd.reduce(xi, axis=None) > 1
+    xi = _nodes(ratio, dimension)
+    apart = int(np.gcd.reduce(xi, axis=None))
     for alpha in ALPHAS:
         try:
-            if not apart:
-                return stencil(xi, J, alpha)
-            wide = _summed(xi, J, alpha)
-            near = _summed(ball(COMPACT, dimension), J, alpha)
-            return _checked(*_mixed(wide, near), f"alpha {alpha}")
+            found = stencil(xi // apart, J, alpha)
         except StencilError as error:
-            last = error
-    raise last
+            refused = error
+            continue
+        if found.least < SOFT * _long(found):
+            refused = StencilError(
+                f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less"
+            )
+        elif apart == 1:
+            return found
+        else:
+            near = _summed(ball(COMPACT, dimension), J, NEAR)
+            return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
+    raise refused
+
+
+def _nodes(ratio: float, dimension: int) -> NDArray[np.int64]:
+    """The usual ones, of an auxiliary lattice that falls on nodes if there is one."""
+    usual = PARTS[dimension]
+    return chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
+
+
+def _long(found: Stencil) -> float:
+    """The smallest eigenvalue of the longest waves that are looked at."""
+    d = found.xi.shape[1]
+    waves = 2 * np.pi / WAVES[d] * np.eye(d)
+    return float(np.linalg.eigvalsh(symbols(found.xi, found.theta, waves)).min())
 
 
 def longest(found: Stencil, spacing: float, rho: float) -> float:

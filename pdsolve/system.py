@@ -125,7 +125,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    if options.kernel not in (None, "blocks", "listed", "hybrid"):
+    if options.kernel not in (None, "blocks", "listed", "hybrid", "collocation"):
         raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")

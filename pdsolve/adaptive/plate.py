@@ -69,7 +69,7 @@ def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
             model,
             "$.nodes",
             "several spacings",
-            f"one, the finest, as pdmesh build --adapt {settings.run.adapt} makes of its zones",
+            f"one, the finest, as pdmesh build --adapt {adapt_of(model)} makes of its zones",
         )
 
 
@@ -86,7 +86,7 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
     at = lattice_of(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
-    _clear(model, cracks, nx, ny)
+    clear(model, cracks, nx, ny)
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
@@ -161,7 +161,7 @@ def tips_of(plate: Plate) -> NDArray[np.float64]:
     return ends[inner & alone]
 
 
-def _clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
+def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
     """Raises ModelError where a pre-crack passes through a node."""
     for number, (x0, y0, x1, y1) in enumerate(cracks):
         long = float(np.hypot(x1 - x0, y1 - y0))
@@ -175,7 +175,13 @@ def _clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
             raise refused(model, f"$.notch[{number}]", "a node on it", "it between nodes, as pdmesh build moves it")
 
 
+def adapt_of(model: Model) -> str:
+    """How its fine zone moves; one that does not is asked for the hybrid."""
+    how = model.settings.run.adapt
+    return how if how != "none" else "hybrid"
+
+
 def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
     """What says so."""
     name = place if place in ("mode", "precision") else f"{model.name}: {place}"
-    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {model.settings.run.adapt}")
+    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {adapt_of(model)}")

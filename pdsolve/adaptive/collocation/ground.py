@@ -24,7 +24,7 @@ from pdmesh.model.document import InitialVelocity
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
 from pdsolve.adaptive.family import Springs, e_of
-from pdsolve.adaptive.plate import quarters
+from pdsolve.adaptive.plate import clear, quarters
 from pdsolve.adaptive.precracks import lengthened, seen
 from pdsolve.conditions import unbreakable
 from pdsolve.model import Model, ModelError
@@ -102,7 +102,7 @@ def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.i
 def ground_of(
     model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], found: Stencil
 ) -> tuple[Ground, Plate]:
-    """What there is to know of a plate; the step is still to be chosen. Raises GridError."""
+    """What there is to know of a plate; the step is still to be chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
     n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
     ways, limit = springs.dy * at.stride + springs.dx, float(e_of(springs.limit))
@@ -138,7 +138,9 @@ def ground_of(
     )
     cut = np.zeros((at.places // ROW, len(ways)), dtype=np.uint16)
     hidden = _hide(model, ground, springs, row, cut)
-    cracks = lengthened((model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h)
+    cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h
+    clear(model, cracks, at.nx - 1, at.ny - 1)
+    cracks = lengthened(cracks)
     near = _near(there[0], at, cracks) & (row >= 0)
     near |= hidden
     whole = (row >= 0) & ~near

@@ -80,7 +80,7 @@ def look(ground, zone, kappa):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
+def sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
     """Accelerations of active coarse nodes."""
     u = zone.u
     for q in zone.coarse:
@@ -93,7 +93,7 @@ def _sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
+def add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
     """Forces on the nodes of active rows."""
     for n in range(first, last):
         row = zone.rows[n]
@@ -228,13 +228,13 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
         meet(gate)
         if zone.number[HOT] != 0:
             return SWITCH, step
-        _add_rows(ground, zone, rows * thread // threads, rows * (thread + 1) // threads)
+        add_rows(ground, zone, rows * thread // threads, rows * (thread + 1) // threads)
         meet(gate)
         if not _room(ground, zone):
             return ROOM, step
         meet(gate)
         if thread == 0 and not _break(ground, zone, step):
-            _sum_coarse(ground, zone)
+            sum_coarse(ground, zone)
             _kick(ground, zone, drive, work)
             _release(ground, zone, drive, work, rho, step * ground.dt)
         meet(gate)

@@ -68,7 +68,8 @@ class Collocated:
     @property
     def signature(self) -> NDArray[np.int64]:
         """What tells (n,) whether a node and its bonds are still the same, at the same place."""
-        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], 0)
+        share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
     def march(self, state: State, first: int, last: int) -> None:
         """As in `Stepper`."""

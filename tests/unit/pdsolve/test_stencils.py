@@ -65,7 +65,7 @@ def test_quadratics_are_exact_and_the_symbol_positive(ratio):
     np.testing.assert_allclose(got, expected, atol=2e-12)  # measured 4e-13 at most
     np.testing.assert_allclose(np.einsum("ck,bk->bc", found.gradient, u), a[:, 1:3], atol=1e-11)
     # no wave is without a force, neither of a sublattice, beside the longest that is looked at, in shear
-    assert found.least > 0.2 * C66["strain"] * (2 * np.pi / 60) ** 2  # measured 0.22 at ratio 6, from 0.94 on else
+    assert found.least > 0.9 * C66["strain"] * (2 * np.pi / 60) ** 2  # measured 0.94 at ratio 16, else 0.97 to 1
 
 
 @pytest.mark.parametrize("ratio", [2, 4, 12])
@@ -77,9 +77,9 @@ def test_unit_weights_are_refused(ratio):
 def test_wide_weights_are_refused_and_the_next_narrower_is_taken():
     with pytest.raises(StencilError, match=r"alpha 0\.5"):
         stencil(ball(4, 2), STRAIN, 0.5)
-    with pytest.raises(StencilError, match=r"alpha 0\.3"):
-        stencil(chosen(6, 2), STRAIN, 0.3)
-    assert stencil_of(6, STRAIN, 2).least > 0
+    with pytest.raises(StencilError, match=r"alpha 0\.35"):
+        stencil(chosen(5, 2), STRAIN, 0.35)
+    assert stencil_of(5, STRAIN, 2).least > 0
     with pytest.raises(StencilError, match="found 5 nodes"):
         stencil(ball(1, 2), STRAIN, 0.3)
 
