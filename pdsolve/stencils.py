@@ -120,25 +120,24 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
 
     Stable is meant with a margin: no wave may be much softer than the longest ones. Nodes two and more spacings apart
     are those of sublattices that know nothing of each other. A share of a compact stencil, as exact for quadratics,
-    ties them together. (Nearest nodes among the others make the symbol negative.)
+    ties them together. (Nearest nodes among the others make the symbol negative.) With it weights may be as wide as
+    waves have the dispersion of bonds with a constant micromodulus: phase speeds are the same to 0.01 up to a
+    wavenumber of 3 over the horizon.
     """
     xi = _nodes(ratio, dimension)
-    apart = int(np.gcd.reduce(xi, axis=None))
+    apart = np.gcd.reduce(xi, axis=None) > 1
     for alpha in ALPHAS:
         try:
-            found = stencil(xi // apart, J, alpha)
+            sums = _summed(xi, J, alpha)
+            if apart:
+                sums = _mixed(sums, _summed(ball(COMPACT, dimension), J, NEAR))
+            found = _checked(*sums, f"alpha {alpha}")
         except StencilError as error:
             refused = error
             continue
-        if found.least < SOFT * _long(found):
-            refused = StencilError(
-                f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less"
-            )
-        elif apart == 1:
+        if found.least >= SOFT * _long(found):
             return found
-        else:
-            near = _summed(ball(COMPACT, dimension), J, NEAR)
-            return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
+        refused = StencilError(f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less")
     raise refused
 
 
