@@ -45,7 +45,6 @@ class Stencil(NamedTuple):
 
     xi: NDArray[np.int64]
     theta: NDArray[np.float64]
-    gradient: NDArray[np.float64]  # (d, k) first derivatives, times the spacing
     least: float  # of all waves but those of no change: smallest eigenvalue of S, times the spacing squared
     most: float  # the largest
 
@@ -159,24 +158,23 @@ def longest(found: Stencil, spacing: float, rho: float) -> float:
     return float(2 * spacing * np.sqrt(rho / found.most))
 
 
-Sums = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]  # offsets, theta, gradient
+Sums = tuple[NDArray[np.int64], NDArray[np.float64]]  # offsets, theta
 
 
 def _summed(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) -> Sums:
     rows, d = coefficients(xi, alpha), xi.shape[1]
-    return xi, np.einsum("mab,mk->kab", J, rows[1 + d :]), rows[1 : 1 + d]
+    return xi, np.einsum("mab,mk->kab", J, rows[1 + d :])
 
 
 def _mixed(one: Sums, other: Sums) -> Sums:
     """`one`, with a share of the `other`."""
     xi = np.unique(np.concatenate([one[0], other[0]]), axis=0)
     number = {tuple(offset): k for k, offset in enumerate(xi.tolist())}
-    theta, gradient = np.zeros((len(xi), *one[1].shape[1:])), np.zeros((xi.shape[1], len(xi)))
-    for share, (offsets, sums, first) in ((1 - SHARE, one), (SHARE, other)):
+    theta = np.zeros((len(xi), *one[1].shape[1:]))
+    for share, (offsets, sums) in ((1 - SHARE, one), (SHARE, other)):
         at = [number[tuple(offset)] for offset in offsets.tolist()]
         theta[at] += share * sums
-        gradient[:, at] += share * first
-    return xi, theta, gradient
+    return xi, theta
 
 
 def symbols(xi: NDArray[np.int64], theta: NDArray[np.float64], waves: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -184,7 +182,7 @@ def symbols(xi: NDArray[np.int64], theta: NDArray[np.float64], waves: NDArray[np
     return np.asarray(-np.einsum("qk,kab->qab", np.cos(waves @ xi.T), theta))
 
 
-def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], gradient: NDArray[np.float64], words: str) -> Stencil:
+def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], words: str) -> Stencil:
     """The stencil, with what waves of all lengths see of it. Raises StencilError for one that is not stable."""
     d = xi.shape[1]
     along = 2 * np.pi / WAVES[d] * np.arange(WAVES[d])
@@ -197,4 +195,4 @@ def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], gradient: NDArra
             f"stencil: found {len(xi)} nodes with {words}, whose symbol is {least / most:.2g} of its largest value"
             " for some wave, expected none below 0: it is not stable"
         )
-    return Stencil(xi, theta, gradient, least, most)
+    return Stencil(xi, theta, least, most)

@@ -65,10 +65,7 @@ class Ground(NamedTuple):
     careful: float  # |e| above which a row is looked at bond by bond
     stencil_ways: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
     theta: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
-    gradient: NDArray[np.float64]  # (2, s) 1/m
     pairs: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
-    c11: float  # Pa
-    c66: float
 
 
 class Plate(NamedTuple):
@@ -131,10 +128,7 @@ def ground_of(
         careful=min(limit, WIDE),
         stencil_ways=2 * (found.xi[:, 1] * at.stride + found.xi[:, 0]),
         theta=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
-        gradient=np.ascontiguousarray(found.gradient / (2 * h)),
         pairs=np.column_stack([2 * xi / square[:, None], 1 / square]),
-        c11=springs.c11,
-        c66=springs.c66,
     )
     cut = np.zeros((at.places // ROW, len(ways)), dtype=np.uint16)
     hidden = _hide(model, ground, springs, row, cut)

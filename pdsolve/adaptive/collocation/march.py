@@ -247,18 +247,18 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
 
 @njit(cache=True, error_model="numpy")
 def held(ground, zone, rows, found):  # type: ignore[no-untyped-def]
-    """Put energy densities, J/m^3, of nodes in these rows and of active coarse nodes into `found` (1, places)."""
+    """Put energy densities, J/m^3, of nodes in these rows and of active coarse nodes into `found` (1, places).
+
+    Those of coarse nodes too are half of each pair's, whose springs are the stencil: what stays the same in motion.
+    """
     follow(zone, zone.u)
     for row in rows:
         hold_row(ground, zone.cut, zone.kinds[row], zone.u, found, row)
     u = zone.u
     for q in zone.coarse:
-        xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
+        energy = 0.0
         for s in range(len(ground.stencil_ways)):
             j = q + ground.stencil_ways[s]
-            xx += ground.gradient[0, s] * u[0, j]
-            xy += ground.gradient[1, s] * u[0, j]
-            yx += ground.gradient[0, s] * u[1, j]
-            yy += ground.gradient[1, s] * u[1, j]
-        shear = xy + yx
-        found[0, q] = 0.5 * ground.c11 * (xx * xx + yy * yy) + ground.c66 * xx * yy + 0.5 * ground.c66 * shear * shear
+            x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
+            energy += ground.theta[s, 0] * x * x + 2 * ground.theta[s, 1] * x * y + ground.theta[s, 2] * y * y
+        found[0, q] = ground.rho / 4 * energy

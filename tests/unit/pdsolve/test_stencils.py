@@ -63,7 +63,6 @@ def test_quadratics_are_exact_and_the_symbol_positive(ratio):
     got = np.einsum("kab,bk->a", found.theta, u)
     expected = np.einsum("mab,bm->a", STRAIN, a[:, 3:])
     np.testing.assert_allclose(got, expected, atol=2e-12)  # measured 4e-13 at most
-    np.testing.assert_allclose(np.einsum("ck,bk->bc", found.gradient, u), a[:, 1:3], atol=1e-11)
     # no wave is without a force, neither of a sublattice, beside the longest that is looked at, in shear
     # measured 0.889 at ratio 16, a horizon that those waves feel, 0.94 at 12, else 0.97 to 1
     assert found.least > 0.88 * C66["strain"] * (2 * np.pi / 60) ** 2
