@@ -86,9 +86,9 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     )
     command.add_argument(
         "--adapt",
-        choices=("none", "hybrid", "split"),
-        help="hybrid: the finest nodes everywhere, for peridynamics where bonds may break and a lattice elsewhere;"
-        " split: the coarsest everywhere, whose cells split where energy is",
+        choices=("none", "hybrid", "split", "collocation"),
+        help="hybrid, collocation: the finest nodes everywhere, for peridynamics where bonds may break and a lattice or"
+        " stencils elsewhere; split: the coarsest everywhere, whose cells split where energy is",
     )
     command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
 

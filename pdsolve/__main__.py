@@ -40,9 +40,9 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument(
         "--adapt",
-        choices=("none", "hybrid", "split"),
-        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere; split: cells split where"
-        " energy is, and merge behind it (run.adapt, run.split; default: none)",
+        choices=("none", "hybrid", "split", "collocation"),
+        help="peridynamics only where bonds may break, and elsewhere a compact lattice (hybrid) or stencils of the same"
+        " horizon (collocation); split: cells split where energy is, and merge behind it (run.adapt; default: none)",
     )
     program.add_argument(
         "--cracks",
@@ -229,9 +229,10 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     ]
     fine = summary.get("hybrid")
     if fine is not None:
+        coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"
         lines.append(
-            f"hybrid: {fine['fine_share']:.1%} of the plate is fine; clipped bonds were stretched to"
-            f" {fine['clipped_stretch']:.2f} of what breaks one; refining made {fine['refinement']:+.3g} J/m"
+            f"{summary['kernel']}: {fine['fine_share']:.1%} of the plate is fine; {coarse} were stretched to"
+            f" {fine['clipped_stretch']:.2f} of what breaks a bond; refining made {fine['refinement']:+.3g} J/m"
         )
     if "particles" in summary:
         lines.append(f"cracks have {summary['particles']} particles")

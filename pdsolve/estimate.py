@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.document import Absorb, Run, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
@@ -68,7 +68,8 @@ class Plan(NamedTuple):
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
     scheme, settings = scheme_of(model, options), model.settings
-    paired, moves, splits = law_of(model) in PAIRS, settings.run.adapt == "hybrid", settings.run.adapt == "split"
+    paired, splits = law_of(model) in PAIRS, settings.run.adapt == "split"
+    moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels if splits else None
     paired &= not splits  # whose cells are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None

@@ -9,7 +9,7 @@ from pdmesh.grid import soundness, whole
 from pdmesh.grid.lattice import Shift, build_grid
 from pdmesh.grid.nested import nested, undivided
 from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Document, Settings, write_file
+from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.scene import checks
 from pdmesh.scene.scene import Scene
 
@@ -36,7 +36,7 @@ class Built:
 def build(scene: Scene) -> Built:
     """The grid of a scene. Raises SceneError where that is not the plate that was drawn."""
     notes = (*scene.notes, *checks.remarks(scene))
-    if scene.run.adapt == "hybrid":
+    if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)
         notes = (*notes, *more)
     if scene.run.adapt == "split":

@@ -26,8 +26,10 @@ MOST_LEVELS = 6  # how often a cell can be split
 USUAL_LAW = "brittle"
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
-# hybrid: peridynamics where bonds may break, a compact lattice elsewhere; split: cells split where energy is
-Adapt = Literal["none", "hybrid", "split"]
+# hybrid: peridynamics where bonds may break, a compact lattice elsewhere; collocation: stencils of the same horizon
+# there; split: cells split where energy is
+Adapt = Literal["none", "hybrid", "split", "collocation"]
+ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
 ADAPTS: tuple[str, ...] = get_args(Adapt)
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 MOST_STEPS = 2**31 - 1  # what a broken bond can remember
@@ -198,6 +200,14 @@ class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # how often a cell of the grid can be split
 
 
+class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How a plate is solved where `adapt` is collocation."""
+
+    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
+    damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # sqrt(E / rho) / spacing, of nodes within a horizon of
+    # the seam; None: 0.02 where the horizon is less than 16 spacings, else 0
+
+
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How long the solver goes on and how often it writes."""
 
@@ -207,7 +217,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
-    adapt: Adapt = "none"
+    adapt: Adapt = "none"  # what is modelled finely where, see Adapt
     split: Split = Split()  # where adapt is that
     cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown
     particles: ParticleRules = ParticleRules()
@@ -217,6 +227,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
+    collocation: Collocation = Collocation()
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

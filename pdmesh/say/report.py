@@ -13,7 +13,7 @@ from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested, undivided
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Document, Material, Settings, settings_of
+from pdmesh.model.document import ON_ONE_LATTICE, Document, Material, Settings, settings_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import count
 from pdmesh.scene.scene import Scene
@@ -166,7 +166,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
-    if scene.run.adapt == "hybrid":
+    if scene.run.adapt in ON_ONE_LATTICE:
         return _moving(scene, mode)
     flat = scene.one_scale()
     if scene.run.adapt == "split":

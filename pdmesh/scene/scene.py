@@ -194,7 +194,7 @@ class Scene(Plate):
         return polyline(where, place)
 
     def adapt(self, how: Adapt = "hybrid") -> Scene:
-        """To be solved with peridynamics where bonds may break and a compact lattice elsewhere, with cells that split
+        """To be solved with peridynamics where bonds may break and something cheaper elsewhere, with cells that split
         where energy is, or everywhere alike."""
         return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
 
