@@ -18,6 +18,7 @@ from pdmesh.model.document import MOST
 from pdmesh.model.full_lattice import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.trees import tree_of
+from pdmesh.model.triangles import distances
 from pdsolve.laws.critical import limits
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.state import Broken
@@ -64,6 +65,8 @@ def refuse(model: Model, partial_cells: bool) -> None:
 
     `partial_cells` says whether the family reaches half a spacing beyond the horizon.
     """
+    if model.grid.dimension == 3:
+        _refuse_of_plates(model)
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         for name in ("E", "rho", "G0"):
@@ -76,6 +79,19 @@ def refuse(model: Model, partial_cells: bool) -> None:
                 f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
                 " micromodulus have no stiffness, expected more than 1 (3 is usual)"
             )
+
+
+def _refuse_of_plates(model: Model) -> None:
+    """Raises ModelError for what only plates can have."""
+    if model.settings.run.adapt != "none":
+        raise ModelError(
+            f"{model.name}: $.run.adapt: found '{model.settings.run.adapt}', expected none in a body in space"
+        )
+    if model.settings.area_rule == "eq19":
+        raise ModelError(f"{model.name}: $.area_rule: found 'eq19', expected cells or square in a body in space")
+    for number, material in enumerate(model.materials):
+        if material.model == "micropolar":
+            raise ModelError(f"{model.place_of(number)}.model: found 'micropolar', expected another in a body in space")
 
 
 def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
@@ -114,8 +130,8 @@ def _warn(model: Model, message: str) -> None:
 
 
 def _named(model: Model, row: int) -> str:
-    x, y = model.grid.position[row]
-    return f"node {model.grid.ids[row]} at ({x:.6g}, {y:.6g}) m"
+    place = ", ".join(f"{value:.6g}" for value in model.grid.position[row])
+    return f"node {model.grid.ids[row]} at ({place}) m"
 
 
 def _digits(model: Model) -> None:
@@ -163,6 +179,8 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     """Which nodes (n,) a pre-crack passes through."""
     grid = model.grid
     hit = np.zeros(len(grid), dtype=bool)
+    if grid.dimension == 3:
+        return _faces(model)
     segments = grid.cracks.reshape(-1, 2, 2)
     if not len(segments):
         return hit
@@ -185,17 +203,33 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
     return hit
 
 
+def _faces(model: Model) -> NDArray[np.bool_]:
+    """Which nodes (n,) of a body a pre-crack passes through."""
+    grid, triangles = model.grid, model.grid.cracks.reshape(-1, 3, 3)
+    hit = np.zeros(len(grid), dtype=bool)
+    if len(triangles):
+        hit = distances(grid.position, triangles, ON * float(grid.delta.max())) < ON * grid.delta
+    if hit.any():
+        _warn(
+            model,
+            f"$.notch: found through {hit.sum()} nodes, the first {_named(model, int(hit.argmax()))}, expected between"
+            " nodes; all bonds of such a node are cut",
+        )
+    return hit
+
+
 def _probes(model: Model) -> None:
     """Places to be watched that are not on the plate."""
-    grid, places = model.grid, np.reshape(model.settings.run.probes, (-1, 2))
+    grid = model.grid
+    places = np.reshape(model.settings.run.probes, (-1, grid.dimension))
     if not len(places):
         return
     away, row = tree_of(grid.position).query(places)
     for number in np.flatnonzero(away > grid.delta[row]).tolist():
-        x, y = places[number]
+        place = ", ".join(f"{value:g}" for value in places[number])
         _warn(
             model,
-            f"$.run.probes[{number}]: found ({x:g}, {y:g}) m, off the plate; the nearest node is watched,"
+            f"$.run.probes[{number}]: found ({place}) m, off the plate; the nearest node is watched,"
             f" {_named(model, int(row[number]))}",
         )
 
@@ -222,11 +256,12 @@ def _shapes(model: Model) -> None:
             " surface node, and the plate too stiff",
         )
     middle = position - position.mean(axis=0)
-    if np.linalg.svd(middle, compute_uv=False)[1] < ON * extent:
+    if np.sqrt(np.linalg.eigvalsh(middle.T @ middle)[0].clip(min=0)) < ON * extent:
+        one, more = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
         _warn(
             model,
-            f"$.nodes: found all {len(position)} in one row, expected several rows; bonds along a row do not resist"
-            " motion across it",
+            f"$.nodes: found all {len(position)} in one {one}, expected several {more}; bonds along a {one} do not"
+            " resist motion across it",
         )
 
 
@@ -254,9 +289,11 @@ class Watch:
     def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warns of bonds turned inside out, and of displacements too large for their digits.
 
-        `u` (n, 2) are the displacements, m; `broken` are all bonds that are.
+        `u` (n, d) are the displacements, m; `broken` are all bonds that are. Of bodies in space only the digits are
+        looked at.
         """
-        if not self._said and np.ptp(u, axis=0).max() >= self._smallest:
+        flat = self._model.grid.dimension == 2
+        if flat and not self._said and np.ptp(u, axis=0).max() >= self._smallest:
             self._crushed(u, broken, step)
         known = float(np.finfo(u.dtype).eps * np.abs(u).max(initial=0.0))
         if not self._vague and known > FRACTION * self._breaking:

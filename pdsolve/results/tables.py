@@ -19,7 +19,7 @@ from pdsolve.results.schema import (
     TABLES,
     WITHOUT_CHECKSUMS,
     WITHOUT_EPOCHS,
-    WITHOUT_REFINEMENT,
+    WITHOUT_SPACE,
 )
 
 
@@ -34,6 +34,7 @@ class Tables:
     def _look_at_version(self) -> None:
         ((self.version,),) = self.rows("PRAGMA user_version")
         self.checked = self.version != WITHOUT_CHECKSUMS
+        self.space = self.version > WITHOUT_SPACE  # whether there may be bodies in it
         self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
 
     def expect_ours(self) -> None:
@@ -46,7 +47,7 @@ class Tables:
                 raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
             if found != APPLICATION_ID:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, WITHOUT_REFINEMENT, SCHEMA_VERSION):
+            if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
                 raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
             if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
                 self.damaged("schema")
