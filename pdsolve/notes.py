@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.trees import tree_of
 from pdsolve.adapt import Change
-from pdsolve.checks import Watch
 from pdsolve.conditions import put_loads
 from pdsolve.measures import Ledger, ask, books, fields
 from pdsolve.reactions import Reaction, grips, reactions
@@ -23,6 +22,7 @@ from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
+from pdsolve.watch import Watch
 
 KEPT = 1.0  # s between checkpoints in full precision
 

@@ -134,8 +134,6 @@ def scheme_of(model: Model, options: Options) -> Scheme:
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     scheme = SCHEMES[options.mode]
-    if model.grid.dimension == 3 and not scheme.symmetric:
-        raise ModelError(f"mode: found '{options.mode}', expected conservative for a body in space")
     refuse(model, scheme.partial_cells)
     refuse_layers(model)
     return scheme
@@ -332,16 +330,15 @@ class Survey:
 def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
     law, kind = law_of(model), np.dtype(options.precision).type
-    compiled = not numba.config.DISABLE_JIT  # blocks are nothing but compiled code
-    flat = model.grid.dimension == 2
-    if law in PAIRS and options.kernel != "listed" and compiled and flat:
+    blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
+    if law in PAIRS and options.kernel != "listed" and blocked:
         survey = Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
     survey, threads = Survey(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
     bonds = listed(survey.parts(), filling.area).bonds
-    where = families.placed(law, bonds) if options.kernel != "listed" and compiled and flat else None
+    where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
     if where is not None:
         of = law, model, bonds, scheme.symmetric, options.precision, threads
         return families.Families(*of, where), survey

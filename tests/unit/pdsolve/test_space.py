@@ -85,7 +85,7 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
     [
         ({"area_rule": "eq19"}, ONE, "found 'eq19'"),
         ({"run": {"adapt": "hybrid"}}, ONE, "found 'hybrid', expected none in a body"),
-        ({}, Options("thesis", threads=1), "found 'thesis', expected conservative"),
+        ({}, Options("thesis", threads=1), "found a body in space in the thesis mode"),
         ({}, Options(kernel="blocks", threads=1), "found nodes without a lattice in the plane"),
     ],
 )
