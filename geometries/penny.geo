@@ -11,11 +11,11 @@ DefineConstant[
   rho = {2235, Name "Peridynamics/Material/rho", Units "kg/m^3", Help "density"},
   G0 = {204, Name "Peridynamics/Material/G0", Units "J/m^2", Help "fracture energy"},
   micro = {"constant", Name "Peridynamics/Material/Micromodulus", Help "profile of the bonds' stiffness"},
-  top = {30e6, Name "Peridynamics/Loads/top/Traction z", Units "Pa", Help "pull on the upper face"},
-  bottom = {-30e6, Name "Peridynamics/Loads/bottom/Traction z", Units "Pa", Help "pull on the lower face"},
-  step = {60e-9, Name "Peridynamics/Run/Time step", Units "s", Help "of the run"},
-  duration = {15e-6, Name "Peridynamics/Run/Duration", Units "s", Help "of the run"},
-  every = {20, Name "Peridynamics/Run/Frame every", Help "steps between frames"}
+  top = {60e6, Name "Peridynamics/Loads/top/Traction z", Units "Pa", Help "pull on the upper face"},
+  bottom = {-60e6, Name "Peridynamics/Loads/bottom/Traction z", Units "Pa", Help "pull on the lower face"},
+  step = {0.2e-6, Name "Peridynamics/Run/Time step", Units "s", Help "of the run"},
+  duration = {20e-6, Name "Peridynamics/Run/Duration", Units "s", Help "of the run"},
+  every = {10, Name "Peridynamics/Run/Frame every", Help "steps between frames"}
 ];
 
 Box(1) = {-side / 2, -side / 2, -side / 2, side, side, side};
