@@ -16,19 +16,25 @@ if TYPE_CHECKING:
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, Run, Static
+    from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
+    from pdmesh.scene.solids import Box, Cylinder, Sphere
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
+            "Body": "pdmesh.scene.body",
+            "Box": "pdmesh.scene.solids",
             "Circle": "pdmesh.scene.shapes",
+            "Cylinder": "pdmesh.scene.solids",
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
+            "Sphere": "pdmesh.scene.solids",
             "Static": "pdmesh.model.document",
             "box": "shapely",
             "build": "pdmesh.grid.building",
@@ -39,12 +45,16 @@ else:
     )
 
 __all__ = [
+    "Body",
+    "Box",
     "Circle",
+    "Cylinder",
     "GridError",
     "Material",
     "Run",
     "Scene",
     "SceneError",
+    "Sphere",
     "Static",
     "box",
     "build",

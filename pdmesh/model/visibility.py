@@ -9,7 +9,7 @@ shapely is imported where there is one of them: a bare list of nodes is solved w
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from pdmesh.model.cloud import Grid
 from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
+from pdmesh.model.faces import apart, front
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
+from pdmesh.model.triangles import distances, facing, met
 
 if TYPE_CHECKING:
     import shapely
@@ -30,8 +32,59 @@ COVERED = 0.75  # spacings from the nearest node; the middle of a square of node
 CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
 
 
-class Sight:
+class Obstacles(Protocol):
+    """What stands between nodes."""
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without leaving the plate or the body."""
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates."""
+
+    def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
+        """How far apart pairs (b,) are for the influence they have on each other, m, see `Sight`."""
+
+
+def sight_of(grid: Grid, name: str = "grid") -> Obstacles:
     """What stands between the nodes of the grid called `name`. Raises GridError as `plate_of` does."""
+    return Sight(grid, name) if grid.dimension == 2 else SightInSpace(grid)
+
+
+class SightInSpace:
+    """What stands between the nodes of a body: its surface where it is not convex, and the triangles of its cracks."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._position, self._delta, self._faces = grid.position, grid.delta, grid.faces
+        self._surface = facing(grid.faces)
+        self._cracks = grid.cracks.reshape(-1, 3, 3)
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without touching the surface."""
+        return ~met(self._position, pairs, self._surface)
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates; touching its edge counts."""
+        return met(self._position, pairs, self._cracks)
+
+    def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
+        """As `Sight.apart`, round the edges of cracks that are inside the body."""
+        cut = self.cut(pairs)
+        found = np.where(cut, 2 * farthest, pairs.length)
+        if gamma is not None and cut.any():
+            a, b = (self._position[nodes[cut]] for nodes in (pairs.source, pairs.target))
+            found[cut] = apart(a, b, self._cracks, self._front, gamma, farthest)
+        return found
+
+    @cached_property
+    def _front(self) -> NDArray[np.float64]:
+        """The edges (e, 2, 3) of cracks that are inside the body."""
+        edges = front(self._cracks)
+        smallest = float(self._delta.min())
+        return edges[distances(edges.mean(axis=1), self._faces, smallest) > SLACK * smallest]
+
+
+class Sight:
+    """What stands between the nodes of a plate, the grid called `name`. Raises GridError as `plate_of` does."""
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid

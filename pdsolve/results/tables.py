@@ -19,7 +19,7 @@ from pdsolve.results.schema import (
     TABLES,
     WITHOUT_CHECKSUMS,
     WITHOUT_EPOCHS,
-    WITHOUT_PARTICLES,
+    WITHOUT_SPACE,
 )
 
 
@@ -34,8 +34,9 @@ class Tables:
     def _look_at_version(self) -> None:
         ((self.version,),) = self.rows("PRAGMA user_version")
         self.checked = self.version != WITHOUT_CHECKSUMS
+        self.space = self.version > WITHOUT_SPACE  # whether there may be bodies in it
         self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
-        self.particles = self.version > WITHOUT_PARTICLES  # whether cracks may be particles
+        self.particles = self.version > WITHOUT_SPACE  # whether cracks may be particles
 
     def expect_ours(self) -> None:
         """Look whether this is a database of ours, with the tables that it was made with; it may be made meanwhile."""

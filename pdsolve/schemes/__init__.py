@@ -10,6 +10,8 @@ from pdsolve.schemes.scheme import Scheme
 
 def _bonds_of_their_own(model: Model) -> Filling:
     """The thesis's bonds. Raises ModelError for a model that has others."""
+    if model.grid.dimension == 3:
+        raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
     for name, expected in (("model", "bond"), ("sight", "visibility")):
         found = getattr(model.materials[0], name)
         if found != expected:
