@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, Run, Static
+    from pdmesh.model.medium import Medium
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
@@ -26,6 +27,7 @@ else:
             "Circle": "pdmesh.scene.shapes",
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
+            "Medium": "pdmesh.model.medium",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
@@ -42,6 +44,7 @@ __all__ = [
     "Circle",
     "GridError",
     "Material",
+    "Medium",
     "Run",
     "Scene",
     "SceneError",

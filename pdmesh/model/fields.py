@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, get_args
 
 Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
-Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J"]  # of some
+Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "c", "h", "solid"]  # of some
 Column = Usual | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
 
@@ -34,5 +34,8 @@ FIELDS = {
     "plastic": Field("1", ("plastic",)),  # equivalent plastic strain
     "rotation": Field("rad", ("rotation",)),
     "volume": Field("1", ("J",)),  # over that of the start
+    "concentration": Field("mol/m^3", ("c",)),  # of what is dissolved
+    "content": Field("mol/m^3", ("h",)),  # the same, with what is solid
+    "solid": Field("1", ("solid",)),  # share of the node
 }
 UNITS: dict[str, str] = {column: field.unit for field in FIELDS.values() for column in field.columns}  # in order

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
-    Condition,
     Displacement,
     GridError,
     Load,
     Selection,
     Settings,
+    Source,
+    Timed,
     Velocity,
 )
 
@@ -90,7 +91,11 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
         raise GridError(f"{place}: found neither or both of body_force and traction, expected one of them")
     if isinstance(condition, Displacement | Velocity | Acceleration) and condition.x is condition.y is None:
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
-    if isinstance(condition, Condition):
+    if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
+        raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
+    if isinstance(condition, Source) and condition.flux is not None and condition.length is None:
+        raise GridError(f"{place}.length: found none, expected that of the edge that a flux goes through, m")
+    if isinstance(condition, Timed):
         times = [time for time, _ in condition.profile]
         if any(not before < after for before, after in itertools.pairwise(times)):
             raise GridError(f"{place}.profile: found times {times}, expected them to increase")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_REFINEMENT, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 5, 4, 3, 2
+SCHEMA_VERSION, WITHOUT_MASSES, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 
@@ -73,6 +73,7 @@ class Frame(NamedTuple):
     wall_time: float = 0.0  # s spent so far
     epochs: Sequence[Epoch] = ()  # since the last transaction
     rows: NDArray[np.int64] | None = None  # (n,) of the table `node` that the fields' nodes are; None: 0 to n - 1
+    masses: Sequence[tuple[float, ...]] = ()  # rows of `mass` since the last transaction
 
 
 TABLES = {  # name: columns
@@ -94,6 +95,9 @@ TABLES = {  # name: columns
     "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL""",
+    "mass": """step INTEGER PRIMARY KEY, time REAL, inside REAL, through REAL, supplied REAL, solid REAL,
+    dissolved REAL, surface REAL -- of models of diffusion
+    """,
     "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
     PRIMARY KEY (node, step)""",
     "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
@@ -106,7 +110,7 @@ TABLES = {  # name: columns
     -- the SQL of all tables
     """,
 }
-STEPPED = ("frame", "field_chunk", "bond_break", "history", "probe", "reaction", "node_death", "epoch")  # grow in a run
+STEPPED = ("frame", "field_chunk", "bond_break", "history", "mass", "probe", "reaction", "node_death", "epoch")  # grow
 
 
 def prefixes() -> list[tuple[int, float | None, float | None]]:

@@ -19,7 +19,6 @@ from pdsolve.results.schema import (
     TABLES,
     WITHOUT_CHECKSUMS,
     WITHOUT_EPOCHS,
-    WITHOUT_REFINEMENT,
 )
 
 
@@ -46,7 +45,7 @@ class Tables:
                 raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
             if found != APPLICATION_ID:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
-            if self.version not in (WITHOUT_CHECKSUMS, WITHOUT_EPOCHS, WITHOUT_REFINEMENT, SCHEMA_VERSION):
+            if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
                 raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
             if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
                 self.damaged("schema")

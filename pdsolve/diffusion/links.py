@@ -1,0 +1,130 @@
+"""Links: who exchanges with whom, and how readily.
+
+The conductance of a link is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
+diffusivity, Hu's beta (families reach half a spacing beyond the horizon), and the mean of both ends' horizons. Between
+two media D is the harmonic mean, which lets a flux through their interface pass as it is on both sides.
+Constants after F. Bobaru, M. Duangpanya, Int. J. Heat Mass Transf. 53 (2010) 4047-4059, for q = 2; those of q = 0 and
+1 follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.full_lattice import hu_beta
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.visibility import Sight
+from pdsolve.model import Model
+
+CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
+KINDS = 256  # of conductances, that a byte tells apart
+ALIKE = 1e-12  # of a conductance: what is round-off
+
+
+class Part(NamedTuple):
+    """Links of some nodes, and how many more a crack blocks."""
+
+    pairs: Pairs
+    conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
+    blocked: NDArray[np.int64]  # rows of the nodes that each blocked one is of
+
+
+def diffusivities(model: Model) -> NDArray[np.float64]:
+    """That of each node (n,), m^2/s."""
+    assert model.settings.medium is not None
+    found = np.full(len(model.grid), model.settings.medium.D)
+    for region in model.settings.media:
+        found[model.selected(region)] = region.D
+    return found
+
+
+def volumes(model: Model) -> NDArray[np.float64]:
+    """That of each node (n,), m^d."""
+    grid = model.grid
+    if grid.areas is None or model.settings.area_rule == "square":
+        return np.asarray(grid.delta ** grid.position.shape[1])
+    return grid.areas
+
+
+def shape(
+    length: NDArray[np.float64], reach: NDArray[np.float64], delta: NDArray[np.float64], dimension: int, power: int
+) -> NDArray[np.float64]:
+    """Conductance (b,) for D = 1, not calibrated, of neighbours at `length` whose cells have the size `delta`; in m."""
+    k = CONSTANTS[dimension][power] / reach ** (dimension + 2 - power)
+    return np.asarray(k * hu_beta(length, reach, delta) / length**power)
+
+
+@lru_cache
+def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
+    """What a full lattice of this horizon over spacing has, over what it stands for."""
+    steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
+    length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
+    one = np.ones(len(length))
+    return float((shape(length, ratio * one, one, dimension, power) * length**2).sum() / (2 * dimension))
+
+
+class Linking:
+    """How the nodes of a model are linked. Raises GridError as `Sight` does."""
+
+    def __init__(self, model: Model) -> None:
+        assert model.settings.medium is not None
+        grid = model.grid
+        self.model, self.dimension = model, grid.position.shape[1]
+        self.power = model.settings.medium.power
+        self.diffusivity, self.horizon = diffusivities(model), model.horizons
+        self.reach = self.horizon + grid.delta / 2
+        self.sight = Sight(grid, model.name)
+        self._even = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
+
+    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
+        """That (b,) of pairs, 1/(s m^d); 0 beyond reach."""
+        i, j, length = pairs
+        delta, reach = self.model.grid.delta, (self.horizon[i] + self.horizon[j]) / 2
+        both = [shape(length, reach, delta[end], self.dimension, self.power) for end in (i, j)]
+        one, other = self.diffusivity[i], self.diffusivity[j]
+        return np.asarray((both[0] + both[1]) / self._even * one * other / (one + other))
+
+    def parts(self) -> Iterator[Part]:
+        """All links, some rows at a time."""
+        grid = self.model.grid
+        neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
+        for rows in row_chunks(len(grid)):
+            pairs = neighbours.pairs(rows)
+            pairs = chosen(pairs, self.sight.inside(pairs))
+            conductance = self.conductance(pairs)
+            there = conductance > ROUND_OFF * conductance.max(initial=0.0)
+            blocked = there & self.sight.cut(pairs)
+            there &= ~blocked
+            yield Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
+
+
+class Links(NamedTuple):
+    """All b directed links of n nodes in one list, those of node i at start[i]:start[i + 1]."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    kind: NDArray[np.integer]  # (b,) row of the table
+    table: NDArray[np.float64]  # (k,) conductances, 1/(s m^d)
+
+
+def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64]]:
+    """All parts in one list, and how many links (n,) of each node a crack blocks.
+
+    Where there are few kinds of links, as on lattices, a byte says which one is meant.
+    """
+    every = list(parts)
+    source, target = (np.concatenate([part.pairs[end] for part in every]) for end in (0, 1))
+    conductance = np.concatenate([part.conductance for part in every])
+    blocked = np.bincount(np.concatenate([part.blocked for part in every]), minlength=nodes)
+    start = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=nodes))])
+    digits = np.round(conductance / conductance.max(initial=1e-300) / ALIKE).astype(np.int64)
+    first, kind = np.unique(digits, return_index=True, return_inverse=True)[1:]
+    if len(first) <= KINDS:
+        return Links(start, target.astype(np.int32), kind.astype(np.uint8), conductance[first]), blocked
+    return Links(start, target.astype(np.int32), np.arange(len(kind), dtype=np.int32), conductance), blocked
