@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.conditions import Deeds
@@ -25,12 +26,13 @@ class Euler:
         """Take the steps `first` to `last` - 1, in place."""
         done, volume, rate, supply = self._done, self._operator.volume, self._rate, self._supply
         for step in range(first, last):
-            self._rates(state)
+            even = potential(self._medium, state.content)
+            self._rates(state, even)
             if not done.free.all():
                 state.books[0] += self._dt * float((volume * rate)[~done.free].sum())
             if done.supplied or done.exchange.any():
                 done.supply((step - 1) * self._dt, supply)
-                supply -= done.exchange * state.content
+                supply -= done.exchange * even
                 state.books[1] += self._dt * float((volume * supply).sum())
                 rate += supply
             rate *= self._dt
@@ -39,13 +41,13 @@ class Euler:
             if self._kinetic:
                 state.solid[state.content <= (self._medium.C_sat or 0.0)] = 0
 
-    def _rates(self, state: State) -> None:
-        medium, C = self._medium, state.content
+    def _rates(self, state: State, even: NDArray[np.float64]) -> None:
+        medium = self._medium
         if self._kinetic and isinstance(self._operator, Listed):
             C_sat = (medium.C_sat or 0.0) if medium.capped else np.inf
-            self._operator.dissolve(C, state.solid, C_sat, medium.k_diss, self._rate)
+            self._operator.dissolve(even, state.solid, C_sat, medium.k_diss, self._rate)
         else:
-            self._operator.rates(potential(medium, C), self._rate)
+            self._operator.rates(even, self._rate)
 
 
 def bound(operator: Operator, done: Deeds, medium: Medium) -> float:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pdsolve.diffusion.links import Links
 from pdsolve.threads import share
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
 class Listed:
@@ -45,6 +48,8 @@ class Listed:
 
     def tangent(self) -> csr_array:
         """The rates (n, n) by the potentials, 1/s."""
+        from scipy.sparse import csr_array  # here, as it takes long to import
+
         _, neighbour, kind, table = self.links
         nodes = np.arange(len(self.volume))
         values = np.concatenate([table[kind] * self.volume[neighbour], -self.total])

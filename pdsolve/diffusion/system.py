@@ -15,6 +15,7 @@ from pdsolve.diffusion.euler import Euler, bound
 from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import Listed
 from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError
 from pdsolve.threads import crew
 
@@ -52,7 +53,7 @@ def prepare(model: Model, threads: int | None = None) -> tuple[System, State]:
     """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     check(model)
     _refuse(model)
-    medium = model.settings.medium
+    medium, run = model.settings.medium, model.settings.run
     assert medium is not None
     threads = threads or crew(len(model.grid))
     volume = volumes(model)
@@ -62,7 +63,9 @@ def prepare(model: Model, threads: int | None = None) -> tuple[System, State]:
     content, solid = begin(model, done)
     most = bound(operator, done, medium)
     step = _step(model, most)
-    stepper = Euler(operator, done, medium, step)
+    stepper: Stepper = Euler(operator, done, medium, step)
+    if run.solver == "implicit":
+        stepper = Theta(operator, done, medium, step, run.theta)
     system = System(model, operator, done, stepper, step, most, blocked, crossing(model), threads)
     return system, State(content, solid, np.zeros(2))
 
@@ -96,6 +99,9 @@ def _refuse(model: Model) -> None:
                 f"{model.name}: $.run.{name}: found {getattr(run, name)!r}, expected {usual!r}, as the physics is"
                 " diffusion"
             )
+    medium = model.settings.medium
+    if run.solver == "implicit" and medium is not None and medium.dissolution == "kinetic":
+        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
     if run.solver == "static":
         raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
     for name in run.fields if run.fields != USUAL else ():
