@@ -17,6 +17,7 @@ from pdpost.measures import fields
 from pdsolve.results import Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
+SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h"}
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
@@ -37,8 +38,9 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         if f"{letter}x" in stored and f"{letter}y" in stored:
             x, y = results.field(f"{letter}x", step), results.field(f"{letter}y", step)
             data[name] = np.column_stack([x, y, np.zeros_like(x)])
-    if "energy" in stored:
-        data["energy"] = results.field("energy", step)
+    for name, column in SCALARS.items():
+        if column in stored:
+            data[name] = results.field(column, step)
     data["damage"] = fields.values(results, "damage", step).astype(np.float32)
     for name in also:
         part = fields.components(results, name, step)

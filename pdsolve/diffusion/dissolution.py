@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium, contradiction
-from pdsolve.diffusion.links import lattice_diffusivity
+from pdsolve.diffusion.links import dimension_of, lattice_diffusivity, moment
 from pdsolve.model import Model, ModelError
 
 
@@ -61,20 +61,7 @@ def crossing(model: Model) -> float:
     A link of length |xi| in a random direction reaches 2/pi (in the plane) or 1/2 (in space) of it across.
     """
     assert model.settings.medium is not None
-    dimension, power = model.grid.position.shape[1], model.settings.medium.power
-    ratio, D = model.settings.horizon.ratio, model.settings.medium.D
-    spacing = float(model.grid.delta.min())
-    across = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[dimension]
-    return across * _first_moment(ratio, dimension, power) * D / spacing / lattice_diffusivity(ratio, dimension, power)
-
-
-def _first_moment(ratio: float, dimension: int, power: int) -> float:
-    """Sum of conductance times length over a full family of a lattice of spacing 1, D = 1."""
-    from itertools import product
-
-    from pdsolve.diffusion.links import shape
-
-    steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
-    length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
-    one = np.ones(len(length))
-    return float((shape(length, ratio * one, one, dimension, power) * length).sum())
+    dimension, power, ratio = dimension_of(model), model.settings.medium.power, model.settings.horizon.ratio
+    across = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[dimension] * moment(1, ratio, dimension, power)
+    even = lattice_diffusivity(ratio, dimension, power)
+    return across * model.settings.medium.D / even / float(model.grid.delta.min())

@@ -2,7 +2,9 @@
 
 The conductance of a link is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
 diffusivity, Hu's beta (families reach half a spacing beyond the horizon), and the mean of both ends' horizons. Between
-two media D is the harmonic mean, which lets a flux through their interface pass as it is on both sides.
+two media D is the harmonic mean, which lets a flux through their interface pass as it is on both sides. Nodes in one
+row are a bar, as thick as its cells are long.
+
 Constants after F. Bobaru, M. Duangpanya, Int. J. Heat Mass Transf. 53 (2010) 4047-4059, for q = 2; those of q = 0 and
 1 follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
 """
@@ -25,6 +27,11 @@ from pdsolve.model import Model
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
 KINDS = 256  # of conductances, that a byte tells apart
 ALIKE = 1e-12  # of a conductance: what is round-off
+
+
+def dimension_of(model: Model) -> int:
+    """1 for nodes in one row, else that of their places."""
+    return max(1, int((np.ptp(model.grid.position, axis=0) > 0).sum()))
 
 
 class Part(NamedTuple):
@@ -61,12 +68,17 @@ def shape(
 
 
 @lru_cache
-def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
-    """What a full lattice of this horizon over spacing has, over what it stands for."""
+def moment(order: int, ratio: float, dimension: int, power: int) -> float:
+    """Sum of conductance (D = 1, not calibrated) times length to this order over a family of a lattice of spacing 1."""
     steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
     length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
     one = np.ones(len(length))
-    return float((shape(length, ratio * one, one, dimension, power) * length**2).sum() / (2 * dimension))
+    return float((shape(length, ratio * one, one, dimension, power) * length**order).sum())
+
+
+def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
+    """What a full lattice of this horizon over spacing has, over what it stands for."""
+    return moment(2, ratio, dimension, power) / (2 * dimension)
 
 
 class Linking:
@@ -75,7 +87,7 @@ class Linking:
     def __init__(self, model: Model) -> None:
         assert model.settings.medium is not None
         grid = model.grid
-        self.model, self.dimension = model, grid.position.shape[1]
+        self.model, self.dimension = model, dimension_of(model)
         self.power = model.settings.medium.power
         self.diffusivity, self.horizon = diffusivities(model), model.horizons
         self.reach = self.horizon + grid.delta / 2
@@ -85,8 +97,10 @@ class Linking:
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
         """That (b,) of pairs, 1/(s m^d); 0 beyond reach."""
         i, j, length = pairs
-        delta, reach = self.model.grid.delta, (self.horizon[i] + self.horizon[j]) / 2
-        both = [shape(length, reach, delta[end], self.dimension, self.power) for end in (i, j)]
+        grid = self.model.grid
+        delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
+        across = delta ** (grid.position.shape[1] - self.dimension)
+        both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
         one, other = self.diffusivity[i], self.diffusivity[j]
         return np.asarray((both[0] + both[1]) / self._even * one * other / (one + other))
 

@@ -134,8 +134,6 @@ class _March:
             stop = asked()
             whole = self.step % run.every == 0 or self.step == run.steps
             if whole or stop:
-                if not noted:
-                    self._take()
                 writer.write(self._frame(whole, keep=stop or self.step == run.steps))
         if self.last.step != self.step:
             self.last = masses(system, self.state, self.step, self.start.solid)
