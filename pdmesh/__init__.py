@@ -17,20 +17,26 @@ if TYPE_CHECKING:
     from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, Run, Static
     from pdmesh.model.medium import Medium
+    from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
+    from pdmesh.scene.solids import Box, Cylinder, Sphere
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
+            "Body": "pdmesh.scene.body",
+            "Box": "pdmesh.scene.solids",
             "Circle": "pdmesh.scene.shapes",
+            "Cylinder": "pdmesh.scene.solids",
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
             "Medium": "pdmesh.model.medium",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
+            "Sphere": "pdmesh.scene.solids",
             "Static": "pdmesh.model.document",
             "box": "shapely",
             "build": "pdmesh.grid.building",
@@ -41,13 +47,17 @@ else:
     )
 
 __all__ = [
+    "Body",
+    "Box",
     "Circle",
+    "Cylinder",
     "GridError",
     "Material",
     "Medium",
     "Run",
     "Scene",
     "SceneError",
+    "Sphere",
     "Static",
     "box",
     "build",

@@ -108,12 +108,11 @@ def _build(args: argparse.Namespace) -> int:
     grid, settings = built.grid, built.settings
     write_file(built.document, path)
     counts = nodes_by_spacing(grid)
-    assert grid.areas is not None
     result = {
         "output": str(path),
         "nodes": len(grid),
         "nodes_by_spacing": counts,
-        "area": float(grid.areas.sum()),
+        "area" if grid.dimension == 2 else "volume": float(grid.cells.sum()),
         "shifts": {f"{shift.spacing:g}": shift.offset for shift in built.shifts},
         "loaded_nodes": {condition.name: len(condition.nodes or ()) for condition in settings.conditions},
         "notes": built.notes,
@@ -173,7 +172,10 @@ def _plan(args: argparse.Namespace) -> int:
             result = plan(scene, args.mode)
             return _say(result, plan_lines(result), args)
         from pdmesh.say import promise
+        from pdmesh.scene.scene import Scene
 
+        if not isinstance(scene, Scene):
+            raise SceneError("--within: found a body in space, expected a plate: errors were measured there")
         found = promise.proposal(scene, args.within)
         reason = promise.because(found.within, found.feature, found.named)
         result = {"proposal": promise.described(found), **plan(found.scene, args.mode)}

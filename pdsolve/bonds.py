@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.areas import thesis_areas
-from pdmesh.model.neighbours import Pairs, row_chunks
+from pdmesh.model.neighbours import Pairs, lengths, row_chunks
 from pdsolve.model import Model
 
 
@@ -18,7 +18,7 @@ class Bonds(NamedTuple):
 
     start: NDArray[np.int64]  # (n + 1,)
     neighbour: NDArray[np.int32]  # (b,)
-    xi: NDArray[np.floating]  # (b, 2) reference vector to the neighbour, m
+    xi: NDArray[np.floating]  # (b, d) reference vector to the neighbour, m
     stiffness: NDArray[np.floating]  # (b,) force density on i for a unit stretch, N/m^3
     peak: NDArray[np.floating]  # (b,) stretch of the largest force; where it is the limit, the bond is brittle
     limit: NDArray[np.floating]  # (b,) stretch at which the bond is gone; both infinite where it must not break
@@ -85,7 +85,7 @@ class Paired(NamedTuple):
 def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:
     """The pairs of these rows as bonds, less those a pre-crack cuts; those of the nodes `held` (n,) do not break.
 
-    `position` (n, 2) in m.
+    `position` (n, d) in m.
     """
     pairs, intact = paired.pairs, paired.intact
     lasting = held[pairs.source] | held[pairs.target]
@@ -104,16 +104,14 @@ def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArra
 
 
 def areas(model: Model, usual: Literal["cells", "eq19"]) -> NDArray[np.float64]:
-    """Areas (n,), m^2, by the model's rule, or by the `usual` one of a scheme.
+    """Areas (n,), m^2, of a body volumes, m^3, by the model's rule, or by the `usual` one of a scheme.
 
-    Exact cells are those of the grid file; where it has none, the spacing squared stands for them.
+    Exact cells are those of the grid file; where it has none, full cells stand for them.
     """
     grid, rule = model.grid, model.settings.area_rule or usual
     if rule == "eq19":
         return thesis_areas(grid.position, grid.delta, model.horizons)
-    if rule == "square" or grid.areas is None:
-        return grid.delta**2
-    return grid.areas
+    return grid.delta**grid.dimension if rule == "square" else grid.cells
 
 
 def ends(bonds: Bonds, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -138,7 +136,7 @@ def stiffest(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> 
     plates are 1.15 to 1.27 times that, and 1.66 times the bound for any bonds.
     """
     nodes, dimension = len(bonds.start) - 1, bonds.xi.shape[1]
-    length = np.hypot(*bonds.xi.T) if dimension == 2 else np.sqrt((bonds.xi**2).sum(axis=1))
+    length = lengths(bonds.xi)
     k, n = stiffness / length, (bonds.xi / length[:, None]).T
     row = np.repeat(np.arange(nodes), np.diff(bonds.start))
 

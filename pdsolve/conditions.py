@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.continuum import pressure_speed
 from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.selection import components
 from pdmesh.model.trees import tree_of
 from pdsolve.model import Model, ModelError
 
@@ -31,7 +32,7 @@ class Entries(NamedTuple):
     """Components that something is done to: e entries, of one node and one axis each."""
 
     node: NDArray[np.int64]  # (e,) row of the grid
-    axis: NDArray[np.int64]  # (e,) 0 or 1
+    axis: NDArray[np.int64]  # (e,) 0, 1 or, in space, 2
     value: NDArray[np.float64]  # (e,) N/m^3, m, m/s or m/s^2, times the factor of its profile
     profile: NDArray[np.int64]  # (e,)
     kind: NDArray[np.int64]  # (e,) of held motion; 0 for loads
@@ -44,8 +45,8 @@ class Drive(NamedTuple):
     loads: Entries
     holds: Entries
     varies: bool  # whether any load changes with time
-    force: NDArray[np.floating]  # (n, 2) body force now, N/m^3
-    before: NDArray[np.floating]  # (n, 2) body force one step ago
+    force: NDArray[np.floating]  # (n, d) body force now, N/m^3
+    before: NDArray[np.floating]  # (n, d) body force one step ago
     held_force: NDArray[np.float64]  # (holds,) force density on the held component one step ago, N/m^3
     held_speed: NDArray[np.float64]  # (holds,) velocity of the held component one step ago, m/s
 
@@ -60,15 +61,16 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
 
 
 def initial_velocity(model: Model) -> NDArray[np.float64]:
-    """Velocities (n, 2) at time 0, m/s: those of initial and of held velocities."""
-    velocity = np.zeros((len(model.grid), 2))
+    """Velocities (n, d) at time 0, m/s: those of initial and of held velocities."""
+    d = model.grid.dimension
+    velocity = np.zeros((len(model.grid), d))
     for condition in model.settings.conditions:
         if isinstance(condition, InitialVelocity):
-            velocity[model.selected(condition)] = condition.x, condition.y
+            velocity[model.selected(condition)] = components(condition, d)
     for condition in model.settings.conditions:
         if isinstance(condition, Velocity):
             factor = condition.profile[0][1] if condition.profile else 1.0
-            for axis, value in enumerate((condition.x, condition.y)):
+            for axis, value in enumerate(components(condition, d)):
                 if value is not None:
                     velocity[model.selected(condition), axis] = factor * value
     return velocity
@@ -105,9 +107,11 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     """The model's conditions, their body forces at time 0 in place.
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and
-    where the length of the loaded edge is known, its nodes share traction * length by their `areas` (n,), m^2.
+    where the length of the loaded edge, or the area of the loaded face, is known, its nodes share traction times that
+    by their `areas` (n,), m^2, or volumes.
     Where two holds meet in a component, the later one has it.
     """
+    d = model.grid.dimension
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: dict[tuple[int, int], tuple[float, int, int]] = {}
@@ -119,15 +123,15 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
         profiles.append(condition.profile or ((0.0, 1.0),))
         if isinstance(condition, Load):
             values = _body_force(condition, rows, model, areas, exact_total)
-            node, axis = np.repeat(rows, 2), np.tile([0, 1], len(rows))
+            node, axis = np.repeat(rows, d), np.tile(np.arange(d), len(rows))
             loads.append(Entries(node, axis, values.ravel(), np.full(len(node), number), np.zeros(len(node), int)))
             continue
-        for axis_number, value in enumerate((condition.x, condition.y)):
+        for axis_number, value in enumerate(components(condition, d)):
             if value is not None:
                 for row in rows.tolist():
                     holds.pop((row, axis_number), None)
                     holds[row, axis_number] = (value, number, HELD[type(condition)])
-    force, before = (np.zeros((len(model.grid), 2), dtype=kind) for _ in range(2))  # of which most is never touched
+    force, before = (np.zeros((len(model.grid), d), dtype=kind) for _ in range(2))  # of which most is never touched
     table = Profiles(
         np.cumsum([0, *(len(points) for points in profiles)]),
         np.array([time for points in profiles for time, _ in points], dtype=float),
@@ -163,7 +167,7 @@ def _add_loads(drive: Drive, time: float, force: NDArray[np.floating]) -> None:
 
 
 def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Accelerations (n, 2) at time 0 of an undeformed plate of density `rho` (n,), m/s^2."""
+    """Accelerations (n, d) at time 0 of an undeformed plate of density `rho` (n,), m/s^2."""
     acceleration = drive.force / rho[:, None]
     holds = drive.holds
     for e in range(len(holds.node)):
@@ -175,12 +179,13 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
 def _body_force(
     load: Load, rows: NDArray[np.int64], model: Model, areas: NDArray[np.float64], exact_total: bool
 ) -> NDArray[np.float64]:
-    """Body force (rows, 2), N/m^3, of a load at factor 1."""
+    """Body force (rows, d), N/m^3, of a load at factor 1."""
     if load.traction is None:
         assert load.body_force is not None
         return np.tile(np.array(load.body_force), (len(rows), 1))
-    if exact_total and load.length is not None:
-        spread = np.full(len(rows), load.length / areas[rows].sum())
+    extent = load.length if model.grid.dimension == 2 else load.surface
+    if exact_total and extent is not None:
+        spread = np.full(len(rows), extent / areas[rows].sum())
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
     return np.asarray(spread[:, None] * np.array(load.traction))

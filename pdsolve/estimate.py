@@ -64,6 +64,7 @@ class Plan(NamedTuple):
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
+    in_blocks: bool = True  # summed by the kernel of pairs in the plane; False: bond by bond
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
 
 
@@ -89,7 +90,8 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), paired)
+    in_blocks = paired and model.grid.dimension == 2
+    found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 
@@ -103,7 +105,7 @@ def _diffusing(model: Model, options: Options) -> Plan:
 
 
 def priced(
-    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], paired: bool = True
+    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], in_blocks: bool = True
 ) -> Plan:
     """The same, for so many nodes and bonds; `steps` are that of the run and the one that is surely stable, s."""
     run = settings.run
@@ -111,10 +113,10 @@ def priced(
     if run.solver == "static":
         return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
     least, each = MEMORY[options.mode]
-    memory = least + each * nodes + (0 if paired else LISTED * bonds)
-    threads = threads_of(options, nodes, paired)
-    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if paired else bonds * LISTED_BOND
-    if paired and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
+    memory = least + each * nodes + (0 if in_blocks else LISTED * bonds)
+    threads = threads_of(options, nodes, in_blocks)
+    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if in_blocks else bonds * LISTED_BOND
+    if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
         update *= DAMPED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
     seconds = run.steps * update / (1 + SHARED * (threads - 1))
@@ -122,7 +124,7 @@ def priced(
     if run.start == "static":
         memory, seconds = max(memory, rest), seconds + load_step
     seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
-    return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds)
+    return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
 
 
 def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:

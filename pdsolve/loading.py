@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.selection import components
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError
 
@@ -77,7 +78,7 @@ def _refuse_loads(model: Model) -> None:
             loads |= bool(np.any(push)) and any(factors(condition, times))
         if not isinstance(condition, Displacement):
             continue
-        for axis, value in (("x", condition.x), ("y", condition.y)):
+        for axis, value in zip("xyz", components(condition), strict=True):
             if value is None:
                 continue
             way = [value * factor for factor in factors(condition, times)]

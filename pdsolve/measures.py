@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED, USUAL
+from pdmesh.model.fields import CRACKED, USUAL, usual
 from pdmesh.model.graphs import connected
 from pdsolve.state import Broken, State
 from pdsolve.system import System
@@ -44,6 +44,7 @@ class Ledger(NamedTuple):
     refinement: float = 0.0  # energy that making cells fine has made so far
     fine_share: float = 1.0  # of the plate
     clipped_stretch: float = 0.0  # the largest of clipped bonds so far, over that which softens or breaks one
+    momentum_z: float = 0.0
 
     def balance(self, initial: float, most: float = 0.0) -> float:
         """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the largest of the
@@ -73,6 +74,7 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             momentum_x=float(np.sum(rho * area * velocity[:, 0])),
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
             broken=system.broken_before + len(broken.step),
+            momentum_z=float(np.sum(rho * area * velocity[:, 2])) if system.model.grid.dimension == 3 else 0.0,
         )
 
 
@@ -92,10 +94,10 @@ def fields(
 ) -> dict[str, NDArray[np.floating]]:
     """The fields (n,) of these names now; `asked` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
-    chosen = tuple(names)
-    own = {} if chosen != USUAL and set(chosen) <= set(USUAL) else system.operator.fields(state)
+    chosen, usual_ones = tuple(names), usual(system.model.grid.dimension)
+    own = {} if chosen != USUAL and set(chosen) <= set(usual_ones) else system.operator.fields(state)
     if chosen == USUAL:
-        chosen = (*USUAL, *own)
+        chosen = (*usual_ones, *own)
     for name in chosen:
         if name == "damage":
             found[name] = damage(system, asked and asked.broken)
@@ -105,7 +107,7 @@ def fields(
             found[name] = own[name]
         else:
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
-            found[name] = values[:, "xy".index(name[1])]
+            found[name] = values[:, "xyz".index(name[1])]
     return found
 
 

@@ -62,6 +62,8 @@ class Model:
             selection.check(self.settings, self.grid, self.name)
         except GridError as error:
             raise ModelError(str(error)) from None
+        if not self.diffuses:
+            self._check_planes()
         for number, region in enumerate(self.settings.regions):
             if region.material.plane != self.materials[0].plane:
                 raise ModelError(
@@ -97,6 +99,13 @@ class Model:
         """Whether the model is one of diffusion, not of mechanics."""
         return self.settings.physics == "diffusion"
 
+    def _check_planes(self) -> None:
+        refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")
+        assert self.settings.material is not None
+        if self.settings.material.plane == refused:
+            expected = "stress or strain" if self.grid.dimension == 2 else "space"
+            raise ModelError(f"{self.name}: $.material.plane: found '{refused}', expected {expected} in {what}")
+
     def _check_places(self) -> None:
         order = np.lexsort(self.grid.position.T)
         same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
@@ -113,9 +122,12 @@ class Model:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The plate's material, then those of its regions."""
+        """The plate's material, then those of its regions; of a body in space, those in space."""
         assert self.settings.material is not None
-        return (self.settings.material, *(region.material for region in self.settings.regions))
+        every = self.settings.material, *(region.material for region in self.settings.regions)
+        if self.grid.dimension == 2:
+            return every
+        return tuple(msgspec.structs.replace(material, plane="space") for material in every)
 
     def place_of(self, number: int) -> str:
         """Where the material of this number is, in the words of messages."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.trees import tree_of
 from pdsolve.adapt import Change
-from pdsolve.checks import Watch
 from pdsolve.conditions import put_loads
 from pdsolve.measures import Ledger, ask, books, fields
 from pdsolve.reactions import Reaction, grips, reactions
@@ -23,6 +22,7 @@ from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
+from pdsolve.watch import Watch
 
 KEPT = 1.0  # s between checkpoints in full precision
 
@@ -182,7 +182,9 @@ class Notes:
         """Find the conditions' and the probes' nodes in the cloud there is now."""
         model, probes = self.system.model, self.system.model.settings.run.probes
         self._grips = grips(self.system)
-        self._probed = tree_of(model.grid.position).query(np.reshape(probes, (-1, 2)))[1] if probes else []
+        self._probed = (
+            tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
+        )
         watch = Watch(model, partial(self.system.operator.bonds, start=True))
         self._watch = watch if self._watch is None else self._watch.moved_to(watch)
         self._looked = True
@@ -202,12 +204,14 @@ class Notes:
         check_physics(system, state, self.last, self._most)
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
-        self._watch.look(state.value[:, :2], self.now.broken, step)
+        self._watch.look(state.value[:, : system.model.grid.dimension], self.now.broken, step)
         self._ledgers.append(self.last)
-        u, v, a = state.value, state.rate, state.second
+        u, v, a, d = state.value, state.rate, state.second, system.model.grid.dimension
         for row in dict.fromkeys(self._probed):
-            values = (*u[row, :2].tolist(), *v[row, :2].tolist(), *a[row, :2].tolist())
-            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values))
+            plane, space = ([field[row, axes].tolist() for field in (u, v, a)] for axes in (slice(2), slice(2, d)))
+            along = [value for values in space for value in values] or [0.0] * 3
+            values = [value for values in plane for value in values]
+            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values, *along))
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.document import Absorb, InitialVelocity, Selection
+from pdmesh.model.neighbours import lengths
 from pdsolve.conditions import factor_now
 from pdsolve.state import State
 from pdsolve.system import System
@@ -33,6 +34,8 @@ class Reaction(NamedTuple):
     force_y: float
     displacement_x: float  # m, mean of its nodes
     displacement_y: float
+    force_z: float = 0.0  # N, of a body, of which those along x and y are in N too
+    displacement_z: float = 0.0
 
 
 def grips(system: System) -> tuple[Grip, ...]:
@@ -51,7 +54,7 @@ def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
     if len(rows):
         return rows
     place = asked.grid.position[asked.selected(condition)].mean(axis=0)
-    return np.array([np.hypot(*(grid.position - place).T).argmin()])
+    return np.array([lengths(grid.position - place).argmin()])
 
 
 def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
@@ -64,21 +67,23 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     found = []
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, time)) * pushes[profile]).tolist()
-        mean = state.value[grip.rows, :2].astype(float).mean(axis=0).tolist()
-        found.append(Reaction(step, time, grip.number, grip.kind, *force, *mean))
+        mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
+        plane = *force[:2], *mean[:2]
+        found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))
     return found
 
 
 def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What holds (profiles, 2), and what pushes at factor 1, N/m."""
+    """What holds (profiles, d), and what pushes at factor 1, N/m, of a body N."""
     if system.hybrid is not None:
         return system.hybrid.pulls(profiles), system.hybrid.pushes(profiles)
     drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     push = area[loads.node] * loads.value
+    d = system.model.grid.dimension
     pulls, pushes = (
-        np.bincount(2 * entries.profile + entries.axis, values, minlength=2 * profiles).reshape(-1, 2)
+        np.bincount(d * entries.profile + entries.axis, values, minlength=d * profiles).reshape(-1, d)
         for entries, values in ((holds, pull), (loads, push))
     )
     return np.asarray(pulls), np.asarray(pushes)

@@ -281,7 +281,8 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
     return {
         "program": f"pdsolve {VERSION}",
         "provenance": provenance,
-        "units": "SI, per unit thickness",
+        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
+        "dimension": system.model.grid.dimension,
         "numpy": np.__version__,
         "numba": numba.__version__,
         "mode": system.options.mode,

@@ -144,7 +144,7 @@ def prepare(model: Model, options: Options) -> Prepared:
     scheme = scheme_of(model, options)
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
-    settle(advance_blocks, energy_densities, add_rows)
+    settle(*((advance_blocks, energy_densities) if model.grid.dimension == 2 else ()), add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
@@ -208,7 +208,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, filling.area, scheme.exact_load, kind), width)
     velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
-    velocity[:, :2] = initial_velocity(model)
+    velocity[:, : model.grid.dimension] = initial_velocity(model)
     state = State(
         value=np.zeros((nodes, width), dtype=kind),
         rate=velocity.astype(kind),
@@ -270,12 +270,12 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     area, nodes = filling.area, len(model.grid)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
-    state = operator.place(State(*np.zeros((3, nodes, 2)), *np.zeros((2, nodes))))
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((2, nodes))))
     method: Method
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
-        free = 2 * nodes - len(driven.holds.node)
+        free = driven.force.size - len(driven.holds.node)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
@@ -330,21 +330,21 @@ class Survey:
 def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, Survey]:
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
     law, kind = law_of(model), np.dtype(options.precision).type
-    compiled = not numba.config.DISABLE_JIT  # blocks are nothing but compiled code
-    if law in PAIRS and options.kernel != "listed" and compiled:
+    blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
+    if law in PAIRS and options.kernel != "listed" and blocked:
         survey = Survey(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
         if blocks is not None:
             return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
     survey, threads = Survey(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
     bonds = listed(survey.parts(), filling.area).bonds
-    where = families.placed(law, bonds) if options.kernel != "listed" and compiled else None
+    where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
     if where is not None:
         of = law, model, bonds, scheme.symmetric, options.precision, threads
         return families.Families(*of, where), survey
     if options.kernel == "blocks":
         raise ModelError(
-            "kernel: found nodes without a lattice, a law that blocks do not know, or code that is not compiled,"
-            " expected others for blocks"
+            "kernel: found nodes without a lattice in the plane, a law that blocks do not know, or code that is not"
+            " compiled, expected others for blocks"
         )
     return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

@@ -25,27 +25,35 @@ from typing import Any
 from pdmesh.drawing.parameters import Parameter, unknown
 from pdmesh.drawing.processes import how_it_ended
 from pdmesh.files import read_bytes
+from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
 
-def read_script(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
-    """The scene that the Python file at `path` defines, with some of its constants replaced by name.
+def read_script(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene | Body:
+    """The plate or the body that the Python file at `path` defines, with some of its constants replaced by name.
 
     The file is a program and is run as one. Raises SceneError naming the file and the line.
     """
     text, tree = _parsed(path)
     values = {parameter.name: parameter.value for parameter in _assigned(path, _parameters(text, tree), assignments)}
-    parts = _in_child(path, values)
+    kind, parts = _in_child(path, values)
+    more: dict[str, Any] = {"source": path.name, "drawing": text, "parameters": tuple(values.items())}
+    scene: Scene | Body
     try:
-        scene = replace(Scene(**parts), source=path.name, drawing=text, parameters=tuple(values.items()))
+        if kind == Body.__name__:
+            from pdmesh.drawing.solids import meshed
+
+            scene = meshed(Body(**parts | more))
+        else:
+            scene = replace(Scene(**parts), **more)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
     _refuse_halves(scene, path)
     return scene
 
 
-def _refuse_halves(scene: Scene, path: Path) -> None:
+def _refuse_halves(scene: Scene | Body, path: Path) -> None:
     """Raises SceneError for text with half of a character, a lone surrogate, which no file can hold."""
     named: list[Any] = [*scene.zones, *scene.cracks]
     named += [part.region for part in scene.regions] + [condition.action for condition in scene.conditions]
@@ -84,8 +92,8 @@ def _parsed(path: Path) -> tuple[str, ast.Module]:
         raise SceneError(f"{path}: found an expression too long or nested too deep, expected Python") from None
 
 
-def _in_child(path: Path, values: Mapping[str, float | str]) -> dict[str, Any]:
-    """The parts of the scene that a program defines. Raises SceneError."""
+def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[str, Any]]:
+    """What kind of scene a program defines, and its parts. Raises SceneError."""
     with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
         result, job = Path(folder) / "scene", Path(folder) / "job"
         job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
@@ -96,7 +104,8 @@ def _in_child(path: Path, values: Mapping[str, float | str]) -> dict[str, Any]:
         found = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
     if isinstance(found, str):
         raise SceneError(f"{path}: {found}")
-    return dict(found)
+    kind, parts = found
+    return str(kind), dict(parts)
 
 
 # ---- the child process
@@ -119,11 +128,12 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     except BaseException as error:
         return pickle.dumps(_reason(error, path))
     scene = names.get("scene")
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, Scene | Body):
         found = "none" if scene is None else f"a {type(scene).__name__}"
-        return pickle.dumps(f"scene: found {found}, expected a file that defines scene = Scene(...)")
+        return pickle.dumps(f"scene: found {found}, expected a file that defines scene = Scene(...), or Body(...)")
+    kind = Scene if isinstance(scene, Scene) else Body
     try:
-        return pickle.dumps({field.name: getattr(scene, field.name) for field in fields(Scene)})
+        return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
     except Exception as error:
         return pickle.dumps(f"scene: found what cannot be handed over ({error}), expected shapes and numbers")
 

@@ -14,6 +14,7 @@ from pdmesh.drawing.parameters import Parameter, full_name, unknown
 from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
 from pdmesh.model.document import read_file
+from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -41,8 +42,8 @@ def read_scene(
     refine: Sequence[str] = (),
     trust: bool = False,
     cracks: Sequence[str] = (),
-) -> Scene:
-    """The scene in a .geo, .py, STEP or BREP file, or the one that the model in a .json file was built from.
+) -> Scene | Body:
+    """The plate or the body in a .geo, .py, STEP or BREP file, or that which the model in a .json file was built from.
 
     `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, `cracks` are more of them, ``x0,y0,x1,y1``;
     both in the drawing's unit. Raises SceneError or GridError.
@@ -50,6 +51,11 @@ def read_scene(
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
+    if isinstance(scene, Body):
+        for option, given in (("--refine", refine), ("--crack", cracks), (ADAPT, dict(assignments).get(ADAPT))):
+            if given and given != "none":
+                raise SceneError(f"{path}: {option}: found a body in space, expected a plate")
+        return scene
     try:
         return added(scene, refine, cracks, dict(assignments).get(ADAPT))
     except SceneError as error:
@@ -101,7 +107,7 @@ def parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: b
     raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py or .json")
 
 
-def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene:
+def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene | Body:
     suffix = path.suffix.lower()
     if suffix == ".py":
         from pdmesh.drawing.script import read_script
@@ -123,7 +129,7 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
 
 def _again(
     path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
-) -> Scene:
+) -> Scene | Body:
     """The scene of a model that carries its drawing, with the parameters it was built with."""
     document = read_file(path)
     if not document.drawing or not document.source:

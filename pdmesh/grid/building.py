@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pdmesh.grid import soundness, whole
+from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import Shift, build_grid
 from pdmesh.grid.nested import nested
 from pdmesh.model.cloud import Grid, document_of
 from pdmesh.model.document import Document, Settings, write_file
 from pdmesh.scene import checks
+from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 
 
@@ -33,8 +35,10 @@ class Built:
         write_file(self.document, path)
 
 
-def build(scene: Scene) -> Built:
-    """The grid of a scene. Raises SceneError where that is not the plate that was drawn."""
+def build(scene: Scene | Body) -> Built:
+    """The grid of a plate or of a body, whose solids are shells. Raises SceneError where that is not what was drawn."""
+    if isinstance(scene, Body):
+        return Built(*build_body(scene), scene.notes)
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt == "hybrid":
         scene, more = nested(scene)

@@ -10,7 +10,7 @@ from pdmesh.model.cloud import Grid
 from pdmesh.model.graphs import connected
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
 from pdmesh.model.trees import tree_of
-from pdmesh.model.visibility import Sight, cracks_of
+from pdmesh.model.visibility import cracks_of, sight_of
 from pdmesh.scene.shapes import near, parts
 
 PAIRS = 2**20  # looked at together
@@ -37,7 +37,7 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
     """
     neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
     number, asked = _islands(grid, neighbours, reach)
-    sight, links = Sight(grid), [np.zeros((2, 0), dtype=np.int64)]
+    sight, links = sight_of(grid), [np.zeros((2, 0), dtype=np.int64)]
     for some in np.array_split(asked, int(len(asked) * (2 * reach) ** 2 / PAIRS) + 1):
         pairs = neighbours.pairs(some)
         mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2

@@ -9,24 +9,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import LARGEST, Document, GridError, Lattice, NodeRecord, Point, Settings
+from pdmesh.model.document import (
+    FORMAT_VERSION,
+    LARGEST,
+    SPACE_VERSION,
+    Document,
+    GridError,
+    Lattice,
+    NodeRecord,
+    Settings,
+    Vector,
+)
 
 MOST_NODES = 10**8  # of a lattice
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A checked grid as arrays, n nodes in the file's order."""
+    """A checked grid as arrays, n nodes in the file's order, in d = 2 or 3 dimensions."""
 
     ids: NDArray[np.int64]  # (n,) unique
-    position: NDArray[np.float64]  # (n, 2) m
+    position: NDArray[np.float64]  # (n, d) m
     delta: NDArray[np.float64]  # (n,) spacing, m
     border: NDArray[np.bool_]  # (n,) at the edge of the plate or of a hole
     hole_id: NDArray[np.int64]  # (n,) -1 where none
-    cracks: NDArray[np.float64]  # (k, 4) segments x0, y0, x1, y1, m
-    outline: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
+    cracks: NDArray[np.float64]  # (k, 4) segments x0, y0, x1, y1, or (k, 9) triangles x0, y0, z0, ..., z2, m
+    outline: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m; of a body (3, 3), triangles of its surface
     holes: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
-    areas: NDArray[np.float64] | None = None  # (n,) m^2
+    areas: NDArray[np.float64] | None = None  # (n,) m^2; of a body volumes, m^3
     source: str = ""
     parameters: tuple[tuple[str, float | str], ...] = ()
     drawing: str = ""
@@ -34,6 +44,21 @@ class Grid:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a plate, 3 for a body in space."""
+        return int(self.position.shape[1])
+
+    @property
+    def cells(self) -> NDArray[np.float64]:
+        """What each node stands for (n,): m^2, of a body m^3; full cells where the file does not say."""
+        return self.delta**self.dimension if self.areas is None else self.areas
+
+    @property
+    def faces(self) -> NDArray[np.float64]:
+        """Triangles (t, 3, 3) of a body's surface, m."""
+        return np.array(self.outline).reshape(-1, 3, 3)
 
 
 def grid_of(document: Document, name: str) -> Grid:
@@ -49,19 +74,20 @@ def grid_of(document: Document, name: str) -> Grid:
         raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} found {counts.max()} times, expected once")
     position = np.array([node.position for node in nodes])
     delta = np.array([node.delta for node in nodes])
-    _check_nodes(name, position, delta)
+    d = 3 if document.version == SPACE_VERSION else 2
+    _check_nodes(name, position, delta, d)
     _check_shapes(name, document)
     if document.areas is not None and len(document.areas) != len(nodes):
         raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
     return Grid(
         ids=ids,
-        position=position[:, :2].copy(),
+        position=position[:, :d].copy(),
         delta=delta[:, 0].copy(),
         border=np.array([node.border == "true" for node in nodes]),
         hole_id=np.array([node.hole_id for node in nodes]),
-        cracks=np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]],
-        outline=_rings(document.outline),
-        holes=_rings(document.holes),
+        cracks=_cracks(document),
+        outline=_rings(document.outline, d),
+        holes=_rings(document.holes, d),
         areas=None if document.areas is None else np.array(document.areas),
         source=document.source,
         parameters=tuple(document.parameters.items()),
@@ -71,6 +97,8 @@ def grid_of(document: Document, name: str) -> Grid:
 
 def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     """The same of a document that holds a lattice."""
+    if document.version != FORMAT_VERSION:
+        raise GridError(f"{name}: $.lattice: found one in a body in space, expected none: nodes are listed there")
     if document.nodes or document.areas is not None:
         raise GridError(f"{name}: $.lattice: found nodes or areas besides it, expected none")
     count = lattice.columns * lattice.rows
@@ -82,8 +110,8 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     _check_shapes(name, document)
     return whole_lattice(
         lattice,
-        cracks=np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]],
-        outline=_rings(document.outline),
+        cracks=_cracks(document),
+        outline=_rings(document.outline, 2),
         source=document.source,
         parameters=tuple(document.parameters.items()),
         drawing=document.drawing,
@@ -121,7 +149,7 @@ def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
     )
 
 
-def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
+def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64], dimension: int) -> None:
     def refuse(bad: NDArray[np.bool_], field: str, found: NDArray[np.float64], expected: str) -> None:
         if bad.any():
             at = int(bad.argmax())
@@ -129,12 +157,17 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
 
     refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
     refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
-    refuse(position[:, 2] != position[0, 2], "position", position, "the same z for all nodes")
+    if dimension == 2:
+        expected = f"the same z for all nodes of a plate (a body has version {SPACE_VERSION})"
+        refuse(position[:, 2] != position[0, 2], "position", position, expected)
     refuse(delta.min(axis=1) <= 0, "delta", delta, "positive numbers")
     refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
+    if dimension == 3:
+        refuse(delta[:, 0] != delta[:, 2], "delta", delta, "delta z equal to delta x in a body")
 
 
 def _check_shapes(name: str, document: Document) -> None:
+    _check_dimensions(name, document)
     for key, shapes in (("notch", document.notch), ("outline", document.outline), ("holes", document.holes)):
         for number, shape in enumerate(shapes):
             numbers = np.abs(np.asarray(shape, dtype=float))
@@ -144,14 +177,44 @@ def _check_shapes(name: str, document: Document) -> None:
                 raise GridError(f"{name}: $.{key}[{number}]: found {len(shape)} points, expected at least 3")
 
 
-def _rings(rings: Sequence[Sequence[Point]]) -> tuple[NDArray[np.float64], ...]:
-    return tuple(np.array(ring, dtype=float).reshape(-1, 2) for ring in rings)
+def _check_dimensions(name: str, document: Document) -> None:
+    """Raises GridError for shapes of a body in a plate, and the other way round."""
+    space = document.version == SPACE_VERSION
+    d, whole = (3, "a body in space") if space else (2, "a plate")
+    for number, crack in enumerate(document.notch):
+        if len(crack) != (9 if space else 6):
+            meant = "9 of a triangle" if space else "6 of a segment"
+            raise GridError(f"{name}: $.notch[{number}]: found {len(crack)} numbers, expected {meant} in {whole}")
+    for key, rings in (("outline", document.outline), ("holes", document.holes)):
+        for number, ring in enumerate(rings):
+            odd = next((point for point in ring if len(point) != d), None)
+            if odd is not None:
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found a point of {len(odd)} numbers, expected {d} in {whole}"
+                )
+            if space and len(ring) != 3:
+                raise GridError(f"{name}: $.{key}[{number}]: found {len(ring)} points, expected triangles in {whole}")
+    if space and document.holes:
+        raise GridError(f"{name}: $.holes: found {len(document.holes)}, expected none in {whole}: its surface has them")
+
+
+def _cracks(document: Document) -> NDArray[np.float64]:
+    if document.version == SPACE_VERSION:
+        return np.array(document.notch, dtype=float).reshape(-1, 9)
+    return np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]]
+
+
+def _rings(rings: Sequence[Sequence[Vector]], dimension: int) -> tuple[NDArray[np.float64], ...]:
+    return tuple(np.array(ring, dtype=float).reshape(-1, dimension) for ring in rings)
 
 
 def document_of(grid: Grid, settings: Settings) -> Document:
     """The document that `grid` and `settings` are written as."""
+    space = grid.dimension == 3
+    cracks = grid.cracks.tolist()
     return Document(
-        notch=tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in grid.cracks.tolist()),
+        notch=tuple(map(tuple, cracks) if space else ((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in cracks)),
+        version=SPACE_VERSION if space else FORMAT_VERSION,
         nodes=() if grid.lattice is not None else _records(grid),
         lattice=grid.lattice,
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
@@ -174,4 +237,6 @@ def _records(grid: Grid) -> tuple[NodeRecord, ...]:
         grid.delta.tolist(),
         strict=True,
     )
+    if grid.dimension == 3:
+        return tuple(NodeRecord(i, border, (x, y, z), hole, (d, d, d)) for i, border, (x, y, z), hole, d in columns)
     return tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns)

@@ -4,7 +4,9 @@ The file is the thesis's (A. De Checchi, Padua 2013, "Pre-processore"): ``notch`
 ``[x0, y0, z0, x1, y1, z1]``, and ``nodes``, each with ``id``, ``border`` (the *string* "true" or "false"),
 ``position``, ``hole_id`` (-1 where none) and ``delta``. Everything else is optional; the keys are those of
 `Document` and `Settings` below, and ``version`` says which edition of them a file was written for.
-SI units throughout; the model is plane, per unit thickness.
+SI units throughout. Version 1 is a plate, a plane model per unit thickness; version 2 is a body in space, of the same
+keys: z and delta z are real, vectors and boxes have their z too, `notch` holds triangles ``[x0, y0, z0, ..., z2]``,
+`outline` the triangles of the body's surface, and `areas` the volumes of the cells.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.fields import USUAL, Column
 from pdmesh.model.medium import Medium
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 1  # of plates
+SPACE_VERSION = 2  # of bodies in space
 
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
@@ -30,7 +33,9 @@ MOST_STEPS = 2**31 - 1  # what a broken bond can remember
 PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
 Point = tuple[float, float]
-Box = tuple[float, float, float, float]
+Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]  # x, y and, in space, z
+Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m
+Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  # corners of a segment or a triangle, m
 
 
 class GridError(ValueError):
@@ -49,7 +54,7 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
     micromodulus: Literal["conical", "constant"] = "conical"
-    plane: Literal["stress", "strain"] = "stress"
+    plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
     influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
     failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
     strength: Positive | None = None  # correspondence: largest principal stress of a bond that fails by it, Pa
@@ -78,7 +83,7 @@ class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     name: str = ""
     nodes: tuple[Id, ...] | None = None
-    box: Box | None = None  # x0, y0, x1, y1, m
+    box: Box | None = None  # x0, y0, x1, y1 or x0, y0, z0, x1, y1, z1, m
 
 
 class Region(Selection, frozen=True, kw_only=True):
@@ -116,10 +121,11 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     solver make the total exact.
     """
 
-    body_force: Point | None = None
-    traction: Point | None = None
+    body_force: Vector | None = None
+    traction: Vector | None = None
     rows: PositiveInt = 1
     length: Positive | None = None
+    surface: Positive | None = None  # m^2, of a loaded face in space, likewise
 
 
 class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
@@ -127,6 +133,7 @@ class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag
 
     x: float | None = None
     y: float | None = None
+    z: float | None = None
 
 
 class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
@@ -134,6 +141,7 @@ class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="
 
     x: float | None = None
     y: float | None = None
+    z: float | None = None
 
 
 class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
@@ -141,6 +149,7 @@ class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag
 
     x: float | None = None
     y: float | None = None
+    z: float | None = None
 
 
 class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocity", tag_field="kind"):
@@ -148,6 +157,7 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
 
     x: float = 0.0
     y: float = 0.0
+    z: float = 0.0
 
 
 class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
@@ -220,7 +230,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
-    probes: tuple[Point, ...] = ()  # places whose nearest node is written down with the ledger, m
+    probes: tuple[Vector, ...] = ()  # places whose nearest node is written down with the ledger, m
     adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
@@ -271,12 +281,12 @@ class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A whole file: the thesis's two keys, then the optional ones."""
 
-    notch: tuple[tuple[float, float, float, float, float, float], ...]
+    notch: tuple[Crack, ...]
     nodes: tuple[NodeRecord, ...]
     version: int = FORMAT_VERSION
-    outline: tuple[tuple[Point, ...], ...] = ()  # exterior rings of the plate, m
+    outline: tuple[tuple[Vector, ...], ...] = ()  # exterior rings of the plate, or triangles of a body's surface, m
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
-    areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2
+    areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2; in space volumes, m^3
     lattice: Lattice | None = None  # all nodes, in place of a list of them
     source: str = ""  # the drawing the grid was built from
     drawing: str = ""  # its text, so that the grid can be built again
@@ -289,8 +299,11 @@ def read_document(data: bytes | str, name: str) -> Document:
         document = msgspec.json.decode(data, type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise GridError(f"{name}: {error}") from None
-    if document.version != FORMAT_VERSION:
-        raise GridError(f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}")
+    if document.version not in (FORMAT_VERSION, SPACE_VERSION):
+        raise GridError(
+            f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in"
+            " space"
+        )
     return document
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, get_args
 
 Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
-Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "c", "h", "solid"]  # of some
-Column = Usual | Own
+Along = Literal["uz", "vz", "az"]  # of every model in space
+Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "sxz", "syz", "c", "h", "solid"]  # of some
+Column = Usual | Along | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
+ALONG: tuple[Column, ...] = get_args(Along)
 
 CRACKED = 0.35  # damage above which a node belongs to a crack
 
@@ -38,4 +40,17 @@ FIELDS = {
     "content": Field("mol/m^3", ("h",)),  # the same, with what is solid
     "solid": Field("1", ("solid",)),  # share of the node
 }
-UNITS: dict[str, str] = {column: field.unit for field in FIELDS.values() for column in field.columns}  # in order
+IN_SPACE: dict[str, tuple[Column, ...]] = {  # columns that fields have besides in bodies
+    "displacement": ("uz",),
+    "velocity": ("vz",),
+    "acceleration": ("az",),
+    "stress": ("sxz", "syz"),
+}
+UNITS: dict[str, str] = {  # in order
+    column: field.unit for name, field in FIELDS.items() for column in (*field.columns, *IN_SPACE.get(name, ()))
+}
+
+
+def usual(dimension: int) -> tuple[Column, ...]:
+    """What a frame holds of every model, in the plane or in space."""
+    return USUAL if dimension == 2 else (*USUAL, *ALONG)

@@ -1,4 +1,4 @@
-"""What a full square lattice of bonds is like, next to the continuum it stands for.
+"""What a full square or cubic lattice of bonds is like, next to the continuum it stands for.
 
 Sums over one family, exact for a uniform grid: stiffnesses, and the energy a straight crack costs. They depend on
 the ratio m = horizon / spacing and on the micromodulus profile alone.
@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import C11, C66, critical_stretch, micromodulus
+from pdmesh.model.continuum import C11, C66, critical_stretch, dimension_of, micromodulus
 from pdmesh.model.document import Material
-from pdmesh.model.neighbours import ROUND_OFF
+from pdmesh.model.neighbours import ROUND_OFF, lengths
 
 
 class LatticeRatios(NamedTuple):
@@ -53,18 +53,17 @@ def hu_beta(
     return np.clip((horizon + delta / 2 - length) / delta, 0.0, 1.0)
 
 
-def offsets(reach: float) -> NDArray[np.float64]:
-    """Neighbours (k, 2) of the origin in the lattice of spacing 1, up to |xi| = `reach`."""
+def offsets(reach: float, dimension: int = 2) -> NDArray[np.float64]:
+    """Neighbours (k, d) of the origin in the lattice of spacing 1, up to |xi| = `reach`."""
     steps = np.arange(-int(reach) - 1, int(reach) + 2)
-    x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    length = np.hypot(x, y)
-    near = (length > 0) & (length <= reach * (1 + ROUND_OFF))
-    return np.column_stack([x[near], y[near]]).astype(float)
+    every = np.column_stack([grid.ravel() for grid in np.meshgrid(*(steps,) * dimension)]).astype(float)
+    length = lengths(every)
+    return every[(length > 0) & (length <= reach * (1 + ROUND_OFF))]
 
 
-def full_family(ratio: float) -> int:
-    """Neighbours of a node of a full lattice within horizon / spacing = `ratio`: 28 for 3, 48 for 4."""
-    return len(offsets(ratio))
+def full_family(ratio: float, dimension: int = 2) -> int:
+    """Neighbours of a node of a full lattice within horizon / spacing = `ratio`: 28 for 3; in space 122."""
+    return len(offsets(ratio, dimension))
 
 
 @lru_cache
@@ -76,17 +75,17 @@ def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_
     """
     unit = Material(E=1.0, rho=1.0, G0=1.0)
     material = msgspec.structs.replace(unit, micromodulus=micromodulus_profile, plane=plane)
-    xi = offsets(ratio + 0.5 if partial_cells else ratio)
-    length, horizon = np.hypot(*xi.T), np.full(len(xi), float(ratio))
+    xi = offsets(ratio + 0.5 if partial_cells else ratio, dimension_of(plane))
+    length, horizon = lengths(xi), np.full(len(xi), float(ratio))
     c = micromodulus(material, length, horizon)
     if partial_cells:
         c = c * hu_beta(length, horizon, np.ones(len(xi)))
-    n_x, n_y = (xi / length[:, None]).T
+    n_x, n_y, *_ = (xi / length[:, None]).T
     c11, c66 = (0.5 * np.sum(c * length * term) for term in (n_x**4, (n_x * n_y) ** 2))
     s0 = float(critical_stretch(material, np.array([ratio]))[0])
     spent = c * s0**2 * length / 2
     row = np.sum(spent * np.maximum(xi[:, 1], 0))
-    diagonal = np.sum(spent * np.maximum(xi.sum(axis=1), 0)) / np.sqrt(2)
+    diagonal = np.sum(spent * np.maximum(xi[:, :2].sum(axis=1), 0)) / np.sqrt(2)
     found = c11 / C11[plane], c66 / C66[plane], c66 / C66[plane], row, diagonal
     return LatticeRatios(*(float(value) for value in found))
 

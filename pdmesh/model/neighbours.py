@@ -6,10 +6,11 @@ lattice are found by a tree.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
+from itertools import islice, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -44,13 +45,13 @@ class _Group:
     """Nodes that are searched alike: those of a lattice, with a map of it, or any others, without."""
 
     rows: NDArray[np.int64]
-    position: NDArray[np.float64]  # (k, 2) m
+    position: NDArray[np.float64]  # (k, d) m
     reach: float  # the largest, m
     place: NDArray[np.int64]  # (k,) of each row in `map`
     map: NDArray[np.int32]  # rows by place, -1 where there is no node; (0,) without a lattice
     offsets: NDArray[np.int64]  # (o,) from a place to those within reach
-    width: int  # places in a row of the map
-    corner: NDArray[np.float64]  # (2,) of the first place, m
+    size: tuple[int, ...]  # places of the map along each axis, of which the first changes fastest
+    corner: NDArray[np.float64]  # (d,) of the first place, m
     spacing: float  # m
 
     @cached_property
@@ -60,10 +61,21 @@ class _Group:
 
     @cached_property
     def filled(self) -> NDArray[np.int64]:
-        """(rows + 1, columns + 1) How many nodes the map has below and to the left of a place."""
-        table = np.zeros((len(self.map) // self.width + 1, self.width + 1), dtype=np.int64)
-        table[1:, 1:] = (self.map.reshape(-1, self.width) >= 0).cumsum(axis=0).cumsum(axis=1)
+        """(..., rows + 1, columns + 1) How many nodes the map has below and to the left of a place."""
+        table = np.zeros(tuple(side + 1 for side in self.size[::-1]), dtype=np.int64)
+        there = (self.map.reshape(self.size[::-1]) >= 0).astype(np.int64)
+        for axis in range(len(self.size)):
+            there = there.cumsum(axis=axis)
+        table[(slice(1, None),) * len(self.size)] = there
         return table
+
+    def inside(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How many nodes (k,) the map has from the places `low` (k, d) to before the places `high`."""
+        total = np.zeros(len(low), dtype=np.int64)
+        for ends in product((0, 1), repeat=len(self.size)):
+            corner = tuple(np.where(end, high[:, axis], low[:, axis]) for axis, end in enumerate(ends))
+            total += (-1) ** (len(ends) - sum(ends)) * self.filled[corner[::-1]]
+        return total
 
 
 def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
@@ -76,8 +88,13 @@ def row_chunks(nodes: int) -> Iterator[NDArray[np.int64]]:
     return (np.arange(first, min(first + ROWS, nodes)) for first in range(0, nodes, ROWS))
 
 
+def lengths(xi: NDArray[np.floating]) -> NDArray[np.float64]:
+    """|xi| (k,) of vectors (k, 2 or 3), m."""
+    return np.asarray(np.hypot(xi[:, 0], xi[:, 1]) if xi.shape[1] == 2 else np.sqrt((xi**2).sum(axis=1)))
+
+
 class Neighbours:
-    """The neighbours of the nodes at `position` (n, 2), with spacings `delta` (n,), within their `reach` (n,); in m.
+    """The neighbours of the nodes at `position` (n, d), with spacings `delta` (n,), within their `reach` (n,); in m.
 
     With `mutual`, whoever is seen sees back: a pair is one if either end reaches the other.
     """
@@ -98,8 +115,8 @@ class Neighbours:
             self._index[group.rows] = np.arange(len(group.rows))
 
     def maps(self) -> Iterator[NDArray[np.int32]]:
-        """Each lattice as a map (lines, columns) of the rows of its nodes, -1 where there is none."""
-        return (group.map.reshape(-1, group.width) for group in self._groups if len(group.map))
+        """Each lattice as a map (..., lines, columns) of the rows of its nodes, -1 where there is none."""
+        return (group.map.reshape(group.size[::-1]) for group in self._groups if len(group.map))
 
     def pairs(self, rows: NDArray[np.int64]) -> Pairs:
         """Those of the nodes in `rows`, which increase."""
@@ -118,8 +135,7 @@ class Neighbours:
         if (np.diff(key) < 0).any():
             order = np.argsort(key, kind="stable")
             source, target = source[order], target[order]
-        xi = self._position[target] - self._position[source]
-        return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
+        return Pairs(source, target, lengths(self._position[target] - self._position[source]))
 
     def _others(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         found = []
@@ -143,27 +159,30 @@ def _by_tree(own: NDArray[np.int64], position: NDArray[np.float64], other: _Grou
 
 def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
     """Pairs at most about a `radius` apart, of any rows and those of a lattice, in the places around the rows'."""
-    size = np.array([other.width, len(other.map) // other.width])
+    size, d = np.array(other.size), len(other.size)
     side = int(radius / other.spacing) + 1
     at = np.floor((position[own] - other.corner) / other.spacing).astype(np.int64)
     low, high = np.clip(at - side, 0, size), np.clip(at + side + 2, 0, size)
-    table = other.filled
-    inside = table[high[:, 1], high[:, 0]] - table[low[:, 1], high[:, 0]] - table[high[:, 1], low[:, 0]]
-    some = np.flatnonzero(inside + table[low[:, 1], low[:, 0]] > 0)
+    some = np.flatnonzero(other.inside(low, high) > 0)
     steps = np.arange(-side, side + 2)
     gap = np.maximum(np.maximum(-steps, steps - 1), 0)  # to the nearest point of the place that a row is in
-    y, x = np.nonzero(np.hypot(gap[:, None], gap) * other.spacing <= radius + OFF_PLACE * other.spacing)
+    away = lengths(np.stack(np.meshgrid(*(gap,) * d, indexing="ij"), axis=-1).reshape(-1, d).astype(float))
+    near = np.unravel_index(np.flatnonzero(away * other.spacing <= radius + OFF_PLACE * other.spacing), (len(gap),) * d)
+    ways = np.stack([steps[axis] for axis in near[::-1]])  # (d, w), the first axis changing fastest
+    stride = np.cumprod([1, *other.size[:-1]])
     sources, targets = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for few in np.array_split(some, len(some) * len(x) // PLACES + 1):
-        column, line = at[few, :1] + steps[x], at[few, 1:] + steps[y]
-        there = (column >= 0) & (column < size[0]) & (line >= 0) & (line < size[1])
-        found = np.where(there, other.map[np.where(there, line * other.width + column, 0)], -1)
+    for few in np.array_split(some, len(some) * ways.shape[1] // PLACES + 1):
+        there, flat = np.ones((len(few), ways.shape[1]), dtype=bool), np.zeros((1, 1), dtype=np.int64)
+        for axis in range(d):
+            along = at[few, axis : axis + 1] + ways[axis]
+            there &= (along >= 0) & (along < size[axis])
+            flat = flat + stride[axis] * along
+        found = np.where(there, other.map[np.where(there, flat, 0)], -1)
         row, place = np.nonzero(found >= 0)
         sources.append(own[few[row]])
         targets.append(found[row, place].astype(np.int64))
     source, target = np.concatenate(sources), np.concatenate(targets)
-    xi = position[target] - position[source]
-    return Pairs(source, target, np.hypot(xi[:, 0], xi[:, 1]))
+    return Pairs(source, target, lengths(position[target] - position[source]))
 
 
 def _by_offsets(
@@ -193,7 +212,7 @@ def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: ND
         left = np.setdiff1d(left, taken, assume_unique=True)
     if len(left):
         nothing = np.zeros(0, dtype=np.int64)
-        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing, 0, np.zeros(2), 0.0
+        unmapped = nothing, np.zeros(0, dtype=np.int32), nothing, (), np.zeros(position.shape[1]), 0.0
         groups.append(_Group(left, position[left], float(reach[left].max()), *unmapped))
     return groups
 
@@ -204,16 +223,17 @@ def _lattice(
     """The lattice of these nodes; None if it has too few, too far apart, or two at one place."""
     margin = int(reach / spacing * (1 + ROUND_OFF))
     low, high = place.min(axis=0) - margin, place.max(axis=0) + margin
-    width, height = (int(side) for side in high - low + 1)
-    if len(rows) < LEAST_NODES or len(rows) < LEAST_FILLED * width * height:
+    size = tuple(int(side) for side in high - low + 1)
+    if len(rows) < LEAST_NODES or len(rows) < LEAST_FILLED * math.prod(size):
         return None
-    flat = (place[:, 1] - low[1]) * width + place[:, 0] - low[0]
-    lattice = np.full(width * height, -1, dtype=np.int32)
+    stride = np.cumprod([1, *size[:-1]])
+    flat = (place - low) @ stride
+    lattice = np.full(math.prod(size), -1, dtype=np.int32)
     lattice[flat] = rows
     if np.count_nonzero(lattice >= 0) < len(rows):
         return None
     steps = np.arange(-margin, margin + 1)
-    y, x = (side.ravel() for side in np.meshgrid(steps, steps, indexing="ij"))
-    near = (np.hypot(x, y) * spacing <= reach * (1 + ROUND_OFF)) & ((x != 0) | (y != 0))
+    ways = np.stack(np.meshgrid(*(steps,) * len(size), indexing="ij")[::-1], axis=-1).reshape(-1, len(size))
+    near = (lengths(ways.astype(float)) * spacing <= reach * (1 + ROUND_OFF)) & (ways != 0).any(axis=1)
     corner = position[rows[0]] + (low - place[0]) * spacing
-    return _Group(rows, position[rows], reach, flat, lattice, y[near] * width + x[near], width, corner, spacing)
+    return _Group(rows, position[rows], reach, flat, lattice, ways[near] @ stride, size, corner, spacing)

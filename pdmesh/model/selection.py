@@ -14,6 +14,7 @@ from pdmesh.model.document import (
     AnyCondition,
     Displacement,
     GridError,
+    InitialVelocity,
     Load,
     Selection,
     Settings,
@@ -22,6 +23,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 
+WHOLES = {2: "a plate", 3: "a body in space"}
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
@@ -34,11 +36,18 @@ class Cloud(Protocol):
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(n, 2) m."""
+        """(n, d) m."""
 
     @property
     def delta(self) -> NDArray[np.float64]:
         """(n,) spacing, m."""
+
+
+def components(
+    condition: Displacement | Velocity | Acceleration | InitialVelocity, dimension: int = 3
+) -> tuple[float | None, ...]:
+    """What is said of each axis; None: nothing."""
+    return (condition.x, condition.y, condition.z)[:dimension]
 
 
 def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -48,8 +57,8 @@ def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def in_box(cloud: Cloud, box: ArrayLike) -> NDArray[np.bool_]:
-    """Which nodes (n,) are in a box x0, y0, x1, y1, m, or on its edge."""
-    low, high = np.reshape(np.asarray(box, dtype=float), (2, 2))
+    """Which nodes (n,) are in a box, its low corner and then its high one, m, or on its edge."""
+    low, high = np.reshape(np.asarray(box, dtype=float), (2, cloud.position.shape[1]))
     slack = SLACK * cloud.delta[:, None]
     return np.asarray(((cloud.position >= low - slack) & (cloud.position <= high + slack)).all(axis=1))
 
@@ -68,8 +77,11 @@ def check(settings: Settings, cloud: Cloud, name: str) -> None:
         place = f"{name}: $.conditions[{number}]"
         _check_selection(condition, cloud, place)
         _check_condition(condition, place)
+        _check_components(condition, cloud.position.shape[1], place)
     for number, region in enumerate(settings.regions):
         _check_selection(region, cloud, f"{name}: $.regions[{number}]")
+    for number, probe in enumerate(settings.run.probes):
+        _check_length(probe, cloud.position.shape[1], f"{name}: $.run.probes[{number}]")
 
 
 def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
@@ -82,14 +94,18 @@ def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
             raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
         if not selection.nodes:
             raise GridError(f"{place}.nodes: found none, expected at least one")
-    elif selection.box is not None and not in_box(cloud, selection.box).any():
-        raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
+    elif selection.box is not None:
+        _check_length(selection.box, 2 * cloud.position.shape[1], f"{place}.box")
+        if not in_box(cloud, selection.box).any():
+            raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
 
 
 def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Load) and (condition.body_force is None) == (condition.traction is None):
         raise GridError(f"{place}: found neither or both of body_force and traction, expected one of them")
-    if isinstance(condition, Displacement | Velocity | Acceleration) and condition.x is condition.y is None:
+    if isinstance(condition, Displacement | Velocity | Acceleration) and not any(
+        value is not None for value in components(condition)
+    ):
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
         raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
@@ -99,3 +115,23 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
         times = [time for time, _ in condition.profile]
         if any(not before < after for before, after in itertools.pairwise(times)):
             raise GridError(f"{place}.profile: found times {times}, expected them to increase")
+
+
+def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:
+    """Raises GridError for components of a body in a plate, and for vectors of a plate in a body."""
+    if isinstance(condition, Load):
+        for key in ("body_force", "traction"):
+            vector = getattr(condition, key)
+            if vector is not None:
+                _check_length(vector, dimension, f"{place}.{key}")
+        extent = "surface" if dimension == 2 else "length"
+        if getattr(condition, extent) is not None:
+            raise GridError(f"{place}.{extent}: found one, expected none in {WHOLES[dimension]}")
+    elif dimension == 2 and getattr(condition, "z", None):
+        raise GridError(f"{place}.z: found one, expected none in {WHOLES[2]}")
+
+
+def _check_length(found: Sequence[float], expected: int, place: str) -> None:
+    if len(found) != expected:
+        whole = WHOLES[2 if expected in (2, 4) else 3]
+        raise GridError(f"{place}: found {len(found)} numbers, expected {expected} in {whole}")

@@ -6,7 +6,7 @@ shapely is imported where there is one of them: a bare list of nodes is solved w
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from pdmesh.model.cloud import Grid
 from pdmesh.model.document import GridError
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
+from pdmesh.model.triangles import facing, met
 
 if TYPE_CHECKING:
     import shapely
@@ -26,8 +27,39 @@ COVERED = 0.75  # spacings from the nearest node; the middle of a square of node
 CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
 
 
-class Sight:
+class Obstacles(Protocol):
+    """What stands between nodes."""
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without leaving the plate or the body."""
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates."""
+
+
+def sight_of(grid: Grid, name: str = "grid") -> Obstacles:
     """What stands between the nodes of the grid called `name`. Raises GridError as `plate_of` does."""
+    return Sight(grid, name) if grid.dimension == 2 else SightInSpace(grid)
+
+
+class SightInSpace:
+    """What stands between the nodes of a body: its surface where it is not convex, and the triangles of its cracks."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._position, self._surface = grid.position, facing(grid.faces)
+        self._cracks = grid.cracks.reshape(-1, 3, 3)
+
+    def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) see each other without touching the surface."""
+        return ~met(self._position, pairs, self._surface)
+
+    def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) a pre-crack separates; touching its edge counts."""
+        return met(self._position, pairs, self._cracks)
+
+
+class Sight:
+    """What stands between the nodes of a plate, the grid called `name`. Raises GridError as `plate_of` does."""
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid

@@ -13,9 +13,9 @@ from pdmesh.model.continuum import micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.neighbours import Neighbours
-from pdmesh.model.visibility import Sight
+from pdmesh.model.visibility import sight_of
 
-CHUNK = 50_000  # nodes whose bonds are looked at together
+CHUNK = 10_000  # nodes whose bonds are looked at together
 
 SURFACES = 0.84  # of the step of a full family: corrected edges are stiffer along themselves, measured 0.85 to 0.885
 
@@ -32,7 +32,7 @@ class SeenPairs:
 
 def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[SeenPairs]:
     """The directed bonds |xi| <= `ratio` delta of each node, or of those in `rows`, a chunk of nodes at a time."""
-    neighbours, sight = Neighbours(grid.position, grid.delta, ratio * grid.delta), Sight(grid)
+    neighbours, sight = Neighbours(grid.position, grid.delta, ratio * grid.delta), sight_of(grid)
     wanted = np.arange(len(grid)) if rows is None else rows
     for start in range(0, len(wanted), CHUNK):
         pairs = neighbours.pairs(wanted[start : start + CHUNK])

@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document, Settings, settings_of
+from pdmesh.model.triangles import volume
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import count
+from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -31,7 +34,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
     """What the model called `name` holds, and what its run in a mode takes, for `pdmesh info`. Raises GridError."""
     grid = grid_of(document, name)
     selection.check(document, grid, name)
-    plate, at_hole = plate_of(grid, name), grid.hole_id >= 0
+    plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
     run = run_of(grid, settings_of(document), name, mode)
@@ -47,8 +50,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         **_run(bonds - cut, run),
         "bonds_cut_by_cracks": cut,
         "bounding_box": [*low.tolist(), *high.tolist()],
-        "area_of_nodes": float(grid.areas.sum()) if grid.areas is not None else float((grid.delta**2).sum()),
-        "area_of_shape": None if plate is None else float(plate.area),
+        **_extent(grid, plate),
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
         "at_rest": run is not None and run.at_rest,
@@ -64,6 +66,14 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
     return result
 
 
+def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
+    """Of the nodes and of what was drawn: areas of a plate, volumes of a body."""
+    own = float(grid.cells.sum())
+    if grid.dimension == 3:
+        return {"volume_of_nodes": own, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
+    return {"area_of_nodes": own, "area_of_shape": None if plate is None else float(plate.area)}
+
+
 def nodes_by_spacing(grid: Grid) -> dict[str, int]:
     """How many nodes there are of each spacing, m."""
     return _by_spacing(*np.unique(np.round(grid.delta, 15), return_counts=True))
@@ -71,14 +81,19 @@ def nodes_by_spacing(grid: Grid) -> dict[str, int]:
 
 def info_lines(result: dict[str, Any]) -> list[str]:
     """What `info` found, for a reader."""
-    x0, y0, x1, y1 = result["bounding_box"]
+    box = result["bounding_box"]
+    ends = zip("xyz", box[: len(box) // 2], box[len(box) // 2 :], strict=False)
+    place = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in ends)
+    what, unit = ("area", "m^2") if len(box) == 4 else ("volume", "m^3")
+    shape = result[f"{what}_of_shape"]
     lines = [
         f"{result['model']}: {result['nodes']} nodes"
         f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
-        f"x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m; area {result['area_of_nodes']:.10g} m^2"
-        + ("" if result["area_of_shape"] is None else f", of the shape {result['area_of_shape']:.10g} m^2"),
+        f"{place}; {what} {result[f'{what}_of_nodes']:.10g} {unit}"
+        + ("" if shape is None else f", of the shape {shape:.10g} {unit}"),
         f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
-        f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack segments",
+        f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack"
+        f" {'segments' if len(box) == 4 else 'triangles'}",
         _step_line(result),
     ]
     if result["memory_bytes"] is not None:
@@ -162,19 +177,20 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
     return None
 
 
-def plan(scene: Scene, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
-    if scene.run.adapt == "hybrid":
+    if scene.run.adapt == "hybrid" and isinstance(scene, Scene):
         return _moving(scene, mode)
-    grid, settings, _ = build_grid(scene)
-    own, flat = run_of(grid, settings, scene.source, mode), scene.one_scale()
+    grid, settings = build_body(scene) if isinstance(scene, Body) else build_grid(scene)[:2]
+    own = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     ratio = 1.0 if own is None else own.bonds / counted
+    nodes, bonds = _one_scale(scene, counted / len(grid))
     return {
         "source": scene.source,
         "mode": mode,
         "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
-        "one_scale": _one_scale(flat, settings, mode, ratio, counted / len(grid), own),
+        "one_scale": _priced({f"{scene.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, own),
     }
 
 
@@ -197,26 +213,33 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
     }
 
 
-def _one_scale(
-    flat: Scene, settings: Settings, mode: str, ratio: float, each: float, own: Plan | None
-) -> dict[str, Any]:
-    """The same of the scene on one scale, estimated: pairs within a horizon, times the `ratio` of bonds to those on
-    several scales; where there are too many nodes, `each` has as many pairs as there."""
+def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
+    """Nodes of the scene on one scale, and pairs within a horizon; where there are too many nodes, or in space, where
+    they are not placed, `each` has as many pairs as on several scales."""
+    if isinstance(scene, Body):
+        nodes = round(scene.shell.volume / scene.finest**3)
+        return nodes, each * nodes
+    flat = scene.one_scale()
     nodes = round(flat.shape.area / flat.finest**2)
-    spacing = f"{flat.finest:g}"
     if nodes < MOST_COUNTED:
         placed = place_nodes(flat)
         grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
         nodes, each = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
-    bonds = round(ratio * each * nodes)
+    return nodes, each * nodes
+
+
+def _priced(
+    spacings: dict[str, int], nodes: int, bonds: int, settings: Settings, mode: str, own: Plan | None
+) -> dict[str, Any]:
+    """What so many nodes and bonds cost in as many steps as the scene's `own` plan."""
     if own is None:
-        return _cost({spacing: nodes}, nodes, bonds, None)
+        return _cost(spacings, nodes, bonds, None)
     from pdsolve.estimate import priced
     from pdsolve.system import Options
 
     steps, run = (own.time_step, own.stable_time_step), msgspec.structs.replace(settings.run, steps=own.steps)
     settings = msgspec.structs.replace(settings, run=run)
-    return _cost({spacing: nodes}, nodes, bonds, priced(settings, Options(mode), nodes, bonds, steps))
+    return _cost(spacings, nodes, bonds, priced(settings, Options(mode), nodes, bonds, steps, own.in_blocks))
 
 
 def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:

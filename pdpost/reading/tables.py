@@ -19,19 +19,25 @@ SHOWN = {  # what is in it
     "probe": "the nodes at the probes, as often as the ledger",
     "bond_break": "every broken bond; one of both its nodes is there twice",
     "crack": "segments of pre-cracks",
+    "crack_face": "triangles of those of a body in space",
     "meta": "what the run says of itself; 'model' is the grid file",
 }
 UNITS: dict[str, str] = {
     **OF_FIELDS,
-    **dict.fromkeys(("x", "y", "z", "x0", "y0", "x1", "y1", "delta", "uz", "displacement_x", "displacement_y"), "m"),
+    **dict.fromkeys([f"{axis}{end}" for axis in "xyz" for end in ("", "0", "1", "2")], "m"),
+    **dict.fromkeys(("delta", "displacement_x", "displacement_y", "displacement_z"), "m"),
     **dict.fromkeys(("kinetic", "strain", "dissipated", "work", "refinement"), "J/m"),
-    **dict.fromkeys(("momentum_x", "momentum_y"), "N s/m"),
-    **dict.fromkeys(("force_x", "force_y"), "N/m"),
+    **dict.fromkeys(("momentum_x", "momentum_y", "momentum_z"), "N s/m"),
+    **dict.fromkeys(("force_x", "force_y", "force_z"), "N/m"),
     **dict.fromkeys(("inside", "through", "supplied", "dissolved"), "mol"),
     "time": "s",
     "area": "m^2",
-    "vz": "m/s",
-    "az": "m/s^2",
+}
+OF_BODIES = {  # which are not per unit thickness
+    **dict.fromkeys(("kinetic", "strain", "dissipated", "work", "refinement"), "J"),
+    **dict.fromkeys(("momentum_x", "momentum_y", "momentum_z"), "N s"),
+    **dict.fromkeys(("force_x", "force_y", "force_z"), "N"),
+    "area": "m^3",
 }
 
 
@@ -52,10 +58,10 @@ class Query(NamedTuple):
 
 def tables(results: Results) -> list[Table]:
     """The tables meant to be read, those that a user wants first at the top."""
-    found = []
+    found, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {})
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
-        units = tuple((column, UNITS.get(column, "").removesuffix("1")) for column in columns)
+        units = tuple((column, units_of.get(column, "").removesuffix("1")) for column in columns)
         found += [Table(name, about, units)] * bool(columns)  # older files have fewer
     return found
 

@@ -6,6 +6,7 @@ import json
 import sqlite3
 import zlib
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from pdmesh.model.fields import UNITS
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.lives import NEVER, Lives
-from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_MASSES, Breaks, Families, Nodes, taken
+from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, taken
 from pdsolve.results.tables import Tables
 
 
@@ -89,6 +90,11 @@ class Results:
         """The closing summary; empty while the run goes on."""
         summary: dict[str, Any] = json.loads(self.meta().get("summary", "{}"))
         return summary
+
+    @cached_property
+    def dimension(self) -> int:
+        """2 for a plate, 3 for a body in space."""
+        return int(self.meta().get("dimension", 2)) if self._tables.space else 2
 
     def epochs(self) -> NDArray[np.int64]:
         """The steps (k,) from which on nodes are others than before, 0 among them."""
@@ -174,7 +180,9 @@ class Results:
         return np.bincount(own[kept], minlength=len(bonds))[rows], place[kept]
 
     def cracks(self) -> NDArray[np.float64]:
-        """Segments (k, 4) of pre-cracks x0, y0, x1, y1, m."""
+        """Segments (k, 4) of pre-cracks x0, y0, x1, y1, or triangles (k, 9) in a body, m."""
+        if self.dimension == 3:
+            return np.array(self._tables.all("crack_face"), dtype=float).reshape(-1, 9)
         return np.array(self._tables.all("crack"), dtype=float).reshape(-1, 4)
 
     def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -211,8 +219,8 @@ class Results:
 
     def _read_lives(self) -> Lives:
         table = self._tables.records("node")
-        _, ids, x, y, _, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
-        nodes = Nodes(ids, np.column_stack([x, y]), *others[:4])
+        _, ids, x, y, z, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
+        nodes = Nodes(ids, np.column_stack([x, y, z][: self.dimension]), *others[:4])
         birth, death = np.zeros(len(ids), dtype=np.int64), np.full(len(ids), NEVER)
         if self._tables.epochs:
             birth, deaths = others[4], self._tables.records("node_death")
@@ -238,23 +246,23 @@ class Results:
 
     def history(self) -> NDArray[np.void]:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
-        momentum_y, broken, refinement, fine_share and clipped_stretch."""
+        momentum_y, broken, refinement, fine_share, clipped_stretch and momentum_z."""
         return self._numbers("history", self._tables.all("history"))
 
     def masses(self) -> NDArray[np.void]:
         """What there is of a substance and where it has gone, a record a row, with fields step, time, inside, through,
         supplied, solid, dissolved and surface; none of a model of mechanics."""
-        rows = self._tables.all("mass") if self._tables.version > WITHOUT_MASSES else []
+        rows = self._tables.all("mass") if self._tables.version > WITHOUT_SPACE else []
         return self._numbers("mass", rows)
 
     def probes(self) -> NDArray[np.void]:
-        """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay."""
+        """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay, uz, vz, az."""
         found = self._numbers("probe", self._tables.all("probe"))
         return found[np.lexsort((found["step"], found["node"]))]
 
     def reactions(self) -> NDArray[np.void]:
-        """What the conditions did, a record a row, with fields step, time, condition, force_x, force_y, displacement_x
-        and displacement_y; their kinds are in the model."""
+        """What the conditions did, a record a row, with fields step, time, condition, force_x, force_y, displacement_x,
+        displacement_y, force_z and displacement_z; their kinds are in the model."""
         rows = [(*row[:3], *row[4:]) for row in self._tables.all("reaction")]
         found = self._numbers("reaction", rows, leave_out="kind")
         return found[np.lexsort((found["step"], found["condition"]))]

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import UNITS
+from pdmesh.model.fields import ALONG, UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_MASSES, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 3, 2
+SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 
@@ -19,9 +19,9 @@ class Nodes(NamedTuple):
     """What a run knows of n nodes from their birth."""
 
     ids: NDArray[np.int64]  # (n,)
-    position: NDArray[np.float64]  # (n, 2) reference position, m
+    position: NDArray[np.float64]  # (n, 2) reference position, m; (n, 3) of a body in space
     delta: NDArray[np.float64]  # (n,) spacing, m
-    area: NDArray[np.float64]  # (n,) m^2
+    area: NDArray[np.float64]  # (n,) m^2; of a body volume, m^3
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those that were gone at birth included
     cut: NDArray[np.int64]  # (n,) bonds that were gone at birth: cut by a pre-crack, or broken before
 
@@ -89,20 +89,25 @@ TABLES = {  # name: columns
     -- has its id later takes its place
     """,
     "crack": "x0 REAL, y0 REAL, x1 REAL, y1 REAL -- segments of pre-cracks\n",
+    "crack_face": """x0 REAL, y0 REAL, z0 REAL, x1 REAL, y1 REAL, z1 REAL, x2 REAL, y2 REAL, z2 REAL -- triangles of
+    -- those of a body in space
+    """,
     "frame": "step INTEGER PRIMARY KEY, time REAL NOT NULL, fields TEXT -- names, with a space between\n",
     "field_chunk": """step INTEGER, field TEXT, chunk INTEGER, crc INTEGER, data BLOB NOT NULL,
     PRIMARY KEY (step, field, chunk)""",
     "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
-    momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL""",
+    momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL,
+    momentum_z REAL""",
     "mass": """step INTEGER PRIMARY KEY, time REAL, inside REAL, through REAL, supplied REAL, solid REAL,
     dissolved REAL, surface REAL -- of models of diffusion
     """,
     "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
-    PRIMARY KEY (node, step)""",
+    uz REAL, vz REAL, az REAL, PRIMARY KEY (node, step)""",
     "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
-    displacement_x REAL, displacement_y REAL, PRIMARY KEY (condition, step) -- N/m that each of the model's
-    -- conditions, counted from 0, acts with on the plate, and the mean displacement of its nodes, m
+    displacement_x REAL, displacement_y REAL, force_z REAL, displacement_z REAL, PRIMARY KEY (condition, step) -- N/m
+    -- (of a body N) that each of the model's conditions, counted from 0, acts with, and the mean displacement of its
+    -- nodes, m
     """,
     "checkpoint": "name TEXT PRIMARY KEY, step INTEGER, type TEXT, crc INTEGER, data BLOB",
     "float32_prefix": "prefix INTEGER PRIMARY KEY, base REAL, unit REAL -- sign and exponent of a float32\n",
@@ -127,14 +132,14 @@ def prefixes() -> list[tuple[int, float | None, float | None]]:
     return rows
 
 
-def statements() -> list[str]:
-    """SQL that makes an empty database."""
+def statements(dimension: int = 2) -> list[str]:
+    """SQL that makes an empty database, of a plate or of a body in space."""
     tables = [f"CREATE TABLE {name} ({columns})" for name, columns in TABLES.items()]
     marks = [f"PRAGMA application_id = {APPLICATION_ID}", f"PRAGMA user_version = {SCHEMA_VERSION}"]
-    return [*tables, _view(), *marks]
+    return [*tables, _view(dimension), *marks]
 
 
-def _view() -> str:
+def _view(dimension: int) -> str:
     every_byte = f"x'{bytes(range(256)).hex()}'"
 
     def decoded(field: str) -> str:
@@ -145,9 +150,8 @@ def _view() -> str:
     WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 
-    columns = [decoded(column) for column in UNITS]
-    for at, name in ((2, "0.0 AS uz"), (5, "0.0 AS vz"), (8, "0.0 AS az")):
-        columns.insert(at, name)
+    flat = ALONG if dimension == 2 else ()
+    columns = [f"0.0 AS {column}" if column in flat else decoded(column) for column in UNITS]
     return f"""CREATE VIEW node_state AS SELECT f.step AS step, f.time AS time, n.node AS node,
     n.x AS x, n.y AS y, n.z AS z, {", ".join(columns)} FROM frame f CROSS JOIN node n
     LEFT JOIN node_death d ON d."row" = n."row" WHERE n.birth <= f.step AND (d.step IS NULL OR d.step > f.step)"""

@@ -19,6 +19,7 @@ from pdsolve.results.schema import (
     TABLES,
     WITHOUT_CHECKSUMS,
     WITHOUT_EPOCHS,
+    WITHOUT_SPACE,
 )
 
 
@@ -33,6 +34,7 @@ class Tables:
     def _look_at_version(self) -> None:
         ((self.version,),) = self.rows("PRAGMA user_version")
         self.checked = self.version != WITHOUT_CHECKSUMS
+        self.space = self.version > WITHOUT_SPACE  # whether there may be bodies in it
         self.epochs = self.version > WITHOUT_EPOCHS  # whether nodes have a birth and a death
 
     def expect_ours(self) -> None:

@@ -51,7 +51,7 @@ class Writer:
         cracks: NDArray[np.float64],
         meta: Mapping[str, Any],
     ) -> Writer:
-        """A new database at `path` (in memory if None), replacing what is there; `cracks` (k, 4) are segments, m.
+        """A new database at `path` (in memory if None), replacing what is there; `cracks` are those of a grid.
 
         `families(first, last)` gives those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
         written, and then leaves nothing behind.
@@ -61,7 +61,7 @@ class Writer:
         writer = cls(_connected(path), path)
         try:
             with writer._transaction(new=True) as connection:
-                for statement in statements():
+                for statement in statements(nodes.position.shape[1]):
                     connection.execute(statement)
                 writer._checksums = dict.fromkeys(TABLES, Checksum())
                 writer._checksums["schema"] = Checksum().of("schema", connection.execute(select_schema()))
@@ -69,7 +69,7 @@ class Writer:
                 writer._append("float32_prefix", prefixes())
                 writer._write_nodes(0, 0, nodes, families)
                 writer._append("epoch", [(0, len(nodes.ids), int((nodes.family - nodes.cut).sum()))])
-                writer._append("crack", cracks.tolist())
+                writer._append("crack" if cracks.shape[1] == 4 else "crack_face", cracks.tolist())
                 writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
         except BaseException:
             writer.discard()
@@ -218,7 +218,8 @@ class Writer:
         """Nodes that are rows from `first` on and their families, some at a time."""
         count = len(nodes.ids)
         row = np.arange(first, first + count)
-        columns = (row, nodes.ids, *nodes.position.T, np.zeros(count), *nodes[2:], np.full(count, birth))
+        flat = [np.zeros(count)] * (3 - nodes.position.shape[1])
+        columns = (row, nodes.ids, *nodes.position.T, *flat, *nodes[2:], np.full(count, birth))
         for at in range(0, count, CHUNK):
             self._append("node", records("node", [column[at : at + CHUNK] for column in columns]))
             start, neighbour = families(at, min(at + CHUNK, count))

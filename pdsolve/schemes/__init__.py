@@ -10,6 +10,8 @@ from pdsolve.schemes.scheme import Scheme
 
 def _bonds_of_their_own(model: Model) -> Filling:
     """The thesis's bonds. Raises ModelError for a model that has others."""
+    if model.grid.dimension == 3:
+        raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
     kind = model.materials[0].model
     if kind != "bond":
         raise ModelError(f"{model.place_of(0)}.model: found '{kind}', expected 'bond' in the thesis mode")

@@ -29,7 +29,7 @@ from pdmesh.model.continuum import C11, STIFFNESS, critical_stretch, micromodulu
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, row_chunks
-from pdmesh.model.visibility import Sight
+from pdmesh.model.visibility import sight_of
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws.critical import limits
@@ -63,7 +63,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     margin = grid.delta / 2 if corrections.partial_cells else 0.0
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
-    sight = Sight(grid, model.name)
+    sight = sight_of(grid, model.name)
     nothing = ROUND_OFF * max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
 
     def candidates(rows: NDArray[np.int64]) -> Candidates:
@@ -71,12 +71,12 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
         modulus, peak, limit = _mean_of_ends(model, pairs, reach, corrections)
-        kept = np.flatnonzero(modulus * reach**3 > nothing)
+        kept = np.flatnonzero(modulus * reach ** (grid.dimension + 1) > nothing)
         kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
         pairs = Pairs(i[kept], j[kept], length[kept])
         return Candidates(pairs, ~sight.cut(pairs), modulus[kept], (peak[kept], limit[kept]))
 
-    lack = np.ones((len(grid), 2))
+    lack = np.ones((len(grid), grid.dimension))
     all_of_them: Candidates | None = None  # where they are so few as to be found in one go
     for rows in row_chunks(len(grid)) if corrections.surfaces else ():
         found = candidates(rows)
@@ -143,12 +143,12 @@ def _lack(
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
-    """What the rows (k, 2) of a full lattice hold in uniform stretching along x and along y, over what the intact
-    pairs of these hold; 1 where they hold nothing."""
+    """What the rows (k, d) of a full lattice hold in uniform stretching along each axis, over what the intact pairs of
+    these hold; 1 where they hold nothing."""
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full, lack = _full_energy(model, rows, corrections), []
-    for axis in (0, 1):
+    for axis in range(n.shape[1]):
         energy = found.modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
         held = np.bincount(pairs.source - rows[0], np.where(found.intact, energy, 0.0), minlength=len(rows))
         with np.errstate(divide="ignore"):
@@ -159,8 +159,10 @@ def _lack(
 def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
     """Correction (b,) of each pair's modulus, 1 in the interior of a uniform grid; the same both ways."""
     n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
-    mean = [(lack[pairs.source, axis] + lack[pairs.target, axis]) / 2 for axis in (0, 1)]
-    return np.asarray(((n[:, 0] / mean[0]) ** 2 + (n[:, 1] / mean[1]) ** 2) ** -0.5)
+    total = np.zeros(len(n))
+    for axis in range(n.shape[1]):
+        total += (n[:, axis] / ((lack[pairs.source, axis] + lack[pairs.target, axis]) / 2)) ** 2
+    return np.asarray(total**-0.5)
 
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import hu_beta
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
-from pdmesh.model.visibility import Sight
+from pdmesh.model.visibility import sight_of
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
@@ -64,7 +64,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
     first, whole = model.materials[0], whole_cells(model.materials[0])
     margin = 0.0 if whole else grid.delta / 2
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
-    sight = Sight(grid, model.name)
+    sight = sight_of(grid, model.name)
 
     def part(rows: NDArray[np.int64]) -> Part:
         pairs = neighbours.pairs(rows)

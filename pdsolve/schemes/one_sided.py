@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pdmesh.model.continuum import critical_stretch, micromodulus
 from pdmesh.model.full_lattice import full_family, hu_beta
 from pdmesh.model.neighbours import Neighbours, chosen
-from pdmesh.model.visibility import Sight
+from pdmesh.model.visibility import sight_of
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws.critical import limits
@@ -24,7 +24,7 @@ from pdsolve.model import Model
 def fill(model: Model) -> Filling:
     """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "eq19"), unbreakable(model)
-    neighbours, sight = Neighbours(grid.position, grid.delta, horizon), Sight(grid, model.name)
+    neighbours, sight = Neighbours(grid.position, grid.delta, horizon), sight_of(grid, model.name)
     full = full_family(model.settings.horizon.ratio)
 
     def part(rows: NDArray[np.int64]) -> Part:

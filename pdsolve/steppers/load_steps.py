@@ -66,7 +66,7 @@ class LoadSteps:
         under load. Raises ModelError for a body without supports."""
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
-        self.held = np.zeros((len(area), 2), dtype=bool)
+        self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
         self._remember = remember
@@ -124,7 +124,8 @@ class LoadSteps:
         """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
         model = self._model
         cost = float(np.sum(self._area * state.dissipated)) - spent
-        least_cost = float(model.horizons.max()) * min(material.G0 for material in model.materials)
+        grown = float(model.horizons.max()) ** (model.grid.dimension - 1)
+        least_cost = grown * min(material.G0 for material in model.materials)
         if step > 1 and less and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
@@ -205,7 +206,7 @@ class LoadSteps:
         return np.where(self.held, 0.0, forces(self._operator, state) + load)
 
     def _outside(self, state: State, load: Array) -> Array:
-        """Densities (n, 2) of what acts from outside: loads, and whatever holds what is held."""
+        """Densities (n, d) of what acts from outside: loads, and whatever holds what is held."""
         return np.where(self.held, -forces(self._operator, state), load)
 
     def _note(self, state: State) -> None:
@@ -247,7 +248,7 @@ class LoadSteps:
 
 
 def _held_at(drive: Drive, time: float) -> Array:
-    """Where held components are to be (n, 2) at `time`, s; others, and whose speed is held, 0."""
+    """Where held components are to be (n, d) at `time`, s; others, and whose speed is held, 0."""
     at = np.zeros(drive.force.shape)
     holds = drive.holds
     still = holds.kind == DISPLACEMENT
@@ -256,6 +257,6 @@ def _held_at(drive: Drive, time: float) -> Array:
 
 
 def _along(u: list[Array], pushed: list[Array]) -> Array:
-    """The work (n, 2) of forces on the way through three states, both of second degree in between, J/m^3."""
+    """The work (n, d) of forces on the way through three states, both of second degree in between, J/m^3."""
     (u0, um, u1), (f0, fm, f1) = u, pushed
     return (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
@@ -30,10 +31,10 @@ def loose(
     bonds: Pairs,
     held: NDArray[np.bool_],
 ) -> Loose:
-    """Bodies with fewer supports than a plane body needs, and nodes whose bonds are in one line.
+    """Bodies with fewer supports than they need, and nodes whose bonds are in one line, in space in one plane.
 
-    `position` (n, 2) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, 2) components. A body of one
-    node has no rotation to be held.
+    `position` (n, d) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, d) components. A body of one
+    node has no rotation to be held, in space one in a row none about it.
     """
     source, target = bonds
     nodes = len(position)
@@ -52,26 +53,40 @@ def loose(
         more = f", and {others} more" if others else ""
     else:
         own, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
-    x, y = position[own].mean(axis=0)
-    return Loose(found, f"{what} around ({x:.4g}, {y:.4g}) m (node {ids[own][0]}) free to move{more}", part)
+    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) free to move{more}", part)
+
+
+def _place(position: NDArray[np.float64]) -> str:
+    """The middle of some places (k, d), in words."""
+    return f"({', '.join(f'{value:.4g}' for value in position.mean(axis=0))}) m"
+
+
+def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How places (n, d) from a middle go in a turn about each axis (n, d, 1 in the plane or 3)."""
+    if arm.shape[1] == 2:
+        return np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
+    return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
 
 
 def _unsupported(
     position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which bodies (p,) have supports that leave a motion free: along x, along y, or a turn about their middle."""
-    count = len(size)
+    """Which bodies (p,) have supports that leave a motion free: along an axis, or a turn about their middle."""
+    count, d = len(size), position.shape[1]
     middle = np.stack([np.bincount(part, column, count) / size for column in position.T], axis=1)
     arm = position - middle[part]
     reach = np.sqrt(np.bincount(part, (arm**2).sum(axis=1), count) / size)
-    turn = np.column_stack([-arm[:, 1], arm[:, 0]]) / np.where(reach > 0, reach, 1.0)[part][:, None]
-    gram = np.zeros((count, 3, 3))
-    for axis in range(2):
+    turn = _turns(arm) / np.where(reach > 0, reach, 1.0)[part][:, None, None]
+    ways = d + turn.shape[2]
+    gram = np.zeros((count, ways, ways))
+    for axis in range(d):
         rows = np.flatnonzero(held[:, axis])
-        resists = np.zeros((len(rows), 3))
-        resists[:, axis], resists[:, 2] = 1.0, turn[rows, axis]
+        resists = np.zeros((len(rows), ways))
+        resists[:, axis], resists[:, d:] = 1.0, turn[rows, axis]
         np.add.at(gram, part[rows], resists[:, :, None] * resists[:, None, :])
-    gram[reach == 0, 2, 2] = 1.0
+    for way in range(d, ways):  # a turn that moves nothing has nothing to be held
+        still = np.bincount(part, (turn[:, :, way - d] ** 2).sum(axis=1), count) <= LOOSE * size
+        gram[still, way, way] = 1.0
     values = np.linalg.eigvalsh(gram)
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 
@@ -79,9 +94,16 @@ def _unsupported(
 def _swinging(
     position: NDArray[np.float64], source: NDArray[np.int64], target: NDArray[np.int64], held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which nodes (n,) have all their bonds in one line, and are not held."""
+    """Which nodes (n,) have all their bonds in one line, in space in one plane, and are not held."""
     nodes, xi = len(position), position[target] - position[source]
     n = xi / np.sqrt((xi**2).sum(axis=1))[:, None]
+    if n.shape[1] == 3:
+        sums = np.empty((nodes, 3, 3))
+        for a, b in combinations_with_replacement(range(3), 2):
+            sums[:, a, b] = sums[:, b, a] = np.bincount(source, n[:, a] * n[:, b], minlength=nodes)
+        sums[:, range(3), range(3)] += held
+        values = np.linalg.eigvalsh(sums)
+        return np.asarray(values[:, 0] <= LOOSE * values[:, -1])
     xx, xy, yy = (
         np.bincount(source, terms, minlength=nodes) for terms in (n[:, 0] ** 2, n[:, 0] * n[:, 1], n[:, 1] ** 2)
     )
@@ -96,9 +118,8 @@ def unbalanced(position: NDArray[np.float64], force: NDArray[np.float64], found:
         own = found.body == number
         arm = position[own] - position[own].mean(axis=0)
         push, reach = force[own], float(np.sqrt((arm**2).sum(axis=1).max()))
-        moment = float(np.sum(arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]))
+        moment = float(np.abs(np.einsum("nij,ni->j", _turns(arm), push)).max())
         most = float(np.abs(push).sum())
-        if np.abs(push.sum(axis=0)).max() > BALANCED * most or abs(moment) > BALANCED * most * reach:
-            x, y = position[own].mean(axis=0)
-            return f"a body of {int(own.sum())} nodes around ({x:.4g}, {y:.4g}) m"
+        if np.abs(push.sum(axis=0)).max() > BALANCED * most or moment > BALANCED * most * reach:
+            return f"a body of {int(own.sum())} nodes around {_place(position[own])}"
     return ""

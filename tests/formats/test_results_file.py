@@ -60,6 +60,8 @@ def test_plain_sql_sees_the_numbers(small_results: Path) -> None:
         "syy",
         "sxy",
         "szz",
+        "sxz",
+        "syz",
         "plastic",
         "rotation",
         "J",

@@ -17,6 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 
+from pdmesh.drawing.sandbox.volumes import spatial_groups
 from pdmesh.drawing.sandbox.walls import raise_walls
 
 PREFIX = "Peridynamics/"
@@ -77,7 +78,10 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
         found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
         gmsh.open(path)
         found["parameters"] = _parameters_of(gmsh)
-    found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
+    if any(dimension == 3 for dimension, _ in gmsh.model.getPhysicalGroups()):
+        found |= spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
+    else:
+        found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
 
 
 def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
@@ -111,12 +115,8 @@ def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]
 
 def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[dict[str, Any]]:
     """The named groups, their curves as points; `chords` is how far one may be off, in spacings of its zone."""
-    spacings = {
-        entry["name"].split("/")[2]: entry["values"][0]
-        for entry in parameters
-        if re.fullmatch(PREFIX + "Zones/[^/]+/Spacing", entry["name"]) and entry["type"] == "number"
-    }
-    finest = min([value for value in spacings.values() if value > 0], default=1e-3)
+    spacings = _spacings(parameters)
+    finest = _finest(spacings)
     physical = [
         (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
         for group in gmsh.model.getPhysicalGroups()
@@ -144,6 +144,19 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
         }
         for name, dimension, entities in physical
     ]
+
+
+def _spacings(parameters: list[dict[str, Any]]) -> dict[str, float]:
+    """Of zones, by name, in the drawing's unit."""
+    return {
+        entry["name"].split("/")[2]: entry["values"][0]
+        for entry in parameters
+        if re.fullmatch(PREFIX + "Zones/[^/]+/Spacing", entry["name"]) and entry["type"] == "number"
+    }
+
+
+def _finest(spacings: dict[str, float]) -> float:
+    return min([value for value in spacings.values() if value > 0], default=1e-3)
 
 
 def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:

@@ -1,0 +1,117 @@
+"""Solids of a scene in Python become shells: Gmsh's kernel makes them, from words of its own language."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pdmesh.drawing.sandbox.child import read_trusted
+from pdmesh.model.triangles import volume
+from pdmesh.scene.body import Body
+from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.solids import Box, Cylinder, Joined, Sheet, Shell, Solid, Sphere
+
+TIME_LIMIT = 300.0  # s
+BODY = "zone:body"
+
+
+def meshed(body: Body) -> Body:
+    """The body with shells in place of its solids. Raises SceneError for what is no solid, and where Gmsh fails."""
+    wanted: dict[str, Solid] = {BODY: body.solid}
+    wanted |= {f"zone '{zone.name}'": zone.solid for zone in body.zones}
+    wanted |= {f"material '{part.region.name}'": part.solid for part in body.regions}
+    wanted |= {
+        f"{number}: {condition.action.name}": condition.where
+        for number, condition in enumerate(body.conditions)
+        if isinstance(condition.where, Solid)
+    }
+    shells = _shells({name: solid for name, solid in wanted.items() if not isinstance(solid, Shell)}, body.finest)
+
+    def found(name: str) -> Solid:
+        return shells.get(name, wanted[name])
+
+    return replace(
+        body,
+        solid=found(BODY),
+        zones=tuple(replace(zone, solid=found(f"zone '{zone.name}'")) for zone in body.zones),
+        regions=tuple(replace(part, solid=found(f"material '{part.region.name}'")) for part in body.regions),
+        conditions=tuple(
+            replace(condition, where=found(f"{number}: {condition.action.name}"))
+            if isinstance(condition.where, Solid)
+            else condition
+            for number, condition in enumerate(body.conditions)
+        ),
+    )
+
+
+def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
+    if not solids:
+        return {}
+    lines = [
+        'SetFactory("OpenCASCADE");',
+        f'DefineConstant[ h = {{{spacing!r}, Name "Peridynamics/Zones/body/Spacing"}} ];',
+    ]
+    groups = {}
+    for number, (name, solid) in enumerate(solids.items()):
+        group = groups[name] = name if name == BODY else f"solid:{number}"
+        tags = _said(solid, lines, name)
+        lines.append(f'Physical Volume("{group}") = {{{tags}()}};')
+    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
+        path = Path(folder) / "solids.geo"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        found = read_trusted(path, [], TIME_LIMIT)
+    for message in found["messages"]:
+        raise SceneError(f"body: Gmsh says: {message}")
+    there = {group["name"]: group for group in found["groups"]}
+    shells = {}
+    for name, group in groups.items():
+        if group not in there:
+            raise SceneError(f"{name}: found nothing left of it, expected a solid with an inside")
+        shells[name] = shell_of(found, there[group])
+    return shells
+
+
+def _said(solid: Solid, lines: list[str], place: str) -> str:
+    """Put into words how to make a solid; returns the name of the list of its volumes."""
+    name = f"s{len(lines)}"
+    if isinstance(solid, Joined):
+        first, second = _said(solid.first, lines, place), _said(solid.second, lines, place)
+        name = f"s{len(lines)}"
+        lines.append(f"{name}() = {solid.how}{{ Volume{{{first}()}}; Delete; }}{{ Volume{{{second}()}}; Delete; }};")
+        return name
+    if isinstance(solid, Box):
+        size = np.subtract(solid.high, solid.low)
+        said = f"Box(v) = {{{_words(*solid.low, *size)}}};"
+    elif isinstance(solid, Sphere):
+        said = f"Sphere(v) = {{{_words(*solid.centre, solid.radius)}}};"
+    elif isinstance(solid, Cylinder):
+        ends = *solid.start, *np.subtract(solid.end, solid.start), solid.radius
+        if solid.end_radius is None or solid.end_radius == solid.radius:
+            said = f"Cylinder(v) = {{{_words(*ends)}}};"
+        else:
+            said = f"Cone(v) = {{{_words(*ends, solid.end_radius)}}};"
+    else:
+        raise SceneError(f"{place}: found {type(solid).__name__}, expected Box, Cylinder, Sphere, or some of them")
+    lines.append(f"v = newv; {said} {name}() = {{v}};")
+    return name
+
+
+def _words(*numbers: float) -> str:
+    return ", ".join(repr(float(number)) for number in numbers)
+
+
+def shell_of(found: Mapping[str, Any], group: Mapping[str, Any]) -> Shell:
+    """The shell of a group of volumes, as Gmsh found it, with the volume of its triangles where no other is known."""
+    triangles = sheet_of(found, group).triangles
+    return Shell(triangles, float(group["volume"] or volume(triangles)))
+
+
+def sheet_of(found: Mapping[str, Any], group: Mapping[str, Any]) -> Sheet:
+    """The triangles of a group of surfaces or volumes."""
+    points = np.array(found["points"], dtype=float).reshape(-1, 3)
+    return Sheet(points[np.array(group["triangles"], dtype=np.int64).reshape(-1, 3)])

@@ -1,0 +1,120 @@
+"""The grid of a body in space, and its settings."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.grid.cubic import Cubic, place_nodes
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import AnyCondition, Horizon, Load, Material, Region, Settings
+from pdmesh.model.triangles import distances
+from pdmesh.scene.body import SIDES, Body, SolidCondition
+from pdmesh.scene.conditions import describe
+from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.solids import Sheet, Shell
+
+SLACK = 1e-6  # of a spacing: what still counts as on a side
+CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
+
+
+class Cloud(NamedTuple):
+    """All nodes of all levels; n of them."""
+
+    levels: list[Cubic]
+    position: NDArray[np.float64]  # (n, 3) m
+    delta: NDArray[np.float64]  # (n,) m
+
+    def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
+        """Which nodes (n,) are in a solid. Raises SceneError, beginning with `place`."""
+        return np.concatenate([level.within(shell, place) for level in self.levels])
+
+
+def build_body(body: Body) -> tuple[Grid, Settings]:
+    """The nodes of a body whose solids are shells, and what is done to them. Raises SceneError."""
+    levels = place_nodes(body)
+    counts = [len(level.at) for level in levels]
+    delta = np.repeat([level.cubes.spacing for level in levels], counts)
+    cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
+    _clear(body, cloud)
+    grid = Grid(
+        ids=np.arange(1, len(delta) + 1),
+        position=cloud.position,
+        delta=delta,
+        border=np.concatenate([level.border for level in levels]),
+        hole_id=np.full(len(delta), -1),
+        cracks=np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack in body.cracks)]),
+        outline=tuple(body.shell.triangles),
+        areas=np.concatenate([level.volume for level in levels]),
+        source=body.source,
+        parameters=body.parameters,
+        drawing=body.drawing,
+    )
+    settings = Settings(
+        material=None if body.material is None else in_space(body.material),
+        horizon=Horizon(ratio=float(body.horizon)),
+        regions=tuple(_region(part.solid, part.region, cloud) for part in body.regions),
+        conditions=tuple(_condition(condition, body, cloud) for condition in body.conditions),
+        run=body.run,
+    )
+    return grid, settings
+
+
+def in_space(material: Material) -> Material:
+    """The same in a body."""
+    return msgspec.structs.replace(material, plane="space")
+
+
+def _clear(body: Body, cloud: Cloud) -> None:
+    """Raises SceneError for a crack that passes through nodes."""
+    for crack in body.cracks:
+        near = distances(cloud.position, crack.sheet.triangles, CLEARANCE * float(cloud.delta.max()))
+        on = np.flatnonzero(near < CLEARANCE * cloud.delta)
+        if len(on):
+            x, y, z = cloud.position[on[0]]
+            raise SceneError(
+                f"crack '{crack.name}': found through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m, expected"
+                " between nodes, which are the middles of cubes around the body's own: another spacing, or place"
+            )
+
+
+def _region(solid: object, region: Region, cloud: Cloud) -> Region:
+    assert isinstance(solid, Shell)
+    rows = np.flatnonzero(cloud.within(solid, f"material '{region.name}'"))
+    if not len(rows):
+        raise SceneError(f"material '{region.name}': found no node in its solid, expected some")
+    return msgspec.structs.replace(region, nodes=tuple((rows + 1).tolist()), material=in_space(region.material))
+
+
+def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondition:
+    action, where, place = condition.action, condition.where, describe(condition.action)
+    surface: float | None = None
+    if isinstance(where, Shell):
+        if isinstance(action, Load) and action.traction is not None:
+            raise SceneError(f"{place}: found a traction in a solid, expected a body force there, or a side or a sheet")
+        found = cloud.within(where, place)
+    elif isinstance(where, Sheet):
+        reach = condition.rows * cloud.delta * (1 - SLACK)
+        found, surface = distances(cloud.position, where.triangles, float(reach.max())) < reach, where.area
+    else:
+        found, surface = _along(str(where), condition.rows, body, cloud)
+    rows = np.flatnonzero(found)
+    if not len(rows):
+        raise SceneError(f"{place}: found no node within {condition.rows} rows, expected some")
+    changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
+    if isinstance(action, Load) and action.traction is not None:
+        changed |= {"rows": condition.rows, "surface": surface}
+    return msgspec.structs.replace(action, **changed)
+
+
+def _along(side: str, rows: int, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:
+    """The nodes (n,) of rows along a side of the body, and its area, m^2, where it is flat."""
+    axis, end = SIDES[side]
+    reach = float(body.shell.bounds[(end + 1) // 2, axis])
+    away = (reach - cloud.position[:, axis]) * end
+    triangles = body.shell.triangles
+    flat = (np.abs(triangles[..., axis] - reach) <= SLACK * body.finest).all(axis=1)
+    return away < rows * cloud.delta * (1 - SLACK), Sheet(triangles[flat]).area if flat.any() else None

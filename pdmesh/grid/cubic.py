@@ -1,0 +1,175 @@
+"""A body becomes nodes: the middles of cubes, on a cubic lattice a spacing, that nest in each other.
+
+Layout: cubes of the coarsest spacing fill the box around the body, its middle being theirs. A cube is parted into eight
+where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that spacings
+change by one step. A node whose middle is in the body stays, and stands for what of its cube is in it; what is in cubes
+whose middle is outside goes to the nearest node. So that volumes sum to the body's, those of cubes that the surface
+cuts are scaled by what the lines that measure them miss.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.grid.filling import Cubes, inside, shares
+from pdmesh.model.trees import tree_of
+from pdmesh.model.triangles import gap
+from pdmesh.scene.body import Body
+from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.solids import Shell
+
+SLACK = 1e-6  # of a spacing: what a box may be larger than cubes that fill it
+FULL = 1 - 1e-9  # share of a cube that is all of it
+LINES = 4  # along each side of a cube, that measure what is inside
+MOST_CUBES = 10**8  # of a level
+MISSED = 0.1  # of the volume of cut cubes: lines that miss more do not measure them
+THINNEST = 3  # nodes that a body is to have across
+
+
+class Cubic(NamedTuple):
+    """The nodes of one spacing."""
+
+    cubes: Cubes
+    at: NDArray[np.int64]  # (k, 3) which of the cubes are nodes
+    volume: NDArray[np.float64]  # (k,) m^3
+    border: NDArray[np.bool_]  # (k,) within a spacing of the surface
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(k, 3) m."""
+        return self.cubes.middles(self.at)
+
+    def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
+        """Which nodes (k,) are in a solid. Raises SceneError, beginning with `place`."""
+        found = inside(shell.triangles, self.cubes, place)
+        return np.asarray(found[tuple(self.at.T)])
+
+
+def place_nodes(body: Body) -> list[Cubic]:
+    """The nodes, a level a spacing, the coarsest first. Raises SceneError for a body that has none, or is too thin."""
+    open_at = gap(body.shell.triangles)
+    if open_at is not None:
+        place = ", ".join(f"{value:g}" for value in open_at)
+        raise SceneError(f"body: found a surface open at ({place}) m, expected a closed one")
+    refined = _refined(body)
+    levels: list[Cubic] = []
+    lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    for step in range(len(refined) + 1):
+        cubes = _cubes(body, step)
+        there = np.ones(cubes.size, dtype=bool) if step == 0 else _children(refined[step - 1])
+        if step < len(refined):
+            there &= ~refined[step]
+        if not there.any():
+            continue
+        level, orphans = _level(body, *_trimmed(cubes, there))
+        levels.append(level)
+        lost.append(orphans)
+    if not sum(len(level.at) for level in levels):
+        raise SceneError(f"spacing: found no node in the body, expected a spacing below {body.spacing:g} m")
+    return _given(body, levels, lost)
+
+
+def _cubes(body: Body, step: int) -> Cubes:
+    """Those that fill the box around the body, parted so many times. Raises SceneError for too many."""
+    low, high = body.shell.bounds
+    count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64)
+    if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
+        size = " x ".join(f"{side:g}" for side in high - low)
+        raise SceneError(
+            f"spacing: found {body.spacing / 2**step:g} m in a box of {size} m, expected at most {MOST_CUBES:.0e} cubes"
+        )
+    return Cubes((low + high) / 2 - count / 2 * body.spacing, body.spacing / 2**step, count * 2**step)
+
+
+def _refined(body: Body) -> list[NDArray[np.bool_]]:
+    """For each spacing but the finest, the coarsest first, which cubes are parted."""
+    from scipy.ndimage import distance_transform_edt
+
+    steps = [round(float(np.log2(body.spacing / zone.spacing))) for zone in body.zones]
+    found: list[NDArray[np.bool_]] = []
+    finer: NDArray[np.bool_] | None = None
+    for step in range(max(steps, default=0) - 1, -1, -1):
+        cubes = _cubes(body, step)
+        asked = {True: np.zeros(cubes.size, dtype=bool), False: np.zeros(cubes.size, dtype=bool)}
+        for zone, its in zip(body.zones, steps, strict=True):
+            if its == step + 1:
+                assert isinstance(zone.solid, Shell)
+                asked[zone.grown] |= inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
+        if finer is not None:
+            asked[True] |= _parents(finer)
+        if asked[True].any():
+            asked[True] = distance_transform_edt(~asked[True]) <= body.horizon * (1 + SLACK)
+        finer = asked[True] | asked[False]
+        found.append(finer)
+    return found[::-1]
+
+
+def _children(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The cubes these are parted into."""
+    for axis in range(3):
+        cubes = cubes.repeat(2, axis=axis)
+    return cubes
+
+
+def _parents(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The cubes that hold any of these."""
+    x, y, z = (side // 2 for side in cubes.shape)
+    return np.asarray(cubes.reshape(x, 2, y, 2, z, 2).any(axis=(1, 3, 5)))
+
+
+def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:
+    """The box around those there, and a cube more all around as far as there is one."""
+    low, high = [], []
+    for axis in range(3):
+        along = np.flatnonzero(there.any(axis=tuple(other for other in range(3) if other != axis)))
+        low.append(max(int(along[0]) - 1, 0))
+        high.append(min(int(along[-1]) + 2, there.shape[axis]))
+    corner = cubes.corner + np.array(low) * cubes.spacing
+    part = Cubes(corner, cubes.spacing, np.array(high) - np.array(low))
+    return part, there[tuple(slice(first, last) for first, last in zip(low, high, strict=True))]
+
+
+def _level(
+    body: Body, cubes: Cubes, there: NDArray[np.bool_]
+) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """The nodes of those cubes, and the places (k, 3) and volumes (k,) of what is in cubes that are none."""
+    triangles = body.shell.triangles
+    solid, share = inside(triangles, cubes, "body"), shares(triangles, cubes, LINES, "body")
+    share = np.clip(share, 0.0, 1.0)
+    kept, left = there & solid, there & ~solid & (share > 0)
+    edge = np.zeros_like(kept)
+    around = np.pad(solid & (share > FULL), 1)
+    for axis, way in itertools.product(range(3), (0, 2)):
+        part = [slice(1, -1)] * 3
+        part[axis] = slice(way, way + solid.shape[axis])
+        edge |= ~around[tuple(part)]
+    cube = cubes.spacing**3
+    at, out = np.argwhere(kept), np.argwhere(left)
+    level = Cubic(cubes, at, share[kept] * cube, (edge | (share <= FULL))[kept])
+    return level, (cubes.middles(out), share[left] * cube)
+
+
+def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> list[Cubic]:
+    """With what was in cubes that are no nodes, and what lines have missed. Raises SceneError for lines too few."""
+    places, volumes = (np.concatenate(column) for column in zip(*lost, strict=True))
+    volume = np.concatenate([level.volume for level in levels])
+    full = np.concatenate([np.full(len(level.at), level.cubes.spacing**3) for level in levels])
+    cut = volume < FULL * full
+    if len(places):
+        _, nearest = tree_of(np.concatenate([level.position for level in levels])).query(places)
+        np.add.at(volume, nearest, volumes)
+        cut[nearest] = True
+    missing, scaled = body.shell.volume - float(volume.sum()), float(volume[cut].sum())
+    if abs(missing) > MISSED * max(scaled, 1e-9 * body.shell.volume):
+        raise SceneError(
+            f"body: found {volume.sum():g} m^3 in its cubes, expected {body.shell.volume:g} m^3: its surface crosses"
+            " itself, or nodes are too far apart for it"
+        )
+    if scaled > 0:
+        volume[cut] *= 1 + missing / scaled
+    parts = np.split(volume, np.cumsum([len(level.at) for level in levels])[:-1])
+    return [level._replace(volume=part) for level, part in zip(levels, parts, strict=True)]

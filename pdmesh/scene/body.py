@@ -1,0 +1,209 @@
+"""A body in space and all that an engineer says of it, before there are nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import (
+    Acceleration,
+    AnyCondition,
+    Displacement,
+    InitialVelocity,
+    Load,
+    Material,
+    Region,
+    Run,
+    Velocity,
+)
+from pdmesh.scene.conditions import Profile, checked_profile, describe
+from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.solids import Sheet, Shell, Solid, checked
+
+DEFAULT_RUN = Run()
+SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
+Where: TypeAlias = str | Solid | Sheet
+Components: TypeAlias = tuple[float | None, float | None, float | None]
+
+
+@dataclass(frozen=True)
+class SolidZone:
+    """A part of the body whose nodes have at most this spacing; where zones overlap the finest counts."""
+
+    name: str
+    solid: Solid
+    spacing: float  # m
+    grown: bool = True  # by the horizon of the nodes it replaces, so that none outside sees it
+
+
+@dataclass(frozen=True)
+class CrackFace:
+    """A pre-crack: a surface no bond may cross."""
+
+    name: str
+    sheet: Sheet
+
+
+@dataclass(frozen=True)
+class SolidRegion:
+    """A part of the body made of another material; of several with a node, the last one has it."""
+
+    solid: Solid
+    region: Region
+
+
+@dataclass(frozen=True)
+class SolidCondition:
+    """A condition of the grid file, its nodes still to be found: in a solid, or in rows along a face."""
+
+    where: Where
+    rows: int
+    action: AnyCondition
+
+
+@dataclass(frozen=True)
+class Body:
+    """Everything said of a body in space; lengths in metres. Methods give a body with more.
+
+    Nodes are the middles of cubes `spacing` wide that fill the box around the solid; those whose middle is in it stay.
+    """
+
+    solid: Solid
+    spacing: float  # m, of the coarsest nodes
+    material: Material | None = None
+    horizon: float = 3.0  # m = horizon / spacing of a node
+    run: Run = DEFAULT_RUN
+    zones: tuple[SolidZone, ...] = ()
+    cracks: tuple[CrackFace, ...] = ()
+    regions: tuple[SolidRegion, ...] = ()
+    conditions: tuple[SolidCondition, ...] = ()
+    source: str = ""  # file the scene comes from
+    drawing: str = ""  # its text
+    parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
+    notes: tuple[str, ...] = ()  # what there is to say of the file
+
+    def __post_init__(self) -> None:
+        checked(self.solid, "body")
+
+    @property
+    def shell(self) -> Shell:
+        """Its surface, once there is one."""
+        assert isinstance(self.solid, Shell)
+        return self.solid
+
+    @property
+    def finest(self) -> float:
+        """The finest spacing, m."""
+        return min([self.spacing, *(zone.spacing for zone in self.zones)])
+
+    def zone(self, solid: Solid, spacing: float, name: str = "", grown: bool = True) -> Body:
+        """With nodes of this `spacing` (m) in a solid; if `grown`, around it too, as far as coarser nodes see."""
+        name = name or f"{len(self.zones) + 1}"
+        zone = SolidZone(name, checked(solid, f"zone '{name}'"), spacing, grown)
+        return replace(self, zones=(*self.zones, zone))
+
+    def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
+        """With a crack: a `Sheet`, or triangles (t, 3, 3), m."""
+        name = name or f"{len(self.cracks) + 1}"
+        found = sheet if isinstance(sheet, Sheet) else Sheet(_triangles(sheet, f"crack '{name}'"))
+        return replace(self, cracks=(*self.cracks, CrackFace(name, found)))
+
+    def region(self, solid: Solid, material: Material, name: str = "") -> Body:
+        """With a part of another material."""
+        name = name or f"{len(self.regions) + 1}"
+        part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
+        return replace(self, regions=(*self.regions, part))
+
+    def load(
+        self,
+        where: Where,
+        traction: tuple[float, float, float] | None = None,
+        body_force: tuple[float, float, float] | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        breakable: bool = False,
+        name: str = "",
+    ) -> Body:
+        """With a `traction` (Pa) over `rows` of nodes along a side or a sheet, or a `body_force` (N/m^3) there or in a
+        solid. Sides are left, right (along x), front, back (y), bottom, top (z)."""
+        values = {"traction": traction, "body_force": body_force, "rows": rows}
+        return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
+
+    def fix(
+        self,
+        where: Where,
+        x: float | None = 0.0,
+        y: float | None = 0.0,
+        z: float | None = 0.0,
+        rows: int = 1,
+        profile: Profile = (),
+        breakable: bool = False,
+        name: str = "",
+    ) -> Body:
+        """With held displacements, m; None leaves a component free. For the rest see `load`."""
+        values = {"x": x, "y": y, "z": z}
+        return self._with(Displacement, values, where, rows, name, profile=profile, breakable=breakable)
+
+    def move(
+        self,
+        where: Where,
+        velocity: Components | None = None,
+        acceleration: Components | None = None,
+        initial_velocity: Components | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        breakable: bool = False,
+        name: str = "",
+    ) -> Body:
+        """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s)."""
+        given: list[tuple[type[AnyCondition], Components | None]] = [
+            (Velocity, velocity),
+            (Acceleration, acceleration),
+            (InitialVelocity, initial_velocity),
+        ]
+        chosen = [(kind, value) for kind, value in given if value is not None]
+        if len(chosen) != 1:
+            raise SceneError(
+                f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
+            )
+        ((kind, components),) = chosen
+        if kind is InitialVelocity:
+            moved = {axis: value or 0.0 for axis, value in zip("xyz", components, strict=True)}
+            return self._with(kind, moved, where, rows, name)
+        held = dict(zip("xyz", components, strict=True))
+        return self._with(kind, held, where, rows, name, profile=profile, breakable=breakable)
+
+    def _with(
+        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
+    ) -> Body:
+        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        place = f"{kind.__struct_config__.tag} '{name}'"
+        if isinstance(where, str) and where not in SIDES:
+            raise SceneError(f"{place}: found '{where}', expected one of {', '.join(SIDES)}, a solid or a sheet")
+        if "profile" in more:
+            more["profile"] = checked_profile(more["profile"], f"{place}: profile")
+        try:
+            action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
+        except msgspec.ValidationError as error:
+            raise SceneError(f"{place}: {error}") from None
+        if not isinstance(where, str | Sheet):
+            checked(where, place)
+        condition = SolidCondition(where, rows, action)
+        return replace(self, conditions=(*self.conditions, condition))
+
+
+def _triangles(found: Any, place: str) -> NDArray[np.float64]:
+    try:
+        triangles = np.asarray(found, dtype=float)
+    except (TypeError, ValueError):
+        triangles = np.zeros(0)
+    if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
+        raise SceneError(f"{place}: found {found!r:.80}, expected triangles of three places (x, y, z) in metres")
+    return triangles
+
+
+__all__ = ["Body", "CrackFace", "SolidCondition", "SolidRegion", "SolidZone", "describe"]

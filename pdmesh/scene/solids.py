@@ -1,0 +1,117 @@
+"""Solids in space, as they are said: boxes, cylinders, cones, spheres, and what is added to or taken from them.
+
+They are words alone; Gmsh's kernel makes a surface of them (`pdmesh.drawing.solids`), a `Shell`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import LARGEST
+from pdmesh.scene.shapes import SceneError
+
+Place: TypeAlias = tuple[float, float, float]  # m
+
+
+class Solid:
+    """What has an inside. ``a + b`` is both, ``a - b`` what is in a alone, ``a & b`` what is in both."""
+
+    def __add__(self, other: Solid) -> Solid:
+        return Joined("BooleanUnion", self, other)
+
+    def __sub__(self, other: Solid) -> Solid:
+        return Joined("BooleanDifference", self, other)
+
+    def __and__(self, other: Solid) -> Solid:
+        return Joined("BooleanIntersection", self, other)
+
+
+@dataclass(frozen=True)
+class Joined(Solid):
+    """Two solids made one, in Gmsh's word for how."""
+
+    how: str
+    first: Solid
+    second: Solid
+
+
+@dataclass(frozen=True)
+class Box(Solid):
+    """From one corner to the opposite one."""
+
+    low: Place  # m
+    high: Place  # m
+
+
+@dataclass(frozen=True)
+class Cylinder(Solid):
+    """Between the middles of its ends, all around; a cone where the second radius is another."""
+
+    start: Place  # m
+    end: Place  # m
+    radius: float  # m
+    end_radius: float | None = None  # m; None: the same
+
+
+@dataclass(frozen=True)
+class Sphere(Solid):
+    """A ball."""
+
+    centre: Place  # m
+    radius: float  # m
+
+
+@dataclass(frozen=True)
+class Shell(Solid):
+    """A solid as the triangles of its surface."""
+
+    triangles: NDArray[np.float64]  # (t, 3, 3) m; closed
+    volume: float  # m^3, exact where it is known
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Its lowest and its highest corner (2, 3), m."""
+        corners = self.triangles.reshape(-1, 3)
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A part of a surface, or a crack, as triangles."""
+
+    triangles: NDArray[np.float64]  # (t, 3, 3) m
+
+    @property
+    def area(self) -> float:
+        """m^2"""
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        return float(np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)).sum() / 2)
+
+
+def checked(solid: object, place: str) -> Solid:
+    """A solid whose numbers can be. Raises SceneError, beginning with `place`."""
+    if isinstance(solid, Joined):
+        checked(solid.first, place)
+        checked(solid.second, place)
+        return solid
+    if not isinstance(solid, Solid):
+        raise SceneError(f"{place}: found {solid!r:.80}, expected a solid: Box, Cylinder, Sphere, or some of them")
+    for name, value in vars(solid).items():
+        if isinstance(solid, Shell):
+            continue
+        numbers = np.atleast_1d(np.asarray(0.0 if value is None else value, dtype=float))
+        if not np.isfinite(numbers).all() or np.abs(numbers).max() > LARGEST:
+            raise SceneError(f"{place}: {name}: found {value}, expected metres, at most {LARGEST:g}")
+        if "radius" in name and value is not None and not (value > 0 or (name == "end_radius" and value == 0)):
+            raise SceneError(f"{place}: {name}: found {value:g} m, expected more than 0 m")
+        if "radius" not in name and numbers.shape != (3,):
+            raise SceneError(f"{place}: {name}: found {value}, expected a place (x, y, z) in metres")
+    if isinstance(solid, Box) and not (np.asarray(solid.high) > np.asarray(solid.low)).all():
+        raise SceneError(f"{place}: found {solid}, expected its high corner beyond the low one along x, y and z")
+    if isinstance(solid, Cylinder) and solid.start == solid.end:
+        raise SceneError(f"{place}: found {solid}, expected two ends apart")
+    return solid

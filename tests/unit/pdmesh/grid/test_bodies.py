@@ -1,0 +1,135 @@
+"""Bodies in space: solids become nodes, which are written and read."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from pdmesh import Body, Box, Cylinder, Material, SceneError, Sphere
+from pdmesh.drawing.solids import meshed
+from pdmesh.grid.building import Built, build
+from pdmesh.grid.filling import Cubes, inside, shares
+from pdmesh.model.cloud import grid_of
+from pdmesh.model.document import GridError, encode, read_document
+from pdmesh.model.triangles import volume
+from pdmesh.scene.solids import Shell, Solid
+
+GLASS = Material(E=1e9, rho=1000.0, G0=100.0)
+
+
+@cache
+def built(solid: Solid, spacing: float) -> Built:
+    return build(meshed(Body(solid, spacing, GLASS)))
+
+
+def box(low: tuple[float, float, float] = (0, 0, 0), high: tuple[float, float, float] = (1, 0.6, 0.4)) -> Built:
+    return built(Box(low, high), 0.1)
+
+
+def test_a_box_is_full_of_cubes() -> None:
+    grid = box().grid
+    assert len(grid) == 240
+    assert grid.position.min(axis=0) == pytest.approx([0.05, 0.05, 0.05], abs=1e-12)
+    assert grid.cells == pytest.approx(np.full(240, 1e-3), rel=1e-9)
+    assert grid.border.sum() == 240 - 8 * 4 * 2
+    assert box().settings.material == msgspec.structs.replace(GLASS, plane="space")
+
+
+def test_a_sphere_has_the_nodes_of_one_and_its_volume() -> None:
+    """57 856 nodes are those of the cubes of a ball whose middles are in it, counted."""
+    count = 24
+    middles = np.arange(-count, count) + 0.5
+    x, y, z = np.meshgrid(middles, middles, middles)
+    grid = built(Sphere((0, 0, 0), 6), 0.25).grid
+    assert len(grid) == (x**2 + y**2 + z**2 < count**2).sum() == 57856
+    assert grid.cells.sum() == pytest.approx(4 / 3 * np.pi * 216, rel=1e-9)
+    mirrored = np.unique(np.abs(grid.position), axis=0)
+    assert 8 * len(mirrored) == len(grid)
+
+
+def test_volumes_are_measured_before_they_are_scaled() -> None:
+    """Lines alone find what triangles enclose: a cylinder three cubes across, a ball of twenty."""
+    for solid, error in ((Cylinder((0, 0, 0), (0.2, 0.3, 1), 0.17), 4e-3), (Sphere((0, 0, 0), 1), 1e-3)):
+        body = meshed(Body(solid, 0.1))
+        low, high = body.shell.bounds
+        cubes = Cubes(low - 0.05, 0.1, np.ceil((high - low) / 0.1).astype(int) + 2)
+        found = shares(body.shell.triangles, cubes, 4, "body").sum() * 1e-3
+        assert found == pytest.approx(volume(body.shell.triangles), rel=error)  # measured 2.8e-3, 2.3e-4
+        assert inside(body.shell.triangles, cubes, "body").sum() * 1e-3 == pytest.approx(body.shell.volume, rel=0.1)
+
+
+def test_a_difference_has_a_hole_that_no_bond_crosses() -> None:
+    from pdmesh.say.families import bonds
+
+    grid = built(Box((0, 0, 0), (1, 1, 0.3)) - Box((0.4, -1, -1), (0.6, 0.5, 1)), 0.1).grid
+    assert len(grid) == 300 - 30
+    for part in bonds(grid, 3.0):
+        i, j = (grid.position[end][part.inside] for end in (part.source, part.target))
+        middle = (i + j) / 2
+        within = (middle[:, 0] > 0.401) & (middle[:, 0] < 0.599) & (middle[:, 1] < 0.499)
+        assert not within.any()
+        assert (~part.inside).any()
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    """Version 2, z and delta z real; the same grid comes back."""
+    found = build(
+        meshed(
+            Body(Box((0, 0, 0), (1, 0.6, 0.4)), 0.1, GLASS)
+            .crack([[[0.5, 0, 0], [0.5, 1, 0], [0.5, 0, 1]]], "half")
+            .fix("left")
+            .load("right", traction=(1e5, 0, 0))
+            .move(Box((0, 0, 0), (0.2, 0.2, 0.2)), initial_velocity=(0, 0, 3))
+        )
+    )
+    path = tmp_path / "box.json"
+    found.write(path)
+    raw = json.loads(path.read_bytes())
+    assert raw["version"] == 2
+    assert raw["nodes"][1]["position"] == [0.05, 0.05, 0.15]
+    assert raw["nodes"][1]["delta"] == [0.1, 0.1, 0.1]
+    assert len(raw["notch"]) == 1
+    document = read_document(path.read_bytes(), "box")
+    grid = grid_of(document, "box")
+    assert np.array_equal(grid.position, found.grid.position)
+    assert np.array_equal(grid.cracks, found.grid.cracks)
+    assert np.array_equal(grid.faces, found.grid.faces)
+    assert encode(document) == path.read_bytes()
+    fixed, loaded, moved = document.conditions
+    assert len(fixed.nodes or ()) == len(loaded.nodes or ()) == 24
+    assert loaded.surface == pytest.approx(0.24)  # type: ignore[union-attr]
+    assert len(moved.nodes or ()) == 8
+    assert moved.z == 3  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"version": 1}, "same z for all nodes of a plate"),
+        ({"notch": [[0, 0, 0, 1, 1, 0]]}, "found 6 numbers, expected 9 of a triangle"),
+        ({"outline": [[[0, 0], [1, 0], [1, 1]]]}, "found a point of 2 numbers, expected 3"),
+        ({"holes": [[[0, 0], [1, 0], [1, 1]]]}, "found a point of 2 numbers, expected 3 in a body"),
+        ({"version": 3}, "expected 1, or 2 of a body"),
+    ],
+)
+def test_a_plate_in_a_body_is_refused(change: dict[str, object], said: str) -> None:
+    raw = json.loads(encode(box().document)) | change
+    with pytest.raises(GridError, match=said):
+        grid_of(read_document(json.dumps(raw), "box"), "box")
+
+
+def test_what_makes_no_body_is_refused() -> None:
+    whole = meshed(Body(Box((0, 0, 0), (1, 1, 1)), 0.1)).shell
+    with pytest.raises(SceneError, match="found a surface open at"):
+        build(Body(Shell(whole.triangles[1:], 1.0), 0.1))
+    with pytest.raises(SceneError, match="radius: found -1 m"):
+        Body(Sphere((0, 0, 0), -1), 0.1)
+    with pytest.raises(SceneError, match="found nothing left"):
+        meshed(Body(Box((0, 0, 0), (1, 1, 1)) & Box((2, 2, 2), (3, 3, 3)), 0.1))
+    with pytest.raises(SceneError, match="expected one of left, right"):
+        Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")

@@ -1,0 +1,96 @@
+"""Bodies in space, solved."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from pdmesh import Body, Box, Material
+from pdmesh.drawing.solids import meshed
+from pdmesh.grid.building import build
+from pdmesh.model.document import Run
+from pdsolve.model import Model, ModelError
+from pdsolve.results import Results
+from pdsolve.simulation import Options, resume, simulate
+
+RUBBER = Material(E=1e6, rho=1000.0, G0=1e9, micromodulus="constant")
+ONE = Options(threads=1)
+
+
+def bar(run: Run, spacing: float = 0.1) -> Model:
+    """A bar of 1 x 0.4 x 0.3 m, fixed at its left, pulled along x and z at its right."""
+    body = Body(Box((0, 0, 0), (1, 0.4, 0.3)), spacing, RUBBER, run=run).fix("left").load("right", (1e3, 0, 10))
+    found = build(meshed(body))
+    return Model(found.grid, found.settings)
+
+
+def test_results_of_a_body_carry_z(tmp_path: Path) -> None:
+    model = bar(Run(steps=20, every=10, probes=((1.0, 0.2, 0.15),)))
+    path = tmp_path / "bar.sqlite"
+    simulate(model, path, ONE).close()
+    with Results.open(path) as results:
+        results.verify()
+        assert results.dimension == 3
+        assert np.array_equal(results.nodes().position, model.grid.position)
+        assert results.stored(20) == ["ux", "uy", "uz", "vx", "vy", "vz", "ax", "ay", "az", "energy", "damage"]
+        uz, probe, history = results.field("uz", 20), results.probes()[-1], results.history()[-1]
+        held, loaded = results.reactions()[-2:] if results.reactions()[-1]["condition"] else results.reactions()[-1:]
+        assert uz.max() > 0
+        assert probe["uz"] == pytest.approx(uz[int(probe["node"]) - 1], rel=1e-6)
+        assert history["momentum_z"] > 0
+        assert loaded["force_x"] == pytest.approx(1e3 * 0.12)
+        assert loaded["force_z"] == pytest.approx(10 * 0.12)
+        assert abs(held["force_z"]) > 0
+        families = results.families()
+        assert len(families.neighbour) == results.summary()["bonds"]
+    connection = sqlite3.connect(path)
+    (row,) = connection.execute("SELECT x, y, z, uz FROM node_state WHERE step = 20 AND node = 120")
+    connection.close()
+    assert row == (*model.grid.position[119], pytest.approx(float(uz[119]), rel=1e-12))
+
+
+def test_a_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    model = bar(Run(steps=20, every=5))
+    whole, parted = tmp_path / "whole.sqlite", tmp_path / "parted.sqlite"
+    simulate(model, whole, ONE).close()
+    simulate(model, parted, ONE, watch=lambda now: now.step >= 10).close()
+    resume(parted, 1).close()
+    with Results.open(whole) as first, Results.open(parted) as second:
+        for name in first.stored(20):
+            assert np.array_equal(first.field(name, 20), second.field(name, 20))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "plane": "strain"}}, "found 'strain', expected space"),
+        ({"conditions": [{"kind": "load", "box": [0, 0, 1, 1], "body_force": [1, 0, 0]}]}, "4 numbers, expected 6"),
+        ({"conditions": [{"kind": "load", "nodes": [1], "body_force": [1, 0]}]}, "2 numbers, expected 3"),
+        ({"run": {"probes": [[0, 0]]}}, "2 numbers, expected 3 in a body"),
+    ],
+)
+def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> None:
+    model = bar(Run())
+    settings = msgspec.convert(msgspec.to_builtins(model.settings, builtin_types=()) | change, type(model.settings))
+    with pytest.raises(ModelError, match=said):
+        Model(model.grid, settings)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "said"),
+    [
+        ({"area_rule": "eq19"}, ONE, "found 'eq19'"),
+        ({"run": {"adapt": "hybrid"}}, ONE, "found 'hybrid', expected none in a body"),
+        ({}, Options("thesis", threads=1), "found a body in space in the thesis mode"),
+        ({}, Options(kernel="blocks", threads=1), "found nodes without a lattice in the plane"),
+    ],
+)
+def test_what_only_plates_can_have_is_refused(change: dict[str, object], options: Options, said: str) -> None:
+    model = bar(Run())
+    settings = msgspec.convert(msgspec.to_builtins(model.settings, builtin_types=()) | change, type(model.settings))
+    with pytest.raises(ModelError, match=said):
+        simulate(Model(model.grid, settings), None, options)
