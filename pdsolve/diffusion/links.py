@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.full_lattice import hu_beta
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
-from pdmesh.model.visibility import Sight
+from pdmesh.model.visibility import sight_of
 from pdsolve.model import Model
 
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
@@ -82,7 +82,7 @@ def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
 
 
 class Linking:
-    """How the nodes of a model are linked. Raises GridError as `Sight` does."""
+    """How the nodes of a model are linked. Raises GridError as `sight_of` does."""
 
     def __init__(self, model: Model) -> None:
         assert model.settings.medium is not None
@@ -91,8 +91,12 @@ class Linking:
         self.power = model.settings.medium.power
         self.diffusivity, self.horizon = diffusivities(model), model.horizons
         self.reach = self.horizon + grid.delta / 2
-        self.sight = Sight(grid, model.name)
-        self._even = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
+        self.sight = sight_of(grid, model.name)
+        self._lattice = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
+
+    def even(self, D: float) -> float:
+        """What conductances of D = 1, not calibrated, are multiplied by."""
+        return D / self._lattice
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
         """That (b,) of pairs, 1/(s m^d); 0 beyond reach."""
@@ -102,7 +106,7 @@ class Linking:
         across = delta ** (grid.position.shape[1] - self.dimension)
         both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
         one, other = self.diffusivity[i], self.diffusivity[j]
-        return np.asarray((both[0] + both[1]) / self._even * one * other / (one + other))
+        return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
 
     def parts(self) -> Iterator[Part]:
         """All links, some rows at a time."""

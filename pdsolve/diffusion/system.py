@@ -12,6 +12,7 @@ from pdmesh.model.fields import USUAL
 from pdsolve.diffusion.conditions import Deeds, begin, deeds
 from pdsolve.diffusion.dissolution import State, check, crossing
 from pdsolve.diffusion.euler import Euler, bound
+from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import Listed
 from pdsolve.diffusion.operator import Operator
@@ -49,7 +50,7 @@ class System:
     threads: int
 
 
-def prepare(model: Model, threads: int | None = None) -> tuple[System, State]:
+def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[System, State]:
     """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     check(model)
     _refuse(model)
@@ -57,8 +58,7 @@ def prepare(model: Model, threads: int | None = None) -> tuple[System, State]:
     assert medium is not None
     threads = threads or crew(len(model.grid))
     volume = volumes(model)
-    links, blocked = links_of(Linking(model).parts(), len(model.grid))
-    operator = Listed(links, volume, threads)
+    operator, blocked = _operator(model, volume, threads, listed)
     done = deeds(model, volume)
     content, solid = begin(model, done)
     most = bound(operator, done, medium)
@@ -68,6 +68,19 @@ def prepare(model: Model, threads: int | None = None) -> tuple[System, State]:
         stepper = Theta(operator, done, medium, step, run.theta)
     system = System(model, operator, done, stepper, step, most, blocked, crossing(model), threads)
     return system, State(content, solid, np.zeros(2))
+
+
+def _operator(
+    model: Model, volume: NDArray[np.float64], threads: int, listed: bool = False
+) -> tuple[Operator, NDArray[np.int64]]:
+    """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
+    linking, medium = Linking(model), model.settings.medium
+    kinetic = medium is not None and medium.dissolution == "kinetic"  # a link asks both of its ends
+    found = None if kinetic or listed else on_lattice(linking, volume, threads)
+    if found is not None:
+        return found, np.zeros(len(volume), dtype=np.int64)
+    links, blocked = links_of(linking.parts(), len(volume))
+    return Listed(links, volume, threads), blocked
 
 
 def _step(model: Model, most: float) -> float:

@@ -100,3 +100,26 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     slopes = [np.polyfit(x[some], C[some], 1)[0] for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
     assert slopes[0] / slopes[1] == pytest.approx(4.0, rel=2e-3)
     assert slopes[0] == pytest.approx(-1 / (0.5 + 0.5 / 4), rel=0.02)
+
+
+@pytest.mark.parametrize(("dimension", "reach"), [(2, 9.0), (3, 5.0)])
+def test_slots_are_the_list(dimension: int, reach: float) -> None:
+    """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13."""
+    dice = np.random.default_rng(5)
+    position = lattice(1.0, reach, dimension)
+    position = position[np.linalg.norm(position - 2.0, axis=1) > 1.6]
+    position = dice.permutation(position)
+    base = model(position, 1.0, Medium(D=1.0))
+    sizes = dice.uniform(0.5, 1.0, len(position))
+    base = dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=sizes))
+    slots, listed = (prepare(base, 2, listed=one)[0].operator for one in (False, True))
+    assert (slots.name, listed.name) == ("lattice", "listed")
+    assert (slots.count == listed.count).all()
+    assert slots.total == pytest.approx(listed.total, rel=1e-13)
+    C = dice.uniform(0, 1, len(position))
+    out, other = np.zeros(len(C)), np.zeros(len(C))
+    slots.rates(C, out)
+    listed.rates(C, other)
+    assert out == pytest.approx(other, abs=1e-13 * np.abs(other).max())
+    assert slots.contrast(C) == pytest.approx(listed.contrast(C), rel=1e-12)
+    assert np.abs(slots.tangent() @ C - out).max() < 1e-12
