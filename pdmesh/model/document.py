@@ -173,7 +173,8 @@ class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_f
 
 
 class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
-    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m.
+    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m, or, of
+    a body, a ``surface``, m^2.
 
     A flux is shared by its nodes' cells, so that the total is flux times length.
     """
@@ -181,17 +182,19 @@ class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
     rate: float | None = None
     flux: float | None = None
     length: Positive | None = None
+    surface: Positive | None = None
 
 
 class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
-    """A flux through an edge of this ``length`` (m) in proportion to what it differs by from outside.
+    """A flux through an edge of this ``length`` (m), or a ``surface`` (m^2), as what is outside differs from inside.
 
     It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
     """
 
     coefficient: Positive
-    length: Positive
     value: Amount = 0.0
+    length: Positive | None = None
+    surface: Positive | None = None
 
 
 class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):

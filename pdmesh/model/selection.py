@@ -13,6 +13,7 @@ from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
     Displacement,
+    Exchange,
     GridError,
     InitialVelocity,
     Load,
@@ -109,8 +110,10 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
         raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
-    if isinstance(condition, Source) and condition.flux is not None and condition.length is None:
-        raise GridError(f"{place}.length: found none, expected that of the edge that a flux goes through, m")
+    if isinstance(condition, Source | Exchange):
+        asked = not isinstance(condition, Source) or condition.flux is not None
+        if asked and condition.length is condition.surface is None:
+            raise GridError(f"{place}.length: found none, expected that of the edge (or the surface) gone through")
     if isinstance(condition, Timed):
         times = [time for time, _ in condition.profile]
         if any(not before < after for before, after in itertools.pairwise(times)):

@@ -64,10 +64,10 @@ def deeds(model: Model, volume: NDArray[np.float64]) -> Deeds:
         elif isinstance(condition, Source):
             rate = condition.rate
             if rate is None:
-                rate = (condition.flux or 0.0) * (condition.length or 0.0) / volume[rows].sum()
+                rate = (condition.flux or 0.0) * _extent(condition) / volume[rows].sum()
             supplied.append(Act(rows, np.full(len(rows), rate), condition.profile))
         elif isinstance(condition, Exchange):
-            share = condition.coefficient * condition.length / volume[rows].sum()
+            share = condition.coefficient * _extent(condition) / volume[rows].sum()
             exchange[rows] += share
             supplied.append(Act(rows, np.full(len(rows), share * condition.value), condition.profile))
     free = owner < 0
@@ -78,6 +78,11 @@ def deeds(model: Model, volume: NDArray[np.float64]) -> Deeds:
     mine = [act._replace(rows=act.rows[free[act.rows]], value=act.value[free[act.rows]]) for act in supplied]
     exchange[~free] = 0
     return Deeds(tuple(acts), tuple(mine), free, exchange)
+
+
+def _extent(condition: Source | Exchange) -> float:
+    """The length, m, or the surface, m^2, that something goes through."""
+    return condition.length or condition.surface or 0.0
 
 
 def _largest(value: float, condition: Timed) -> float:

@@ -25,7 +25,6 @@ from pdmesh.model.visibility import sight_of
 from pdsolve.model import Model
 
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
-KINDS = 256  # of conductances, that a byte tells apart
 ALIKE = 1e-12  # of a conductance: what is round-off
 
 
@@ -123,26 +122,31 @@ class Linking:
 
 
 class Links(NamedTuple):
-    """All b directed links of n nodes in one list, those of node i at start[i]:start[i + 1]."""
+    """All b directed links of n nodes in one list, those of a node that are alike together, in one of g groups.
+
+    The groups of node i are start[i]:start[i + 1], the links of group k are first[k]:first[k + 1].
+    """
 
     start: NDArray[np.int64]  # (n + 1,)
-    neighbour: NDArray[np.int32]  # (b,)
-    kind: NDArray[np.integer]  # (b,) row of the table
-    table: NDArray[np.float64]  # (k,) conductances, 1/(s m^d)
+    first: NDArray[np.uint32]  # (g + 1,)
+    neighbour: NDArray[np.uint32]  # (b,)
+    conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
 
 
 def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64]]:
-    """All parts in one list, and how many links (n,) of each node a crack blocks.
-
-    Where there are few kinds of links, as on lattices, a byte says which one is meant.
-    """
-    every = list(parts)
-    source, target = (np.concatenate([part.pairs[end] for part in every]) for end in (0, 1))
-    conductance = np.concatenate([part.conductance for part in every])
-    blocked = np.bincount(np.concatenate([part.blocked for part in every]), minlength=nodes)
-    start = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=nodes))])
-    digits = np.round(conductance / conductance.max(initial=1e-300) / ALIKE).astype(np.int64)
-    first, kind = np.unique(digits, return_index=True, return_inverse=True)[1:]
-    if len(first) <= KINDS:
-        return Links(start, target.astype(np.int32), kind.astype(np.uint8), conductance[first]), blocked
-    return Links(start, target.astype(np.int32), np.arange(len(kind), dtype=np.int32), conductance), blocked
+    """All parts in one list, and how many links (n,) of each node a crack blocks."""
+    neighbours, sizes, conductances = [], [], []
+    groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
+    for pairs, conductance, hidden in parts:
+        blocked += np.bincount(hidden, minlength=nodes)
+        digits = np.round(np.log(conductance) / ALIKE).astype(np.int64)
+        order = np.lexsort((digits, pairs.source))
+        source, digits = pairs.source[order], digits[order]
+        new = np.flatnonzero(np.diff(source, prepend=-1).astype(bool) | np.diff(digits, prepend=0).astype(bool))
+        neighbours.append(pairs.target[order].astype(np.uint32))
+        sizes.append(np.diff(np.append(new, len(source))))
+        conductances.append(conductance[order][new])
+        groups += np.bincount(source[new], minlength=nodes)
+    first = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.uint32)
+    start = np.concatenate([[0], np.cumsum(groups)])
+    return Links(start, first, np.concatenate(neighbours), np.concatenate(conductances)), blocked

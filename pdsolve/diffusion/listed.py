@@ -23,7 +23,8 @@ class Listed:
 
     def __init__(self, links: Links, volume: NDArray[np.float64], threads: int) -> None:
         self.links, self.volume, self.threads = links, volume, threads
-        self.count = np.diff(links.start)
+        ends = links.first[links.start].astype(np.int64)
+        self.count = ends[1:] - ends[:-1]
         self.total = np.zeros(len(volume))
         self._share(_pull, (volume, np.ones(len(volume)), np.zeros(len(volume))), self.total)
 
@@ -50,9 +51,11 @@ class Listed:
         """The rates (n, n) by the potentials, 1/s."""
         from scipy.sparse import csr_array  # here, as it takes long to import
 
-        _, neighbour, kind, table = self.links
+        _, first, neighbour, conductance = self.links
         nodes = np.arange(len(self.volume))
-        values = np.concatenate([table[kind] * self.volume[neighbour], -self.total])
+        alike = (first[1:] - first[:-1]).astype(np.int64)
+        values = np.repeat(conductance, alike) * self.volume[neighbour]
+        values = np.concatenate([values, -self.total])
         row, column = np.concatenate([np.repeat(nodes, self.count), nodes]), np.concatenate([neighbour, nodes])
         return csr_array((values, (row, column)), shape=(len(nodes), len(nodes)))
 
@@ -63,42 +66,56 @@ class Listed:
         return float((out * self.volume).sum())
 
 
-compiled = partial(njit, nogil=True, error_model="numpy", cache=True)
+compiled = partial(njit, nogil=True, error_model="numpy", cache=True, fastmath={"contract"})
 
 
-@compiled(fastmath={"reassoc", "contract", "nsz"})
+@compiled()
 def _pull(links, of, out, first, last):  # type: ignore[no-untyped-def]
     amount, potential, total = of
     for i in range(first, last):
-        s = 0.0
-        for b in range(links.start[i], links.start[i + 1]):
-            s += links.table[links.kind[b]] * amount[links.neighbour[b]]
-        out[i] = s - total[i] * potential[i]
+        t = 0.0
+        for k in range(links.start[i], links.start[i + 1]):
+            b, end = links.first[k], links.first[k + 1]
+            one = other = 0.0  # two sums, as adding to one has to wait for the last
+            while b + 2 <= end:
+                one += amount[links.neighbour[b]]
+                other += amount[links.neighbour[b + 1]]
+                b += 2
+            if b < end:
+                one += amount[links.neighbour[b]]
+            t += links.conductance[k] * (one + other)
+        out[i] = t - total[i] * potential[i]
 
 
 @compiled()
 def _differ(links, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, share = of
     for i in range(first, last):
-        s = 0.0
-        for b in range(links.start[i], links.start[i + 1]):
-            j = links.neighbour[b]
-            s += links.table[links.kind[b]] * volume[j] * abs(share[j] - share[i])
-        out[i] = s
+        t = 0.0
+        for k in range(links.start[i], links.start[i + 1]):
+            s = 0.0
+            for b in range(links.first[k], links.first[k + 1]):
+                j = links.neighbour[b]
+                s += volume[j] * abs(share[j] - share[i])
+            t += links.conductance[k] * s
+        out[i] = t
 
 
 @compiled()
 def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, concentration, solid, C_sat, k_diss = of
     for i in range(first, last):
-        s, mine, here = 0.0, concentration[i], solid[i]
-        for b in range(links.start[i], links.start[i + 1]):
-            j = links.neighbour[b]
-            other = concentration[j]
-            factor = 0.0
-            if here != solid[j]:
-                factor = k_diss if (other if here else mine) < C_sat else 0.0
-            elif not here:
-                factor = 1.0
-            s += factor * links.table[links.kind[b]] * volume[j] * (other - mine)
-        out[i] = s
+        t, mine, here = 0.0, concentration[i], solid[i]
+        for k in range(links.start[i], links.start[i + 1]):
+            s = 0.0
+            for b in range(links.first[k], links.first[k + 1]):
+                j = links.neighbour[b]
+                other = concentration[j]
+                factor = 0.0
+                if here != solid[j]:
+                    factor = k_diss if (other if here else mine) < C_sat else 0.0
+                elif not here:
+                    factor = 1.0
+                s += factor * volume[j] * (other - mine)
+            t += links.conductance[k] * s
+        out[i] = t

@@ -18,7 +18,7 @@ from pdsolve.diffusion.dissolution import State, potential
 from pdsolve.diffusion.operator import Operator
 from pdsolve.unstable import UnstableError
 
-FACTORED = 30_000  # nodes; of more, or where the equations change, conjugate gradients find the potentials
+FACTORED = 1_000_000  # links; of more, or where the equations change, conjugate gradients find the potentials
 TOLERANCE = 1e-12  # of the right-hand side
 ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
 
@@ -100,7 +100,7 @@ class Theta:
 
     def _solve(self, liquid: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
         """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""
-        if self._medium.C_sat is None and len(right) <= FACTORED:  # then the same nodes are free in all steps
+        if self._medium.C_sat is None and self._operator.count.sum() <= FACTORED:  # then the same nodes are free in all steps
             self._factors = self._factors or self._factored(liquid)
             return np.where(liquid, self._factors(right), 0.0)
         volume, weight = self._operator.volume, self._dt * self._theta

@@ -87,6 +87,26 @@ def test_a_disc_gives_off_heat_through_its_edge() -> None:
     assert whole + supplied == pytest.approx(float((system.operator.volume * state.content).sum()), rel=1e-13)
 
 
+def test_a_sphere_gives_off_heat_through_its_surface() -> None:
+    """H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids (1959), 9.4: Bi = 1; what is left within 1 %."""
+    spacing, Bi = 1 / 14, 1.0
+    position = lattice(spacing, 1.0, 3)
+    radius = np.linalg.norm(position, axis=1)
+    edge = Exchange(nodes=ids(radius > 1 - spacing), coefficient=Bi, surface=4 * np.pi)
+    begun = InitialConcentration(nodes=ids(radius < 2), value=1.0)
+    run = Run(solver="implicit", theta=0.5, time_step=0.01, steps=60)
+    system, state = prepare(model(position, spacing, UNIT, conditions=(edge, begun), run=run), 1)
+    left = []
+    for step in range(1, 61):
+        system.stepper.march(state, step, step + 1)
+        left.append(state.content.mean())
+    b = np.pi * (np.arange(30) + 0.5)  # of b cot b = 1 - Bi
+    t = 0.01 * np.arange(1, 61)
+    series = (6 * Bi**2 / (b**2 * (b**2 + Bi * (Bi - 1))) * np.exp(-np.outer(t, b**2))).sum(axis=1)
+    off = np.abs(np.array(left) - series)
+    assert off.max() < 0.01, off.max()
+
+
 @pytest.mark.parametrize(("theta", "order"), [(1.0, 1), (0.5, 2)])
 def test_implicit_steps_converge(theta: float, order: int) -> None:
     """To the exponential of the tangent, halving steps by 2^order (measured 1.02 and 2.00); no step is too long."""
