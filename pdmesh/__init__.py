@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, Run, Static
+    from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
@@ -31,6 +32,7 @@ else:
             "Cylinder": "pdmesh.scene.solids",
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
+            "Medium": "pdmesh.model.medium",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
@@ -51,6 +53,7 @@ __all__ = [
     "Cylinder",
     "GridError",
     "Material",
+    "Medium",
     "Run",
     "Scene",
     "SceneError",

@@ -124,7 +124,7 @@ def _build(args: argparse.Namespace) -> int:
     for shift in built.shifts:
         x, y = shift.offset
         lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
-    if settings.material is None:
+    if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
     for note in built.notes:
         commandline.note(note if note.startswith("warning:") else f"note: {note}", args)

@@ -209,7 +209,28 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
+    masses, share = summary["masses"], summary["dissolved_share"]
+    threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    lines = [
+        f"{path}: {summary['nodes']} nodes, {summary['links']} links, {summary['steps']} steps of"
+        f" {summary['method']} to {summary['time']:.4g} s",
+        f"wall time {summary['wall_time']:.2f} s on {threads},"
+        f" {summary['link_updates_per_second'] / 1e6:.0f} million link updates a second ({summary['kernel']})",
+        f"mol: inside {masses['inside']:.6g}, gone out {masses['through']:.6g}, supplied {masses['supplied']:.6g}"
+        f" (balance {summary['balance']:+.1e})",
+    ]
+    if share is not None:
+        lines.append(
+            f"dissolved {share:.2%}, {masses['dissolved']:.6g} mol; solid left {masses['solid']:.6g},"
+            f" its surface {masses['surface']:.6g}"
+        )
+    return lines
+
+
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
+    if summary.get("physics") == "diffusion":
+        return _lines_of_masses(path, summary)
     energy, rested = summary["energy"], summary.get("load_steps")
     what, until = (
         ("steps", f"{summary['time'] * 1e6:.4g} us") if rested is None else ("load steps", f"{summary['time']:.4g} s")
@@ -277,6 +298,8 @@ class _Watch:
         if progress.fine is not None:
             told += f", fine {progress.fine.fine_share:.1%}"
             told += f", clipped stretch {progress.fine.clipped_stretch:.2f}" if progress.fine.clipped_stretch else ""
+        if progress.masses:
+            told = progress.masses
         if progress.going is not None:
             told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:

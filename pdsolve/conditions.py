@@ -116,7 +116,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     loads: list[Entries] = []
     holds: dict[tuple[int, int], tuple[float, int, int]] = {}
     for condition in model.settings.conditions:
-        if isinstance(condition, InitialVelocity | Absorb):
+        if not isinstance(condition, Load | Displacement | Velocity | Acceleration):
             continue
         rows = model.selected(condition)
         number = len(profiles)

@@ -13,6 +13,7 @@ import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
+from pdsolve.diffusion import system as diffusion
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model
 from pdsolve.starts import still
@@ -47,6 +48,9 @@ RELAXED_BOND = 150.0
 FILL, GROWTH = 20.4, 0.31
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
+# Of diffusion: s of a link and of a node in a step; bytes at least, of a link while it is prepared, of a node
+LINK, DIFFUSING_NODE = 2e-9, 2e-8
+DIFFUSING, LINK_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
 PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
@@ -68,6 +72,8 @@ class Plan(NamedTuple):
 
 def plan(model: Model, options: Options = DEFAULT) -> Plan:
     """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
+    if model.diffuses:
+        return _diffusing(model, options)
     scheme, settings = scheme_of(model, options), model.settings
     paired, splits = law_of(model) in PAIRS, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
@@ -93,6 +99,15 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     found = found._replace(most=most)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
+
+
+def _diffusing(model: Model, options: Options) -> Plan:
+    """The same of a model of diffusion, which is prepared to that end."""
+    system, _ = diffusion.prepare(model, options.threads)
+    links, run, nodes = int(system.operator.count.sum()), model.settings.run, len(model.grid)
+    seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
+    memory = DIFFUSING + LINK_BYTES * links + DIFFUSING_NODE_BYTES * nodes
+    return Plan(nodes, links, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))
 
 
 def priced(

@@ -19,6 +19,8 @@ from pdmesh.model.document import (
     MOST,
     GridError,
     Material,
+    OfDiffusion,
+    OfMechanics,
     Run,
     Selection,
     Settings,
@@ -49,11 +51,7 @@ class Model:
     name: str = "model"
 
     def __post_init__(self) -> None:
-        if self.settings.material is None:
-            raise ModelError(
-                f"{self.name}: $.material: found none, expected E, rho and G0"
-                " (in the file, a --settings TOML or --set material.E=...)"
-            )
+        self._check_physics()
         beyond = _beyond(self.settings, "$")
         if beyond is not None:
             place, found = beyond
@@ -65,7 +63,8 @@ class Model:
             selection.check(self.settings, self.grid, self.name)
         except GridError as error:
             raise ModelError(str(error)) from None
-        self._check_planes()
+        if not self.diffuses:
+            self._check_planes()
         for number, region in enumerate(self.settings.regions):
             for name in ("plane", "sight", "gamma"):
                 own, elsewhere = (getattr(each, name) for each in (region.material, self.settings.material))
@@ -74,6 +73,34 @@ class Model:
                         f"{self.name}: $.regions[{number}].material.{name}: found '{own}', expected '{elsewhere}' as"
                         " elsewhere"
                     )
+
+    def _check_physics(self) -> None:
+        diffuses = self.settings.physics == "diffusion"
+        needed = ("medium", "D") if diffuses else ("material", "E, rho and G0")
+        if getattr(self.settings, needed[0]) is None:
+            raise ModelError(
+                f"{self.name}: $.{needed[0]}: found none, expected {needed[1]}"
+                f" (in the file, a --settings TOML or --set {needed[0]}.{needed[1].split(',')[0]}=...)"
+            )
+        for name in ("material", "regions") if diffuses else ("medium", "media"):
+            if getattr(self.settings, name):
+                other = "mechanics" if diffuses else "diffusion"
+                raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'")
+        if not diffuses and self.settings.run.solver == "implicit":
+            raise ModelError(f"{self.name}: $.run.solver: found implicit, expected explicit or static of mechanics")
+        kinds = OfDiffusion if diffuses else OfMechanics
+        for number, condition in enumerate(self.settings.conditions):
+            if not isinstance(condition, kinds):
+                expected = ", ".join(str(kind.__struct_config__.tag) for kind in kinds.__args__)
+                raise ModelError(
+                    f"{self.name}: $.conditions[{number}]: found {condition.__struct_config__.tag}, expected one of"
+                    f" {expected}, as the physics is {self.settings.physics}"
+                )
+
+    @property
+    def diffuses(self) -> bool:
+        """Whether the model is one of diffusion, not of mechanics."""
+        return self.settings.physics == "diffusion"
 
     def _check_planes(self) -> None:
         refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")

@@ -19,6 +19,7 @@ from pdsolve.adapt import Adapt, zone_back, zone_moved
 from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
+from pdsolve.diffusion import run as diffusion
 from pdsolve.measures import Ledger, books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
@@ -44,6 +45,7 @@ class Progress(NamedTuple):
     balance: float  # likewise
     fine: Told | None = None  # of a fine zone that moves
     going: Going | None = None  # of a load step that is being solved
+    masses: str = ""  # of diffusion, in which nothing breaks: how the books stand, in words
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -65,9 +67,27 @@ def simulate(
     ResultsError.
     """
     with writing_to(output):
+        if model.diffuses:
+            _expect_usual(model, options, adapt)
+            return diffusion.simulate(model, output, options.threads, _watched(model, watch), provenance)
         system, state = started(prepare(model, options))
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
+
+
+def _expect_usual(model: Model, options: Options, adapt: Adapt | None) -> None:
+    """Raises ModelError for options that a model of diffusion would not listen to."""
+    if options._replace(threads=None) != DEFAULT or adapt is not None:
+        found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
+        raise ModelError(f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion")
+
+
+def _watched(model: Model, watch: Watcher | None) -> diffusion.Watcher | None:
+    """The watcher, for a run of diffusion."""
+    if watch is None:
+        return None
+    steps = model.settings.run.steps
+    return lambda step, told: watch(Progress(step, steps, 0, 0.0, masses=told))
 
 
 def run(
@@ -123,12 +143,14 @@ def _is_finished(output: Path) -> bool:
 def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:
     with Results.open(output) as results:
         results.verify()
+        model = model_of(results.model(), str(output))
+        if model.diffuses:
+            return diffusion.resume(results, model, output, threads, _watched(model, watch))
         meta, known, (step, kept) = results.meta(), results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
-        model = model_of(results.model(), str(output))
         system, state = prepare(model, Options(meta["mode"], meta["precision"], threads, meta.get("kernel")))
         adapt = adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)

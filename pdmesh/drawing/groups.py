@@ -51,8 +51,22 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "move": ((1, 2), "Moves"),
     "absorb": ((1, 2), "Absorbs"),
     "material": ((2,), "Materials"),
+    "hold": ((1, 2), "Holds"),
+    "supply": ((1, 2), "Supplies"),
+    "exchange": ((1,), "Exchanges"),
+    "begin": ((2,), "Begins"),
+    "solid": ((2,), None),
+    "medium": ((2,), "Media"),
 }
-PLACED = ("load", "fix", "move", "absorb")  # kinds of conditions, which may have a box instead of a group
+PLACED = (
+    "load",
+    "fix",
+    "move",
+    "absorb",
+    "hold",
+    "supply",
+    "begin",
+)  # kinds of conditions, which may have a box instead of a group
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 
@@ -90,6 +104,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
         material=material,
+        medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
         run=named.run(parameters),
         area_rule=parameters.text("Area rule", of=("", "cells", "eq19", "square")) or None,  # type: ignore[arg-type]
@@ -111,7 +126,8 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         drawing=text,
         parameters=tuple(values.items()),
     )
-    return _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
+    scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
+    return _with_diffusion(scene, named_groups, parameters)
 
 
 def in_metres(group: Group, unit: Unit) -> Group:
@@ -210,6 +226,31 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
         scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
     for name, where, folder in _places(groups, parameters, "absorb"):
         scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
+    return scene
+
+
+def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
+    """With what concerns a substance that diffuses."""
+
+    def shared(folder: str) -> dict[str, Any]:
+        return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
+
+    for name, group in groups["medium"].items():
+        scene = scene.diffusivity(_surface(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
+    for name, group in groups["solid"].items():
+        scene = scene.solid(_surface(f"solid '{name}'", group), name)
+    for name, where, folder in _places(groups, parameters, "begin"):
+        scene = scene.begin(where, parameters.number(f"{folder}/Concentration"), name)
+    for name, where, folder in _places(groups, parameters, "hold"):
+        scene = scene.hold(where, parameters.number(f"{folder}/Concentration"), name=name, **shared(folder))
+    for name, where, folder in _places(groups, parameters, "supply"):
+        flux, rate = parameters.maybe(f"{folder}/Flux"), parameters.maybe(f"{folder}/Rate")
+        if (flux is None) == (rate is None):
+            raise SceneError(f"parameter '{PREFIX}{folder}/Flux': found neither or both of it and Rate, expected one")
+        scene = scene.supply(where, flux, rate, name=name, **shared(folder))
+    for name, where, folder in _places(groups, parameters, "exchange"):
+        outside = parameters.number(f"{folder}/Outside", 0.0)
+        scene = scene.exchange(where, parameters.number(f"{folder}/Coefficient"), outside, name=name, **shared(folder))
     return scene
 
 

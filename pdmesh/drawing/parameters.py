@@ -11,6 +11,7 @@ import numpy as np
 
 from pdmesh.drawing.units import UNITS, Unit
 from pdmesh.model.document import ADAPTS, Material, Run
+from pdmesh.model.medium import Medium
 from pdmesh.model.wordings import explained, nearest
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.shapes import SceneError
@@ -46,7 +47,13 @@ FOLDERS = {
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt"),
+    f"Holds/{ANY}": ("Concentration", *SHARED[:2], "Box"),
+    f"Supplies/{ANY}": ("Flux", "Rate", *SHARED[:2], "Box"),
+    f"Exchanges/{ANY}": ("Coefficient", "Outside", *SHARED[:2]),
+    f"Begins/{ANY}": ("Concentration", "Box"),
+    f"Media/{ANY}": ("D",),
+    "Medium": ("D", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped"),
+    "Run": ("Theta", "Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -231,6 +238,23 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
     return _converted(given, Material, folder)
 
 
+def medium(parameters: Parameters) -> Medium | None:
+    """What a substance diffuses through; None where nothing says any."""
+    given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
+    given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
+    given["dissolution"] = parameters.text("Medium/Dissolution") or None
+    given = {name: value for name, value in given.items() if value is not None}
+    if not given and not parameters.below("Medium"):
+        return None
+    if "D" not in given:
+        raise SceneError(f"parameter '{PREFIX}Medium/D': found none, expected a number")
+    if parameters.maybe("Medium/Power") is not None:
+        given["power"] = parameters.whole("Medium/Power", 1)
+    if parameters.maybe("Medium/Capped") is not None:
+        given["capped"] = parameters.flag("Medium/Capped", True)
+    return _converted(given, Medium, "Medium")
+
+
 def run(parameters: Parameters) -> Run:
     """How to solve, and how long: from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
@@ -238,7 +262,7 @@ def run(parameters: Parameters) -> Run:
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
     adapt = parameters.text("Run/Adapt", "none", ADAPTS)
     given |= {"adapt": None if adapt == "none" else adapt}
-    given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step}
+    given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
     given = {name: value for name, value in given.items() if value is not None}
     if parameters.maybe("Run/Load steps") is not None:
         given["static"] = {"load_steps": parameters.whole("Run/Load steps", 1)}

@@ -25,6 +25,7 @@ def meshed(body: Body) -> Body:
     wanted: dict[str, Solid] = {BODY: body.solid}
     wanted |= {f"zone '{zone.name}'": zone.solid for zone in body.zones}
     wanted |= {f"material '{part.region.name}'": part.solid for part in body.regions}
+    wanted |= {f"medium '{part.region.name}'": part.solid for part in body.media}
     wanted |= {
         f"{number}: {condition.action.name}": condition.where
         for number, condition in enumerate(body.conditions)
@@ -40,6 +41,7 @@ def meshed(body: Body) -> Body:
         solid=found(BODY),
         zones=tuple(replace(zone, solid=found(f"zone '{zone.name}'")) for zone in body.zones),
         regions=tuple(replace(part, solid=found(f"material '{part.region.name}'")) for part in body.regions),
+        media=tuple(replace(part, solid=found(f"medium '{part.region.name}'")) for part in body.media),
         conditions=tuple(
             replace(condition, where=found(f"{number}: {condition.action.name}"))
             if isinstance(condition.where, Solid)

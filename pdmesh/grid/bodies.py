@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
 from pdmesh.model.cloud import Grid
-from pdmesh.model.document import AnyCondition, Horizon, Load, Material, Region, Settings
+from pdmesh.model.document import AnyCondition, Horizon, Load, Material, MediumRegion, Region, Settings
 from pdmesh.model.triangles import distances
 from pdmesh.scene.body import SIDES, Body, SolidCondition
 from pdmesh.scene.conditions import describe
@@ -58,6 +58,9 @@ def build_body(body: Body) -> tuple[Grid, Settings]:
         horizon=Horizon(ratio=float(body.horizon)),
         regions=tuple(_region(part.solid, part.region, cloud) for part in body.regions),
         conditions=tuple(_condition(condition, body, cloud) for condition in body.conditions),
+        physics="mechanics" if body.medium is None else "diffusion",
+        medium=body.medium,
+        media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
         run=body.run,
     )
     return grid, settings
@@ -82,11 +85,21 @@ def _clear(body: Body, cloud: Cloud) -> None:
 
 
 def _region(solid: object, region: Region, cloud: Cloud) -> Region:
+    nodes = _nodes(solid, f"material '{region.name}'", cloud)
+    return msgspec.structs.replace(region, nodes=nodes, material=in_space(region.material))
+
+
+def _medium(solid: object, region: MediumRegion, cloud: Cloud) -> MediumRegion:
+    return msgspec.structs.replace(region, nodes=_nodes(solid, f"medium '{region.name}'", cloud))
+
+
+def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
+    """The ids of those in a solid. Raises SceneError, beginning with `place`."""
     assert isinstance(solid, Shell)
-    rows = np.flatnonzero(cloud.within(solid, f"material '{region.name}'"))
+    rows = np.flatnonzero(cloud.within(solid, place))
     if not len(rows):
-        raise SceneError(f"material '{region.name}': found no node in its solid, expected some")
-    return msgspec.structs.replace(region, nodes=tuple((rows + 1).tolist()), material=in_space(region.material))
+        raise SceneError(f"{place}: found no node in its solid, expected some")
+    return tuple((rows + 1).tolist())
 
 
 def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondition:

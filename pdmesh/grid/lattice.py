@@ -175,6 +175,9 @@ def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.f
         horizon=Horizon(ratio=float(scene.horizon)),
         regions=tuple(region.on(position, delta) for region in scene.regions),
         conditions=tuple(condition.on(position, delta) for condition in scene.conditions),
+        physics="mechanics" if scene.medium is None else "diffusion",
+        medium=scene.medium,
+        media=tuple(region.on(position, delta) for region in scene.media),
         area_rule=scene.area_rule,
         run=scene.run,
     )

@@ -18,6 +18,7 @@ import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.fields import USUAL, Column
+from pdmesh.model.medium import Medium
 from pdmesh.model.wordings import explained
 
 FORMAT_VERSION = 1  # of plates
@@ -38,6 +39,7 @@ Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 MOST_STEPS = 2**31 - 1  # what a broken bond can remember
 Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
+Amount = Annotated[float, msgspec.Meta(ge=0)]
 Point = tuple[float, float]
 Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]  # x, y and, in space, z
 Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m
@@ -105,14 +107,25 @@ class Region(Selection, frozen=True, kw_only=True):
     material: Material
 
 
-class Condition(Selection, frozen=True, kw_only=True):
+class MediumRegion(Selection, frozen=True, kw_only=True):
+    """Nodes where another diffusivity holds than in the rest; of several with a node, the last one has it."""
+
+    D: Positive  # m^2/s
+
+
+class Timed(Selection, frozen=True, kw_only=True):
     """Something done to nodes. Its values are multiplied by a factor that follows time.
 
     `profile` holds points (time in s, factor): linear between them, constant before the first and after the
-    last; none at all means 1 for ever. The bonds of these nodes do not break unless `breakable`.
+    last; none at all means 1 for ever.
     """
 
     profile: tuple[Point, ...] = ()
+
+
+class Condition(Timed, frozen=True, kw_only=True):
+    """Something done to a plate. The bonds of these nodes do not break unless `breakable`."""
+
     breakable: bool = False
 
 
@@ -168,7 +181,50 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
 
 
-AnyCondition = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
+class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_field="kind"):
+    """A concentration that is held, mol/m^3."""
+
+    value: Amount
+
+
+class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
+    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m, or, of
+    a body, a ``surface``, m^2.
+
+    A flux is shared by its nodes' cells, so that the total is flux times length.
+    """
+
+    rate: float | None = None
+    flux: float | None = None
+    length: Positive | None = None
+    surface: Positive | None = None
+
+
+class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
+    """A flux through an edge of this ``length`` (m), or a ``surface`` (m^2), as what is outside differs from inside.
+
+    It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
+    """
+
+    coefficient: Positive
+    value: Amount = 0.0
+    length: Positive | None = None
+    surface: Positive | None = None
+
+
+class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):
+    """A concentration at time 0, mol/m^3."""
+
+    value: Amount
+
+
+class Solid(Selection, frozen=True, kw_only=True, tag="solid", tag_field="kind"):
+    """Nodes that are solid at time 0."""
+
+
+OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
+OfDiffusion = Concentration | Source | Exchange | InitialConcentration | Solid
+AnyCondition = OfMechanics | OfDiffusion
 
 
 Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-off, more is no rest
@@ -233,7 +289,8 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     particles: ParticleRules = ParticleRules()
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
-    solver: Literal["explicit", "static"] = "explicit"  # static: a load step is a step and a frame
+    solver: Literal["explicit", "static", "implicit"] = "explicit"  # static: a load step is a step and a frame
+    theta: Annotated[float, msgspec.Meta(ge=0.5, le=1)] = 1.0  # implicit, of diffusion: weight of a step's end
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
@@ -246,6 +303,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     material: Material | None = None
     horizon: Horizon = Horizon()
     regions: tuple[Region, ...] = ()
+    physics: Literal["mechanics", "diffusion"] = "mechanics"
+    medium: Medium | None = None  # of diffusion
+    media: tuple[MediumRegion, ...] = ()
     conditions: tuple[AnyCondition, ...] = ()
     area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
     run: Run = Run()
@@ -315,7 +375,9 @@ def read_file(path: Path) -> Document:
 def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
-    fields |= {name: getattr(document, name) for name in document.__struct_fields__ if name != "nodes"}
+    usual = {"physics": "mechanics", "medium": None, "media": ()}  # is left out
+    given = {name: getattr(document, name) for name in document.__struct_fields__ if name != "nodes"}
+    fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
     nodes = b"  " + msgspec.json.encode(document.nodes)[1:-1].replace(b"},{", b"},\n  {")  # no node has braces inside
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
     return b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]) + b"\n}\n"

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, get_args
 
 Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
 Along = Literal["uz", "vz", "az"]  # of every model in space
-Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "sxz", "syz"]  # of some
+Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "sxz", "syz", "c", "h", "solid"]  # of some
 Column = Usual | Along | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
 ALONG: tuple[Column, ...] = get_args(Along)
@@ -36,6 +36,9 @@ FIELDS = {
     "plastic": Field("1", ("plastic",)),  # equivalent plastic strain
     "rotation": Field("rad", ("rotation",)),
     "volume": Field("1", ("J",)),  # over that of the start
+    "concentration": Field("mol/m^3", ("c",)),  # of what is dissolved
+    "content": Field("mol/m^3", ("h",)),  # the same, with what is solid
+    "solid": Field("1", ("solid",)),  # share of the node
 }
 IN_SPACE: dict[str, tuple[Column, ...]] = {  # columns that fields have besides in bodies
     "displacement": ("uz",),

@@ -12,13 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
-    Condition,
     Displacement,
+    Exchange,
     GridError,
     InitialVelocity,
     Load,
     Selection,
     Settings,
+    Source,
+    Timed,
     Velocity,
 )
 
@@ -106,7 +108,13 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
         value is not None for value in components(condition)
     ):
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
-    if isinstance(condition, Condition):
+    if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
+        raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
+    if isinstance(condition, Source | Exchange):
+        asked = not isinstance(condition, Source) or condition.flux is not None
+        if asked and condition.length is condition.surface is None:
+            raise GridError(f"{place}.length: found none, expected that of the edge (or the surface) gone through")
+    if isinstance(condition, Timed):
         times = [time for time, _ in condition.profile]
         if any(not before < after for before, after in itertools.pairwise(times)):
             raise GridError(f"{place}.profile: found times {times}, expected them to increase")

@@ -35,6 +35,10 @@ CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no v
 class Obstacles(Protocol):
     """What stands between nodes."""
 
+    @property
+    def clear(self) -> bool:
+        """Whether it is known that nothing does."""
+
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) see each other without leaving the plate or the body."""
 
@@ -57,6 +61,11 @@ class SightInSpace:
         self._position, self._delta, self._faces = grid.position, grid.delta, grid.faces
         self._surface = facing(grid.faces)
         self._cracks = grid.cracks.reshape(-1, 3, 3)
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is known that nothing does: the body is convex, without a crack."""
+        return not len(self._surface) and not len(self._cracks)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) see each other without touching the surface."""
@@ -94,6 +103,13 @@ class Sight:
             import shapely
 
             shapely.prepare([self._cracks, self._void])
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is known that nothing does: the plate is convex, without a crack."""
+        void, grid = self._void, self._grid
+        nothing = not (grid.border.any() or (grid.hole_id >= 0).any()) if void is None else bool(void.is_empty)
+        return nothing and self._cracks is None
 
     @cached_property
     def _tree(self) -> cKDTree:

@@ -59,6 +59,8 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "area_rule": document.area_rule,
         "material": _fields(document.material),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
+        "medium": _fields(document.medium),
+        "media": [{"name": region.name, "D": region.D} for region in document.media],
         "conditions": [_condition(condition, grid) for condition in document.conditions],
     }
     return result
@@ -99,6 +101,9 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
+    if result["medium"]:
+        lines.append("medium: " + _words(result["medium"]))
+    lines += [f"medium '{region['name']}': " + _words(region) for region in result["media"]]
     lines += [f"material '{region['name']}': " + _words(_telling(region)) for region in result["regions"]]
     return lines + [
         f"{entry['kind']} '{entry.get('name', '')}': {entry['nodes']} nodes, "
@@ -171,7 +176,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
     from pdsolve.model import Model, ModelError
     from pdsolve.system import Options
 
-    if settings.material is None:
+    if settings.material is None and settings.medium is None:
         return None
     with warnings.catch_warnings(), suppress(ModelError):
         warnings.simplefilter("ignore")  # the solver warns when it solves

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import msgspec
 import numpy as np
@@ -12,14 +12,20 @@ from numpy.typing import NDArray
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
+    Concentration,
     Displacement,
+    InitialConcentration,
     InitialVelocity,
     Load,
     Material,
+    MediumRegion,
     Region,
     Run,
+    Source,
     Velocity,
 )
+from pdmesh.model.document import Solid as Dissolving
+from pdmesh.model.medium import Medium, contradiction
 from pdmesh.scene.conditions import Profile, checked_profile, describe
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked
@@ -27,6 +33,7 @@ from pdmesh.scene.solids import Sheet, Shell, Solid, checked
 DEFAULT_RUN = Run()
 SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 Where: TypeAlias = str | Solid | Sheet
+R = TypeVar("R", Region, MediumRegion)
 Components: TypeAlias = tuple[float | None, float | None, float | None]
 
 
@@ -49,11 +56,11 @@ class CrackFace:
 
 
 @dataclass(frozen=True)
-class SolidRegion:
-    """A part of the body made of another material; of several with a node, the last one has it."""
+class SolidRegion(Generic[R]):
+    """A part of the body made of another material or medium; of several with a node, the last one has it."""
 
     solid: Solid
-    region: Region
+    region: R
 
 
 @dataclass(frozen=True)
@@ -79,8 +86,10 @@ class Body:
     run: Run = DEFAULT_RUN
     zones: tuple[SolidZone, ...] = ()
     cracks: tuple[CrackFace, ...] = ()
-    regions: tuple[SolidRegion, ...] = ()
+    regions: tuple[SolidRegion[Region], ...] = ()
     conditions: tuple[SolidCondition, ...] = ()
+    medium: Medium | None = None  # what a substance diffuses through; there is no mechanics then
+    media: tuple[SolidRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
@@ -88,6 +97,9 @@ class Body:
 
     def __post_init__(self) -> None:
         checked(self.solid, "body")
+        wrong = None if self.medium is None else contradiction(self.medium)
+        if wrong is not None:
+            raise SceneError(f"medium: {wrong}")
 
     @property
     def shell(self) -> Shell:
@@ -176,6 +188,31 @@ class Body:
             return self._with(kind, moved, where, rows, name)
         held = dict(zip("xyz", components, strict=True))
         return self._with(kind, held, where, rows, name, profile=profile, breakable=breakable)
+
+    def dissolve(self, solid: Solid, name: str = "") -> Body:
+        """With a solid that dissolves."""
+        return self._with(Dissolving, {}, solid, 1, name)
+
+    def begin(self, solid: Solid, concentration: float, name: str = "") -> Body:
+        """With a concentration (mol/m^3) in a solid's place at time 0."""
+        return self._with(InitialConcentration, {"value": concentration}, solid, 1, name)
+
+    def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
+        """With a concentration (mol/m^3) held; for the rest see `load`. It should be a layer of a horizon."""
+        return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
+
+    def supply(self, where: Where, rate: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
+        """With a rate (mol/(m^3 s)) of what is supplied; see `load`."""
+        return self._with(Source, {"rate": rate}, where, rows, name, profile=profile)
+
+    def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
+        """With another diffusivity (m^2/s) in a solid's place."""
+        name = name or f"{len(self.media) + 1}"
+        try:
+            region = msgspec.convert({"name": name, "D": D}, MediumRegion)
+        except msgspec.ValidationError as error:
+            raise SceneError(f"medium '{name}': {error}") from None
+        return replace(self, media=(*self.media, SolidRegion(checked(solid, f"medium '{name}'"), region)))
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any

@@ -8,9 +8,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import LARGEST, MOST, Absorb, InitialVelocity, Load, Material, Run, Settings
+from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
+from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.wordings import explained
-from pdmesh.scene.conditions import PlacedCondition, describe
+from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
 
@@ -31,9 +32,10 @@ def check(scene: Plate) -> None:
     _plate(scene)
     _zones(scene)
     _ = scene.slits  # raises for a crack that is not in the plate
-    for region in scene.regions:
+    placed: tuple[PlacedRegion[Any], ...] = (*scene.regions, *scene.media)
+    for region in placed:
         if scene.whole.disjoint(region.shape):
-            raise SceneError(f"material '{region.region.name}': found outside the plate, expected inside")
+            raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
     for condition in scene.conditions:
         _condition(condition, scene)
 
@@ -44,6 +46,11 @@ def _numbers(scene: Plate) -> None:
         _material(scene.material, "material")
     for region in scene.regions:
         _material(region.region.material, f"material '{region.region.name}'")
+    if scene.medium is not None:
+        _described(scene.medium, Medium, "medium")
+        wrong = contradiction(scene.medium)
+        if wrong is not None:
+            raise SceneError(f"medium: {wrong}")
     _described(scene.run, Run, "run")
     if scene.units not in (None, "m"):
         raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
@@ -167,8 +174,8 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
         if action.traction is not None and isinstance(condition.place.shape, Surface):
             raise SceneError(f"{place}: found a traction on a surface, expected a body force there, or a curve")
         values = [*(action.traction or ()), *(action.body_force or ())]
-    elif isinstance(action, Absorb):
-        values = []
+    elif isinstance(action, Absorb | OfDiffusion):
+        values = [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
     else:
         if action.x is None and action.y is None:
             raise SceneError(f"{place}: found no component, expected x, y or both")
@@ -176,7 +183,7 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     values += [value for point in getattr(action, "profile", ()) for value in point]
     if not (np.abs(values) <= MOST).all():
         raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
-    if not isinstance(action, Absorb | InitialVelocity) and not isinstance(action.breakable, bool):
+    if isinstance(action, Condition) and not isinstance(action.breakable, bool):
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
     if condition.place.shape.distance(scene.shape) > rows * scene.spacing:
         raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")

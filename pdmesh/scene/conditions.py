@@ -5,19 +5,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import msgspec
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.document import AnyCondition, Load, Point, Region
+from pdmesh.model.document import AnyCondition, Load, MediumRegion, Point, Region
 from pdmesh.scene.shapes import Curve, SceneError, Surface, near
 
 MOST_SPACINGS = 32
 SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
 
 Profile = tuple[Point, ...]
+R = TypeVar("R", Region, MediumRegion)
 
 
 @dataclass(frozen=True)
@@ -62,18 +64,26 @@ class PlacedCondition:
 
 
 @dataclass(frozen=True)
-class MaterialRegion:
-    """A part of the plate made of another material; of several with a node, the last one has it."""
+class PlacedRegion(Generic[R]):
+    """A part of the plate made of another material or medium; of several with a node, the last one has it."""
 
     shape: Surface
-    region: Region
+    region: R
 
-    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> Region:
+    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> R:
         """The region with its nodes' ids. Raises SceneError if it finds no node."""
         rows = np.flatnonzero(Place(self.shape).nodes(position, delta))
         if not len(rows):
-            raise SceneError(f"material '{self.region.name}': found no node in its surface, expected some")
+            raise SceneError(f"{self.kind} '{self.region.name}': found no node in its surface, expected some")
         return msgspec.structs.replace(self.region, nodes=tuple((rows + 1).tolist()))
+
+    @property
+    def kind(self) -> str:
+        """What it is called."""
+        return "material" if isinstance(self.region, Region) else "medium"
+
+
+MaterialRegion = PlacedRegion[Region]
 
 
 def describe(action: AnyCondition) -> str:

@@ -10,8 +10,9 @@ import numpy as np
 import shapely
 from shapely import MultiLineString, Polygon
 
-from pdmesh.model.document import Material, Run
-from pdmesh.scene.conditions import MaterialRegion, PlacedCondition
+from pdmesh.model.document import Material, MediumRegion, Run
+from pdmesh.model.medium import Medium
+from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
 
@@ -59,6 +60,8 @@ class Plate:
     cracks: tuple[Crack, ...] = ()
     regions: tuple[MaterialRegion, ...] = ()
     conditions: tuple[PlacedCondition, ...] = ()
+    medium: Medium | None = None  # what a substance diffuses through; there is no mechanics then
+    media: tuple[PlacedRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with

@@ -25,17 +25,23 @@ from pdmesh.model.document import (
     Acceleration,
     Adapt,
     AnyCondition,
+    Concentration,
     Displacement,
+    Exchange,
+    InitialConcentration,
     InitialVelocity,
     Load,
     Material,
+    MediumRegion,
     Point,
     Region,
+    Solid,
+    Source,
     Velocity,
 )
 from pdmesh.model.wordings import explained
 from pdmesh.scene import checks
-from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, Profile, checked_profile
+from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, checked_profile
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -171,6 +177,60 @@ class Scene(Plate):
             raise SceneError(f"absorb '{name}': width: found {width:g} m, expected more than 0 m")
         layer = self._place(where, f"absorb '{name}'").buffer(width, cap_style="flat", join_style="mitre")
         return self._with(Absorb, {"depth": width}, layer, 1, name)
+
+    def solid(self, shape: Shape, name: str = "") -> Scene:
+        """With a solid that dissolves in the shape."""
+        return self._with(Solid, {}, shape, 1, name)
+
+    def begin(self, shape: Shape, concentration: float, name: str = "") -> Scene:
+        """With a concentration (mol/m^3) in the shape at time 0."""
+        return self._with(InitialConcentration, {"value": concentration}, shape, 1, name)
+
+    def diffusivity(self, shape: Shape, D: float, name: str = "") -> Scene:
+        """With another diffusivity (m^2/s) in the shape."""
+        name = name or f"{len(self.media) + 1}"
+        try:
+            region = msgspec.convert({"name": name, "D": D}, MediumRegion)
+        except msgspec.ValidationError as error:
+            raise SceneError(f"medium '{name}': {error}") from None
+        area = surface(shape, self.finest, f"medium '{name}'")
+        return replace(self, media=(*self.media, PlacedRegion(area, region)))
+
+    def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
+        """With a concentration (mol/m^3) held; for the rest see `load`. It should be a layer of a horizon."""
+        return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
+
+    def supply(
+        self,
+        where: Where,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Scene:
+        """With a flux (mol/(m^2 s)) through a curve, or a rate (mol/(m^3 s)) there or in a surface; see `load`."""
+        length = self._length(where, f"source '{name}'") if flux is not None else None
+        return self._with(Source, {"flux": flux, "rate": rate, "length": length}, where, rows, name, profile=profile)
+
+    def exchange(
+        self,
+        where: Where,
+        coefficient: float,
+        outside: float = 0.0,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Scene:
+        """With a flux through a curve of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        values = {"coefficient": coefficient, "value": outside, "length": self._length(where, f"exchange '{name}'")}
+        return self._with(Exchange, values, where, rows, name, profile=profile)
+
+    def _length(self, where: Where, place: str) -> float:
+        curve = self._place(where, place)
+        if isinstance(curve, Surface):
+            raise SceneError(f"{place}: found a surface, expected a curve, through which something goes")
+        return float(curve.length)
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any

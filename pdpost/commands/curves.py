@@ -10,6 +10,8 @@ from pdpost.commands import delivery
 from pdpost.commands.shared import finite_numbers
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pdpost.commands.shared import Commands
     from pdpost.measures.histories import History
     from pdsolve.results import Results
@@ -19,7 +21,9 @@ Place = tuple[str, tuple[float, ...]]
 
 def add(commands: Commands) -> None:
     """Put `history`, `balance` and `reaction` on the command line."""
-    history = delivery.add_command(commands, "history", "draw displacement, velocity or acceleration over time")
+    history = delivery.add_command(
+        commands, "history", "draw a node's motion over time, or the masses of a model of diffusion"
+    )
     for name, words, count, text in (
         ("--node", "ID", 1, "a node by its id"),
         ("--at", "X,Y", 2, "the node nearest to a place, m (--at=X,Y if X is negative)"),
@@ -83,6 +87,8 @@ def _history(args: argparse.Namespace) -> int:
 
     path = delivery.picture_path(args, ".history.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        if len(results.masses()):
+            return _masses(args, results, path)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
@@ -104,6 +110,33 @@ def _history(args: argparse.Namespace) -> int:
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
     return delivery.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
+
+
+def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
+    """The history of a substance that diffuses."""
+    from pdpost.measures.masses import masses
+    from pdpost.reading.times import told
+
+    if args.places or args.components:
+        raise commandline.UsageError("history: found a node or a component, expected none: masses are of the whole")
+    books = masses(results)
+    if path is not None:
+        from pdpost.figures import charts, style
+
+        style.save(charts.masses(books), path)
+    last = {name: float(column[-1]) for name, column in books._asdict().items()}
+    lines = [
+        f"at {told(last['time'])}, mol: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
+        f" {last['supplied']:.6g} (balance {last['error']:+.1e})"
+    ]
+    if last["left"] == last["left"]:
+        lines.append(
+            f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.surface[0]):.2%} of that at the"
+            f" start, dissolved {last['dissolved']:.6g} mol"
+        )
+    found = {"units": results.meta()["units"], "last": last, **books._asdict()}
+    header = ("step", "time, s", "inside, mol", "gone out, mol", "supplied, mol", "solid", "dissolved, mol", "surface")
+    return delivery.deliver(args, found, lines, (*header, "share left", "error"), zip(*books, strict=True), path)
 
 
 def _usual(results: Results) -> list[Place]:

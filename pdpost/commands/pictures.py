@@ -50,6 +50,9 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "plastic": "draw the equivalent plastic strain of the nodes, of materials that flow",
     "rotation": "draw the rotation of the nodes, of models that have one",
     "volume": "draw the volume of the nodes over that at the start, of models that have one",
+    "concentration": "draw the concentration of what is dissolved, of models of diffusion",
+    "content": "draw the same with what is solid",
+    "solid": "draw the share of the nodes that is solid",
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),

@@ -18,6 +18,7 @@ from pdpost.measures import fields
 from pdsolve.results import Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
+SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h"}
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of a node
 CUBE = np.vstack([np.column_stack([SQUARE, np.full(4, height)]) for height in (-0.5, 0.5)])
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
@@ -39,8 +40,9 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         axes = [f"{letter}{axis}" for axis in "xyz"[: results.dimension]]
         if set(axes) <= set(stored):
             data[name] = _in_space(np.column_stack([results.field(axis, step) for axis in axes]))
-    if "energy" in stored:
-        data["energy"] = results.field("energy", step)
+    for name, column in SCALARS.items():
+        if column in stored:
+            data[name] = results.field(column, step)
     data["damage"] = fields.values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
         if also:

@@ -10,7 +10,7 @@ from pdmesh.lazily import lazily
 if TYPE_CHECKING:
     from pdpost.figures.animation import gif
     from pdpost.figures.bond_figure import bonds
-    from pdpost.figures.charts import balance, histories, reactions
+    from pdpost.figures.charts import balance, histories, masses, reactions
     from pdpost.figures.crack_figure import comparison, crack
     from pdpost.figures.field_figure import field
     from pdpost.figures.level_figure import nodes
@@ -27,6 +27,7 @@ else:
         "field": "field_figure",
         "gif": "animation",
         "histories": "charts",
+        "masses": "charts",
         "nodes": "level_figure",
         "reactions": "charts",
         "report": "page",
@@ -45,6 +46,7 @@ __all__ = [
     "field",
     "gif",
     "histories",
+    "masses",
     "nodes",
     "reactions",
     "report",

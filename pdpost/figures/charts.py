@@ -17,6 +17,7 @@ from pdpost.measures.balance import Balance
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
+from pdpost.measures.masses import Masses
 
 if TYPE_CHECKING:
     from pdpost.measures.lines import Line  # which would import SciPy
@@ -82,6 +83,30 @@ def balance(books: Balance) -> Figure:
     for axes in (above, below):
         plain(axes)
         axes.margins(x=0.01)
+    figure.align_ylabels()
+    return figure
+
+
+def masses(books: Masses) -> Figure:
+    """What there is of a substance over time and, where something dissolves, how much of it is left."""
+    dissolves = bool(np.isfinite(books.left).any())
+    figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
+    panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]
+    second, seconds = scaled([books.time], "s")
+    names = {"inside": "inside", "through": "gone out", "supplied": "supplied", "dissolved": "dissolved so far"}
+    shown = [name for name in names if np.any(getattr(books, name) != 0)]
+    factor, unit = scaled([getattr(books, name) for name in shown], "mol")
+    for number, name in enumerate(shown):
+        panels[-1].plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=names[name], **look(number))
+    panels[-1].set(xlabel=f"time, {seconds}", ylabel=f"amount, {unit}")
+    if dissolves:
+        panels[0].plot(books.time * second, books.left, lw=1.4, label="solid", **look(0))
+        panels[0].plot(books.time * second, books.surface / books.surface[0], lw=1.4, label="its surface", **look(1))
+        panels[0].set_ylabel("share that is left")
+    for axes in panels:
+        plain(axes)
+        axes.margins(x=0.01)
+        axes.legend(frameon=False)
     figure.align_ylabels()
     return figure
 

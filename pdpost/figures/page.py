@@ -18,6 +18,7 @@ from pdpost.figures.style import written
 from pdpost.measures import crack_summary
 from pdpost.measures.balance import balance
 from pdpost.measures.forces import reactions
+from pdpost.reading.embedded import expect_mechanics
 from pdpost.reading.frames import frames
 from pdpost.reading.times import told
 from pdsolve.results import Nodes, Results, ResultsError
@@ -49,6 +50,7 @@ PROVENANCE = {
 
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
+    expect_mechanics(results)
     steps, times = frames(results)
     model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes(0)
     sections = [

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpost.reading.embedded import expect_mechanics
 from pdsolve.results import Results, ResultsError
 
 
@@ -29,6 +30,7 @@ def balance(results: Results) -> Balance:
     """The balance of energy of a run. Raises ResultsError if nothing was booked yet."""
     books = results.history()
     if not len(books):
+        expect_mechanics(results)
         raise ResultsError(f"{results.name}: found an empty ledger, expected at least one entry")
     initial = float(results.meta()["initial_energy"])
     total = books["kinetic"] + books["strain"] + books["dissipated"]

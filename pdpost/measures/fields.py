@@ -58,6 +58,9 @@ FIELDS = {
         _stored("plastic", "Equivalent plastic strain"),
         _stored("rotation", "Rotation"),
         _stored("volume", "Volume over that at the start"),
+        _stored("concentration", "Concentration"),
+        _stored("content", "Content, the solid counted"),
+        _stored("solid", "Share that is solid"),
     )
 }
 

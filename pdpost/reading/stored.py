@@ -28,6 +28,6 @@ def _fields(results: Results, names: tuple[str, ...], step: int) -> list[NDArray
     if missing and there:
         raise ResultsError(
             f"{results.name}: found no field '{missing[0]}', expected one of {', '.join(there)}"
-            f" (pdsolve --fields +{','.join(missing)} stores it)"
+            + ("" if "h" in there else f" (pdsolve --fields +{','.join(missing)} stores it)")
         )
     return [results.field(name, step).astype(float) for name in names]

@@ -14,6 +14,7 @@ SHOWN = {  # what is in it
     "epoch": "the steps at which nodes are born and die, and how many there are then",
     "frame": "when the fields were written",
     "history": "the ledger, per unit thickness",
+    "mass": "of diffusion: what there is of a substance and where it has gone",
     "reaction": "what each condition, counted from 0, does to the plate, per unit thickness",
     "probe": "the nodes at the probes, as often as the ledger",
     "bond_break": "every broken bond; one of both its nodes is there twice",
@@ -28,6 +29,7 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("kinetic", "strain", "dissipated", "work", "refinement"), "J/m"),
     **dict.fromkeys(("momentum_x", "momentum_y", "momentum_z"), "N s/m"),
     **dict.fromkeys(("force_x", "force_y", "force_z"), "N/m"),
+    **dict.fromkeys(("inside", "through", "supplied", "dissolved"), "mol"),
     "time": "s",
     "area": "m^2",
 }

@@ -18,7 +18,7 @@ from pdmesh.model.particles import Particles
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.lives import NEVER, Lives
-from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, Breaks, Families, Nodes, taken
+from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, taken
 from pdsolve.results.tables import Tables
 
 
@@ -256,6 +256,12 @@ class Results:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
         momentum_y, broken, refinement, fine_share, clipped_stretch and momentum_z."""
         return self._numbers("history", self._tables.all("history"))
+
+    def masses(self) -> NDArray[np.void]:
+        """What there is of a substance and where it has gone, a record a row, with fields step, time, inside, through,
+        supplied, solid, dissolved and surface; none of a model of mechanics."""
+        rows = self._tables.all("mass") if self._tables.version > WITHOUT_SPACE else []
+        return self._numbers("mass", rows)
 
     def probes(self) -> NDArray[np.void]:
         """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay, uz, vz, az."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import ALONG, UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_REFINEMENT, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 4, 3, 2
+SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 
@@ -74,6 +74,7 @@ class Frame(NamedTuple):
     epochs: Sequence[Epoch] = ()  # since the last transaction
     rows: NDArray[np.int64] | None = None  # (n,) of the table `node` that the fields' nodes are; None: 0 to n - 1
     particles: Sequence[tuple[Any, ...]] = ()  # rows of `crack_particle` since the last transaction
+    masses: Sequence[tuple[float, ...]] = ()  # rows of `mass` since the last transaction
 
 
 TABLES = {  # name: columns
@@ -102,6 +103,9 @@ TABLES = {  # name: columns
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL,
     momentum_z REAL""",
+    "mass": """step INTEGER PRIMARY KEY, time REAL, inside REAL, through REAL, supplied REAL, solid REAL,
+    dissolved REAL, surface REAL -- of models of diffusion
+    """,
     "probe": """step INTEGER, time REAL, node INTEGER, ux REAL, uy REAL, vx REAL, vy REAL, ax REAL, ay REAL,
     uz REAL, vz REAL, az REAL, PRIMARY KEY (node, step)""",
     "reaction": """step INTEGER, time REAL, condition INTEGER, kind TEXT, force_x REAL, force_y REAL,
@@ -121,6 +125,7 @@ STEPPED = (
     "field_chunk",
     "bond_break",
     "history",
+    "mass",
     "probe",
     "reaction",
     "node_death",

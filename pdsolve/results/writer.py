@@ -110,6 +110,7 @@ class Writer:
                     self._write_field(frame.step, name, values, frame.rows)
             self._append("bond_break", records("bond_break", frame.breaks))
             self._append("history", frame.ledger)
+            self._append("mass", frame.masses)
             self._append("probe", frame.probes)
             self._append("reaction", frame.reactions)
             self._append("crack_particle", frame.particles)

@@ -125,8 +125,9 @@ def test_nodes_are_written_exactly_as_the_thesis_writes_them() -> None:
 def test_schema_names_every_key() -> None:
     found = schema()
     assert found["$schema"].startswith("https://json-schema.org/")
-    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN)
+    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN) | {"physics", "medium", "media"}
     kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity", "absorb"}
+    kinds |= {"concentration", "source", "exchange", "initial concentration", "solid"}
     tags = {
         entry["properties"]["kind"]["enum"][0] for entry in found["$defs"].values() if "kind" in entry["properties"]
     }

@@ -65,6 +65,9 @@ def test_plain_sql_sees_the_numbers(small_results: Path) -> None:
         "plastic",
         "rotation",
         "J",
+        "c",
+        "h",
+        "solid",
     ]
     connection.close()
 

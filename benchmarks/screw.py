@@ -1,0 +1,171 @@
+"""How fast a scalar field is made even: a dissolving screw by a plain list, by the solver's list, and by its slots.
+
+    python -m benchmarks.screw [--spacing 0.125] [-o benchmarks/screw.json]
+
+The screw of the multi-adaptive source, scaled (radius 1, height 4, a slot; held from a radius of 6 on), 240 steps by
+each in turns, one thread, CPU time. `plain` is a textbook loop over 8-byte numbers of neighbours and conductances; the
+bound of a list is how long it takes to read its bytes once, and nothing else, in the same run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdmesh.model.cloud import Grid
+from pdmesh.model.document import Concentration, Run, Settings, Solid
+from pdmesh.model.medium import Medium
+from pdsolve.diffusion.books import masses
+from pdsolve.diffusion.euler import Euler
+from pdsolve.diffusion.listed import Listed
+from pdsolve.diffusion.system import prepare
+from pdsolve.model import Model
+
+ROUNDS = 8
+END = 2.0  # radius^2 / D
+
+
+def screw(spacing: float, steps: int) -> Model:
+    """The screw in liquid, nodes at the middles of cubes around the origin."""
+    side = int((6 + 4 * spacing) / spacing) + 1
+    along = (np.arange(-side, side) + 0.5) * spacing
+    z, y, x = (axis.ravel() for axis in np.meshgrid(along, along, along, indexing="ij"))
+    there = np.sqrt(x**2 + y**2 + z**2) < 6 + 4 * spacing
+    x, y, z = x[there], y[there], z[there]
+    nodes = len(x)
+    solid = (np.hypot(x, y) < 1) & (np.abs(z) < 2) & ~((np.abs(y) < 0.25) & (z > 1.5))
+    held = np.sqrt(x**2 + y**2 + z**2) >= 6
+    nowhere = np.full(nodes, -1)
+    position, delta = np.column_stack([x, y, z]), np.full(nodes, spacing)
+    grid = Grid(np.arange(1, nodes + 1), position, delta, nowhere > 0, nowhere, np.empty((0, 9)))
+    dissolves = Solid(nodes=tuple((np.flatnonzero(solid) + 1).tolist()))
+    clean = Concentration(nodes=tuple((np.flatnonzero(held) + 1).tolist()), value=0.0)
+    run = Run(steps=steps, time_step=END / steps, every=steps)
+    medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2)
+    return Model(grid, Settings(physics="diffusion", medium=medium, conditions=(dissolves, clean), run=run))
+
+
+class Plain:
+    """A textbook loop in place of an operator's."""
+
+    name = "plain"
+
+    def __init__(self, listed: Listed) -> None:
+        links = listed.links
+        self.volume, self.total, self.count = listed.volume, listed.total, listed.count
+        self.start = links.first[links.start].astype(np.int64)
+        self.neighbour = links.neighbour.astype(np.int64)
+        self.weight = np.repeat(links.conductance, np.diff(links.first.astype(np.int64))) * listed.volume[0]
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """As in `Operator`."""
+        _plain(self.start, self.neighbour, self.weight, potential, out)
+
+    def tangent(self) -> Any:
+        """Nobody asks."""
+
+    def contrast(self, share: NDArray[np.float64]) -> float:
+        """Nobody asks."""
+        return 0.0
+
+
+@njit(nogil=True, error_model="numpy", cache=True)
+def _plain(start, neighbour, weight, potential, out):  # type: ignore[no-untyped-def]
+    for i in range(len(out)):
+        s = 0.0
+        for b in range(start[i], start[i + 1]):
+            s += weight[b] * (potential[neighbour[b]] - potential[i])
+        out[i] = s
+
+
+@njit(nogil=True, error_model="numpy", cache=True, fastmath=True)
+def _read(words):  # type: ignore[no-untyped-def]
+    s = words[0]
+    for word in words:
+        s += word
+    return s
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """CPU time of this."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def bound(*arrays: NDArray[Any]) -> float:
+    """The least time in which these can be read, s."""
+    words = [array.view(np.uint8)[: array.nbytes // 8 * 8].view(np.uint64) for array in arrays]
+    return min(sum(seconds(lambda one=one: _read(one)) for one in words) for _ in range(5))
+
+
+def measure(spacing: float, steps: int) -> dict[str, Any]:
+    """All three, in turns."""
+    model = screw(spacing, steps)
+    slots, state = prepare(model, 1)
+    listed = prepare(model, 1, listed=True)[0].operator
+    assert isinstance(listed, Listed)
+    plain = Plain(listed)
+    medium = model.settings.medium
+    assert medium is not None
+    runs = {}
+    for operator in (slots.operator, listed, plain):
+        own = state._replace(**{name: values.copy() for name, values in state._asdict().items()})
+        stepper = Euler(operator, slots.done, medium, slots.time_step)
+        operator.rates(own.content, np.zeros(len(own.content)))
+        runs[operator.name] = (stepper, own)
+    spent = dict.fromkeys(runs, 0.0)
+    ends = [steps * part // ROUNDS for part in range(ROUNDS + 1)]
+    for first, last in pairwise(ends):
+        for name, (stepper, own) in runs.items():
+            spent[name] += seconds(lambda s=stepper, o=own, a=first, b=last: s.march(o, a + 1, b + 1))
+    links = int(slots.operator.count.sum())
+    kept = listed.links
+    least = bound(kept.first, kept.neighbour, kept.conductance)
+    each = {name: value / steps / links * 1e9 for name, value in spent.items()}
+    start = masses(slots, state, 0, None)
+    now = masses(slots, runs["lattice"][1], steps, start.solid)
+    return {
+        "spacing": spacing,
+        "steps": steps,
+        "nodes": len(model.grid),
+        "free_nodes": int(slots.done.free.sum()),
+        "neighbours": int(slots.operator.count.max()),
+        "links": links,
+        "ns_per_link_and_step": each,
+        "ns_to_read_the_list": least / links * 1e9,
+        "list_over_its_bound": each["listed"] / (least / links * 1e9),
+        "slots_over_list": each["listed"] / each["lattice"],
+        "slots_over_plain": each["plain"] / each["lattice"],
+        "dissolved": now.dissolved / start.solid,
+        "largest_difference": max(
+            float(np.abs(runs["lattice"][1].content - own.content).max()) for _, own in runs.values()
+        ),
+    }
+
+
+def main() -> None:
+    """Measure, print, write."""
+    program = argparse.ArgumentParser(description=__doc__)
+    program.add_argument("--spacing", type=float, default=0.125)
+    program.add_argument("--steps", type=int, default=240)
+    program.add_argument("-o", "--output", type=Path)
+    args = program.parse_args()
+    found = measure(args.spacing, args.steps)
+    text = json.dumps(found, indent=1)
+    print(text)
+    if args.output is not None:
+        args.output.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

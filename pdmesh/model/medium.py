@@ -1,0 +1,38 @@
+"""What a substance diffuses through, and the solid that may dissolve into it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The liquid, or any medium without one that dissolves.
+
+    A solid of `C_solid` dissolves into liquid below `C_sat`. By ``enthalpy`` that is as fast as what is dissolved is
+    carried away; by ``kinetic`` its bonds to liquid have a stiffness of their own, `k_diss`.
+    """
+
+    D: Positive  # diffusivity, m^2/s
+    power: Literal[0, 1, 2] = 1  # of the distance that the micro-diffusivity falls with
+    C_solid: Positive | None = None  # mol/m^3; None: nothing dissolves
+    C_sat: Positive | None = None  # mol/m^3, that liquid can hold
+    dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"
+    k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
+    capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
+
+
+def contradiction(medium: Medium) -> str | None:
+    """What is wrong with a solid that cannot be one: the key, what was found and what was expected."""
+    C_solid, C_sat = medium.C_solid, medium.C_sat
+    if (C_solid is None) != (C_sat is None):
+        missing = "C_sat" if C_sat is None else "C_solid"
+        return f"{missing}: found none, expected one, as there is the other of C_solid and C_sat"
+    if C_solid is not None and C_sat is not None and not C_sat < C_solid:
+        return f"C_sat: found {C_sat:g} mol/m^3, expected less than C_solid, {C_solid:g} mol/m^3"
+    if medium.dissolution == "kinetic" and C_solid is None:
+        return "C_solid: found none, expected one, as the dissolution is kinetic"
+    return None

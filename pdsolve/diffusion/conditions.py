@@ -1,0 +1,126 @@
+"""What is done to the nodes: concentrations that are held, what is supplied, what is exchanged with outside."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
+from pdsolve.model import Model, ModelError
+
+Profile = tuple[tuple[float, float], ...]
+
+
+class Act(NamedTuple):
+    """Something done to k nodes, times a factor that follows time."""
+
+    rows: NDArray[np.int64]  # (k,)
+    value: NDArray[np.float64]  # (k,)
+    profile: Profile
+
+    def at(self, time: float) -> NDArray[np.float64]:
+        """The values (k,) at `time`, s."""
+        return self.value * factor(self.profile, time)
+
+
+class Deeds(NamedTuple):
+    """All that is done to n nodes."""
+
+    held: tuple[Act, ...]  # mol/m^3; no node is in two of them
+    supplied: tuple[Act, ...]  # mol/(m^3 s)
+    free: NDArray[np.bool_]  # (n,) nodes that are not held
+    exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
+
+    def hold(self, content: NDArray[np.float64], time: float) -> None:
+        """Put what is held at `time`, s, into the contents (n,)."""
+        for act in self.held:
+            content[act.rows] = act.at(time)
+
+    def supply(self, time: float, out: NDArray[np.float64]) -> None:
+        """Put into `out` (n,) what is supplied at `time`, s, per volume and time."""
+        out[:] = 0
+        for act in self.supplied:
+            out[act.rows] += act.at(time)
+
+
+def factor(profile: Profile, time: float) -> float:
+    """That of a profile at `time`, s: linear between points, constant outside."""
+    return float(np.interp(time, *np.array(profile).T)) if profile else 1.0
+
+
+def deeds(model: Model, volume: NDArray[np.float64]) -> Deeds:
+    """The conditions of a model. Raises ModelError where they contradict each other."""
+    nodes = len(model.grid)
+    owner, exchange = np.full(nodes, -1), np.zeros(nodes)
+    held: dict[int, Concentration] = {}
+    supplied = []
+    for number, condition in enumerate(model.settings.conditions):
+        rows = model.selected(condition)
+        if isinstance(condition, Concentration):
+            _possible(model, f"$.conditions[{number}].value", _largest(condition.value, condition))
+            owner[rows], held[number] = number, condition
+        elif isinstance(condition, Source):
+            rate = condition.rate
+            if rate is None:
+                rate = (condition.flux or 0.0) * _extent(condition) / volume[rows].sum()
+            supplied.append(Act(rows, np.full(len(rows), rate), condition.profile))
+        elif isinstance(condition, Exchange):
+            share = condition.coefficient * _extent(condition) / volume[rows].sum()
+            exchange[rows] += share
+            supplied.append(Act(rows, np.full(len(rows), share * condition.value), condition.profile))
+    free = owner < 0
+    acts = []
+    for number, condition in held.items():
+        rows = np.flatnonzero(owner == number)
+        acts.append(Act(rows, np.full(len(rows), condition.value), condition.profile))
+    mine = [act._replace(rows=act.rows[free[act.rows]], value=act.value[free[act.rows]]) for act in supplied]
+    exchange[~free] = 0
+    return Deeds(tuple(acts), tuple(mine), free, exchange)
+
+
+def _extent(condition: Source | Exchange) -> float:
+    """The length, m, or the surface, m^2, that something goes through."""
+    return condition.length or condition.surface or 0.0
+
+
+def _largest(value: float, condition: Timed) -> float:
+    return value * max((at for _, at in condition.profile), default=1.0)
+
+
+def _possible(model: Model, place: str, value: float) -> None:
+    medium = model.settings.medium
+    assert medium is not None
+    if medium.C_sat is not None and value > medium.C_sat:
+        raise ModelError(
+            f"{model.name}: {place}: found {value:g} mol/m^3, expected at most C_sat, {medium.C_sat:g} mol/m^3"
+        )
+
+
+def begin(model: Model, done: Deeds) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Contents (n,) at time 0, mol/m^3, and which nodes (n,) are solid. Raises ModelError."""
+    content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
+    medium = model.settings.medium
+    assert medium is not None
+    for number, condition in enumerate(model.settings.conditions):
+        place = f"$.conditions[{number}]"
+        if isinstance(condition, InitialConcentration):
+            _possible(model, f"{place}.value", condition.value)
+            content[model.selected(condition)] = condition.value
+    for number, condition in enumerate(model.settings.conditions):
+        if isinstance(condition, Solid):
+            if medium.C_solid is None:
+                raise ModelError(
+                    f"{model.name}: $.conditions[{number}]: found a solid, expected none, or medium.C_solid and C_sat"
+                )
+            rows = model.selected(condition)
+            both = rows[~done.free[rows]]
+            if len(both):
+                raise ModelError(
+                    f"{model.name}: $.conditions[{number}]: found node {model.grid.ids[both[0]]} solid and held,"
+                    " expected one of them"
+                )
+            content[rows], solid[rows] = medium.C_solid, 1
+    done.hold(content, 0.0)
+    return content, solid

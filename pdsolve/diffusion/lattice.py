@@ -1,0 +1,180 @@
+"""Links of a lattice in slots with a base: who is linked to whom follows from where nodes are.
+
+Nodes are cells of a box with a margin. A slot is a conductance and how many cells further the other end of a link is;
+all cells of a run along x take it together, from a base. Cells without a node hold nothing, so that links to them add
+nothing, and what leaves a node is that of the links it has.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
+from pdsolve.diffusion.links import Linking, links_of, shape
+from pdsolve.diffusion.listed import Listed, compiled
+from pdsolve.threads import side_by_side
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+TOGETHER = 8  # slots that a cell is summed up over before it is put down
+LEAST_FILLED = 0.2  # cells of the box that have a node
+LEAST_NODES = 64
+
+
+class Runs(NamedTuple):
+    """Nodes that follow each other along x, r runs."""
+
+    cell: NDArray[np.int64]  # (r,) of the first
+    node: NDArray[np.int64]  # (r,) its place in the order of cells
+    cells: NDArray[np.int64]  # (r,) how many
+
+
+class Slots(NamedTuple):
+    """What links of a lattice are like, s of them; those at the end that make them a multiple hold nothing."""
+
+    ahead: NDArray[np.int64]  # (s,) cells
+    conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
+
+
+class Box(NamedTuple):
+    """Where n nodes are."""
+
+    size: int  # cells
+    cell: NDArray[np.int64]  # (n,) of each node
+    order: NDArray[np.int64]  # (n,) rows of the nodes, in the order of their cells
+    runs: Runs
+    strides: NDArray[np.int64]  # (d,) cells from one to the next along each axis
+
+
+def box_of(position: NDArray[np.float64], spacing: float, margin: int) -> Box | None:
+    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it."""
+    at = (position - position[0]) / spacing
+    whole = np.rint(at)
+    if len(position) < LEAST_NODES or not (np.abs(at - whole) <= ON_LATTICE * (1 + np.abs(whole))).all():
+        return None
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    if len(position) < LEAST_FILLED * np.prod(high - low + 1):
+        return None
+    side = (high - low + 1 + 2 * margin).astype(np.int64)
+    strides = np.concatenate([[1], np.cumprod(side[:-1])])
+    cell = ((whole - low).astype(np.int64) + margin) @ strides
+    order = np.argsort(cell, kind="stable")
+    step = np.diff(cell[order])
+    if (step == 0).any():
+        return None
+    first = np.concatenate([[0], np.flatnonzero(step != 1) + 1])
+    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(cell))))
+    return Box(int(np.prod(side)), cell, order, runs, strides)
+
+
+def slots_of(linking: Linking, box: Box) -> Slots:
+    """Those of the links of a node that has them all."""
+    spacing, horizon = float(linking.model.grid.delta[0]), float(linking.horizon[0])
+    side = int(linking.reach[0] / spacing) + 1
+    steps = np.array([at for at in product(range(-side, side + 1), repeat=linking.dimension) if any(at)])
+    length = np.linalg.norm(steps, axis=1) * spacing
+    one = np.ones(len(length))
+    conductance = linking.even(float(linking.diffusivity[0])) * shape(
+        length, horizon * one, spacing * one, linking.dimension, linking.power
+    )
+    some = np.flatnonzero(conductance > ROUND_OFF * conductance.max())
+    some = some[np.argsort(steps[some] @ box.strides)]
+    left = -len(some) % TOGETHER
+    return Slots(
+        np.concatenate([steps[some] @ box.strides, np.zeros(left, dtype=np.int64)]),
+        np.concatenate([conductance[some], np.zeros(left)]),
+    )
+
+
+def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
+    """The links of a model as slots; None where nodes are not those of one lattice and one medium, all in sight."""
+    grid = linking.model.grid
+    alike = (linking.diffusivity == linking.diffusivity[0]).all() and (grid.delta == grid.delta[0]).all()
+    if not alike or not linking.sight.clear or linking.dimension != grid.position.shape[1]:
+        return None
+    box = box_of(grid.position, float(grid.delta[0]), int(linking.reach[0] / grid.delta[0]) + 1)
+    return None if box is None else OnLattice(linking, box, volume, threads)
+
+
+class OnLattice:
+    """Exchange between the nodes of one lattice."""
+
+    name = "lattice"
+
+    def __init__(self, linking: Linking, box: Box, volume: NDArray[np.float64], threads: int) -> None:
+        self.volume, self.threads = volume, threads
+        self._linking, self._box, self._slots = linking, box, slots_of(linking, box)
+        self._amount, self._whole = np.zeros((2, box.size))
+        self._whole[box.cell] = volume
+        runs = box.runs
+        ends = np.searchsorted(runs.node, np.linspace(0, len(volume), threads + 1)[1:-1])
+        self._ends = np.concatenate([[0], ends, [len(runs.cell)]]).tolist()
+        nothing, one, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
+        self._amount[box.cell] = 1.0
+        some = self._slots._replace(conductance=np.sign(self._slots.conductance))
+        self._share(_pull, some, (self._amount, nothing, nothing, box.order), counts)
+        self.count = np.rint(counts).astype(np.int64)
+        self.total = nothing
+        self.rates(one, total := np.zeros(len(volume)))
+        self.total = total
+
+    def _share(self, kernel, slots, of, out) -> None:  # type: ignore[no-untyped-def]
+        runs, ends = self._box.runs, self._ends
+        side_by_side(lambda part: kernel(runs, slots, of, out, ends[part], ends[part + 1]), self.threads)
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        self._amount[self._box.cell] = potential * self.volume
+        self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
+
+    def tangent(self) -> csr_array:
+        """The rates (n, n) by the potentials, 1/s."""
+        return Listed(links_of(self._linking.parts(), len(self.volume))[0], self.volume, self.threads).tangent()
+
+    def contrast(self, share: NDArray[np.float64]) -> float:
+        """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
+        self._amount[self._box.cell] = share
+        out = np.zeros(len(share))
+        self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)
+        return float((out * self.volume).sum())
+
+
+@compiled(fastmath={"reassoc", "contract", "nsz"})
+def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
+    amount, potential, total, order = of
+    ahead, g = slots
+    s = np.zeros(runs.cells[first:last].max() if last > first else 1)
+    for r in range(first, last):
+        cell, cells = runs.cell[r], np.uint64(runs.cells[r])
+        s[: runs.cells[r]] = 0
+        for k in range(0, len(ahead), TOGETHER):
+            b0, b1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1])
+            b2, b3 = np.uint64(cell + ahead[k + 2]), np.uint64(cell + ahead[k + 3])
+            b4, b5 = np.uint64(cell + ahead[k + 4]), np.uint64(cell + ahead[k + 5])
+            b6, b7 = np.uint64(cell + ahead[k + 6]), np.uint64(cell + ahead[k + 7])
+            g0, g1, g2, g3, g4, g5, g6, g7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+            for x in range(cells):
+                one = g0 * amount[b0 + x] + g1 * amount[b1 + x] + g2 * amount[b2 + x] + g3 * amount[b3 + x]
+                two = g4 * amount[b4 + x] + g5 * amount[b5 + x] + g6 * amount[b6 + x] + g7 * amount[b7 + x]
+                s[x] += one + two
+        for x in range(runs.cells[r]):
+            i = order[runs.node[r] + x]
+            out[i] = s[x] - total[i] * potential[i]
+
+
+@compiled()
+def _differ(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
+    amount, whole, share, order = of
+    for r in range(first, last):
+        for x in range(runs.cells[r]):
+            i, cell = order[runs.node[r] + x], runs.cell[r] + x
+            s = 0.0
+            for k in range(len(slots.ahead)):
+                other = cell + slots.ahead[k]
+                s += slots.conductance[k] * whole[other] * abs(amount[other] - share[i])
+            out[i] = s

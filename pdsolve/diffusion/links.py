@@ -1,0 +1,152 @@
+"""Links: who exchanges with whom, and how readily.
+
+The conductance of a link is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
+diffusivity, Hu's beta (families reach half a spacing beyond the horizon), and the mean of both ends' horizons. Between
+two media D is the harmonic mean, which lets a flux through their interface pass as it is on both sides. Nodes in one
+row are a bar, as thick as its cells are long.
+
+Constants after F. Bobaru, M. Duangpanya, Int. J. Heat Mass Transf. 53 (2010) 4047-4059, for q = 2; those of q = 0 and
+1 follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.full_lattice import hu_beta
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.visibility import sight_of
+from pdsolve.model import Model
+
+CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
+ALIKE = 1e-12  # of a conductance: what is round-off
+
+
+def dimension_of(model: Model) -> int:
+    """1 for nodes in one row, else that of their places."""
+    return max(1, int((np.ptp(model.grid.position, axis=0) > 0).sum()))
+
+
+class Part(NamedTuple):
+    """Links of some nodes, and how many more a crack blocks."""
+
+    pairs: Pairs
+    conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
+    blocked: NDArray[np.int64]  # rows of the nodes that each blocked one is of
+
+
+def diffusivities(model: Model) -> NDArray[np.float64]:
+    """That of each node (n,), m^2/s."""
+    assert model.settings.medium is not None
+    found = np.full(len(model.grid), model.settings.medium.D)
+    for region in model.settings.media:
+        found[model.selected(region)] = region.D
+    return found
+
+
+def volumes(model: Model) -> NDArray[np.float64]:
+    """That of each node (n,), m^d."""
+    grid = model.grid
+    if grid.areas is None or model.settings.area_rule == "square":
+        return np.asarray(grid.delta ** grid.position.shape[1])
+    return grid.areas
+
+
+def shape(
+    length: NDArray[np.float64], reach: NDArray[np.float64], delta: NDArray[np.float64], dimension: int, power: int
+) -> NDArray[np.float64]:
+    """Conductance (b,) for D = 1, not calibrated, of neighbours at `length` whose cells have the size `delta`; in m."""
+    k = CONSTANTS[dimension][power] / reach ** (dimension + 2 - power)
+    return np.asarray(k * hu_beta(length, reach, delta) / length**power)
+
+
+@lru_cache
+def moment(order: int, ratio: float, dimension: int, power: int) -> float:
+    """Sum of conductance (D = 1, not calibrated) times length to this order over a family of a lattice of spacing 1."""
+    steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
+    length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
+    one = np.ones(len(length))
+    return float((shape(length, ratio * one, one, dimension, power) * length**order).sum())
+
+
+def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
+    """What a full lattice of this horizon over spacing has, over what it stands for."""
+    return moment(2, ratio, dimension, power) / (2 * dimension)
+
+
+class Linking:
+    """How the nodes of a model are linked. Raises GridError as `sight_of` does."""
+
+    def __init__(self, model: Model) -> None:
+        assert model.settings.medium is not None
+        grid = model.grid
+        self.model, self.dimension = model, dimension_of(model)
+        self.power = model.settings.medium.power
+        self.diffusivity, self.horizon = diffusivities(model), model.horizons
+        self.reach = self.horizon + grid.delta / 2
+        self.sight = sight_of(grid, model.name)
+        self._lattice = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
+
+    def even(self, D: float) -> float:
+        """What conductances of D = 1, not calibrated, are multiplied by."""
+        return D / self._lattice
+
+    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
+        """That (b,) of pairs, 1/(s m^d); 0 beyond reach."""
+        i, j, length = pairs
+        grid = self.model.grid
+        delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
+        across = delta ** (grid.position.shape[1] - self.dimension)
+        both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
+        one, other = self.diffusivity[i], self.diffusivity[j]
+        return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
+
+    def parts(self) -> Iterator[Part]:
+        """All links, some rows at a time."""
+        grid = self.model.grid
+        neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
+        for rows in row_chunks(len(grid)):
+            pairs = neighbours.pairs(rows)
+            pairs = chosen(pairs, self.sight.inside(pairs))
+            conductance = self.conductance(pairs)
+            there = conductance > ROUND_OFF * conductance.max(initial=0.0)
+            blocked = there & self.sight.cut(pairs)
+            there &= ~blocked
+            yield Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
+
+
+class Links(NamedTuple):
+    """All b directed links of n nodes in one list, those of a node that are alike together, in one of g groups.
+
+    The groups of node i are start[i]:start[i + 1], the links of group k are first[k]:first[k + 1].
+    """
+
+    start: NDArray[np.int64]  # (n + 1,)
+    first: NDArray[np.uint32]  # (g + 1,)
+    neighbour: NDArray[np.uint32]  # (b,)
+    conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
+
+
+def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64]]:
+    """All parts in one list, and how many links (n,) of each node a crack blocks."""
+    neighbours, sizes, conductances = [], [], []
+    groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
+    for pairs, conductance, hidden in parts:
+        blocked += np.bincount(hidden, minlength=nodes)
+        digits = np.round(np.log(conductance) / ALIKE).astype(np.int64)
+        order = np.lexsort((digits, pairs.source))
+        source, digits = pairs.source[order], digits[order]
+        new = np.flatnonzero(np.diff(source, prepend=-1).astype(bool) | np.diff(digits, prepend=0).astype(bool))
+        neighbours.append(pairs.target[order].astype(np.uint32))
+        sizes.append(np.diff(np.append(new, len(source))))
+        conductances.append(conductance[order][new])
+        groups += np.bincount(source[new], minlength=nodes)
+    first = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.uint32)
+    start = np.concatenate([[0], np.cumsum(groups)])
+    return Links(start, first, np.concatenate(neighbours), np.concatenate(conductances)), blocked

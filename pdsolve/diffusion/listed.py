@@ -1,0 +1,121 @@
+"""Links in a list: for any nodes, and where what a link does depends on what is at both ends."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.diffusion.links import Links
+from pdsolve.threads import share
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class Listed:
+    """Exchange along listed links of nodes with these `volume` (n,), m^d."""
+
+    name = "listed"
+
+    def __init__(self, links: Links, volume: NDArray[np.float64], threads: int) -> None:
+        self.links, self.volume, self.threads = links, volume, threads
+        ends = links.first[links.start].astype(np.int64)
+        self.count = ends[1:] - ends[:-1]
+        self.total = np.zeros(len(volume))
+        self._share(_pull, (volume, np.ones(len(volume)), np.zeros(len(volume))), self.total)
+
+    def _share(self, kernel, of, out) -> None:  # type: ignore[no-untyped-def]
+        share(lambda first, last: kernel(self.links, of, out, first, last), len(self.volume), self.threads)
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        self._share(_pull, (self.volume * potential, potential, self.total), out)
+
+    def dissolve(
+        self,
+        concentration: NDArray[np.float64],
+        solid: NDArray[np.uint8],
+        C_sat: float,
+        k_diss: float,
+        out: NDArray[np.float64],
+    ) -> None:
+        """The same (n,) where links from solid to liquid are `k_diss` times as readily gone along, and only while the
+        liquid holds less than `C_sat`; links between two solid nodes are not gone along."""
+        self._share(_dissolve, (self.volume, concentration, solid, C_sat, k_diss), out)
+
+    def tangent(self) -> csr_array:
+        """The rates (n, n) by the potentials, 1/s."""
+        from scipy.sparse import csr_array  # here, as it takes long to import
+
+        _, first, neighbour, conductance = self.links
+        nodes = np.arange(len(self.volume))
+        alike = (first[1:] - first[:-1]).astype(np.int64)
+        values = np.repeat(conductance, alike) * self.volume[neighbour]
+        values = np.concatenate([values, -self.total])
+        row, column = np.concatenate([np.repeat(nodes, self.count), nodes]), np.concatenate([neighbour, nodes])
+        return csr_array((values, (row, column)), shape=(len(nodes), len(nodes)))
+
+    def contrast(self, share: NDArray[np.float64]) -> float:
+        """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
+        out = np.zeros(len(share))
+        self._share(_differ, (self.volume, share), out)
+        return float((out * self.volume).sum())
+
+
+compiled = partial(njit, nogil=True, error_model="numpy", cache=True, fastmath={"contract"})
+
+
+@compiled()
+def _pull(links, of, out, first, last):  # type: ignore[no-untyped-def]
+    amount, potential, total = of
+    for i in range(first, last):
+        t = 0.0
+        for k in range(links.start[i], links.start[i + 1]):
+            b, end = links.first[k], links.first[k + 1]
+            one = other = 0.0  # two sums, as adding to one has to wait for the last
+            while b + 2 <= end:
+                one += amount[links.neighbour[b]]
+                other += amount[links.neighbour[b + 1]]
+                b += 2
+            if b < end:
+                one += amount[links.neighbour[b]]
+            t += links.conductance[k] * (one + other)
+        out[i] = t - total[i] * potential[i]
+
+
+@compiled()
+def _differ(links, of, out, first, last):  # type: ignore[no-untyped-def]
+    volume, share = of
+    for i in range(first, last):
+        t = 0.0
+        for k in range(links.start[i], links.start[i + 1]):
+            s = 0.0
+            for b in range(links.first[k], links.first[k + 1]):
+                j = links.neighbour[b]
+                s += volume[j] * abs(share[j] - share[i])
+            t += links.conductance[k] * s
+        out[i] = t
+
+
+@compiled()
+def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
+    volume, concentration, solid, C_sat, k_diss = of
+    for i in range(first, last):
+        t, mine, here = 0.0, concentration[i], solid[i]
+        for k in range(links.start[i], links.start[i + 1]):
+            s = 0.0
+            for b in range(links.first[k], links.first[k + 1]):
+                j = links.neighbour[b]
+                other = concentration[j]
+                factor = 0.0
+                if here != solid[j]:
+                    factor = k_diss if (other if here else mine) < C_sat else 0.0
+                elif not here:
+                    factor = 1.0
+                s += factor * volume[j] * (other - mine)
+            t += links.conductance[k] * s
+        out[i] = t

@@ -1,0 +1,122 @@
+"""A model of diffusion prepared for marching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.fields import USUAL
+from pdsolve.diffusion.conditions import Deeds, begin, deeds
+from pdsolve.diffusion.dissolution import State, check, crossing
+from pdsolve.diffusion.euler import Euler, bound
+from pdsolve.diffusion.lattice import on_lattice
+from pdsolve.diffusion.links import Linking, links_of, volumes
+from pdsolve.diffusion.listed import Listed
+from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.theta import Theta
+from pdsolve.model import Model, ModelError
+from pdsolve.threads import crew
+
+OWN = ("c", "h", "solid")  # fields of a frame
+SLACK = 1e-9  # of a step: what is typed
+
+
+class Stepper(Protocol):
+    """Takes steps."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+
+
+@dataclass(frozen=True)
+class System:
+    """A model of diffusion prepared for marching; n nodes."""
+
+    model: Model
+    operator: Operator
+    done: Deeds
+    stepper: Stepper
+    time_step: float  # s
+    bound: float  # s, surely stable
+    blocked: NDArray[np.int64]  # (n,) links that cracks block
+    crossing: float  # m/s: contrast of a unit of surface
+    threads: int
+
+
+def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[System, State]:
+    """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    check(model)
+    _refuse(model)
+    medium, run = model.settings.medium, model.settings.run
+    assert medium is not None
+    threads = threads or crew(len(model.grid))
+    volume = volumes(model)
+    operator, blocked = _operator(model, volume, threads, listed)
+    done = deeds(model, volume)
+    content, solid = begin(model, done)
+    most = bound(operator, done, medium)
+    step = _step(model, most)
+    stepper: Stepper = Euler(operator, done, medium, step)
+    if run.solver == "implicit":
+        stepper = Theta(operator, done, medium, step, run.theta)
+    system = System(model, operator, done, stepper, step, most, blocked, crossing(model), threads)
+    return system, State(content, solid, np.zeros(2))
+
+
+def _operator(
+    model: Model, volume: NDArray[np.float64], threads: int, listed: bool = False
+) -> tuple[Operator, NDArray[np.int64]]:
+    """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
+    linking, medium = Linking(model), model.settings.medium
+    kinetic = medium is not None and medium.dissolution == "kinetic"  # a link asks both of its ends
+    found = None if kinetic or listed else on_lattice(linking, volume, threads)
+    if found is not None:
+        return found, np.zeros(len(volume), dtype=np.int64)
+    links, blocked = links_of(linking.parts(), len(volume))
+    return Listed(links, volume, threads), blocked
+
+
+def _step(model: Model, most: float) -> float:
+    """The time step of a run, s; `most` is up to which it is surely stable. Raises ModelError for one above."""
+    run = model.settings.run
+    if run.solver == "implicit":
+        if run.time_step is None:
+            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one, as the solver is implicit")
+        return run.time_step
+    if run.time_step is None:
+        if not np.isfinite(most):
+            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without links")
+        return most
+    if run.time_step > most * (1 + SLACK):
+        raise ModelError(
+            f"{model.name}: $.run.time_step: found {run.time_step:.6g} s, expected at most {most:.6g} s, up to which"
+            " forward Euler is surely stable, or run.solver = 'implicit'"
+        )
+    return run.time_step
+
+
+def _refuse(model: Model) -> None:
+    """Raises ModelError for settings that a model of diffusion would not listen to."""
+    run = model.settings.run
+    heard = {"adapt": "none", "until": None, "start": "unloaded", "damping": 0.0, "probes": ()}
+    for name, usual in heard.items():
+        if getattr(run, name) != usual:
+            raise ModelError(
+                f"{model.name}: $.run.{name}: found {getattr(run, name)!r}, expected {usual!r}, as the physics is"
+                " diffusion"
+            )
+    medium = model.settings.medium
+    if run.solver == "implicit" and medium is not None and medium.dissolution == "kinetic":
+        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
+    if run.solver == "static":
+        raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
+    for name in run.fields if run.fields != USUAL else ():
+        if name not in OWN:
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {', '.join(OWN)}")

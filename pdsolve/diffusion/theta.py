@@ -1,0 +1,149 @@
+"""An implicit step: theta of what comes to a node at the end of the step, the rest at its beginning.
+
+Where a solid dissolves by enthalpy the potential min(H, C_sat) has a kink, and Newton's method goes on until it finds
+which nodes are below it. What is then put into the books is what has gone along the links, so that they balance to
+round-off however well the equations are solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.medium import Medium
+from pdsolve.diffusion.conditions import Deeds
+from pdsolve.diffusion.dissolution import State, potential
+from pdsolve.diffusion.operator import Operator
+from pdsolve.unstable import UnstableError
+
+FACTORED = 1_000_000  # links; of more, or where the equations change, conjugate gradients find the potentials
+TOLERANCE = 1e-12  # of the right-hand side
+ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
+
+Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class Theta:
+    """Steps of `time_step` (s), theta of their ends and 1 - theta of their beginnings."""
+
+    def __init__(self, operator: Operator, done: Deeds, medium: Medium, time_step: float, theta: float) -> None:
+        self._operator, self._done, self._medium = operator, done, medium
+        self._dt, self._theta = time_step, theta
+        self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
+        self._factors: Solve | None = None
+        self._rate, self._supply = (np.zeros(len(operator.volume)) for _ in range(2))
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place. Raises UnstableError where the equations find no end."""
+        done, dt, theta, C = self._done, self._dt, self._theta, state.content
+        for step in range(first, last):
+            rate, before = self._gone(C), C.copy()
+            self._book(state, rate, (1 - theta), C, (step - 1) * dt)
+            fixed = C + dt * (1 - theta) * (rate + self._supply - done.exchange * self._potential(C))
+            done.supply(step * dt, self._supply)
+            fixed += dt * theta * self._supply
+            end = before.copy()
+            done.hold(end, step * dt)
+            found = self._newton(fixed, end, step)
+            rate = self._gone(found)
+            state.content[done.free] = (fixed + dt * theta * (rate - done.exchange * found))[done.free]
+            done.hold(state.content, step * dt)
+            self._book(state, rate, theta, found, step * dt)
+
+    def _potential(self, content: NDArray[np.float64]) -> NDArray[np.float64]:
+        return potential(self._medium, content)
+
+    def _gone(self, content: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What comes along links (n,) at these contents or potentials."""
+        self._operator.rates(self._potential(content), self._rate)
+        return np.array(self._rate)
+
+    def _book(
+        self, state: State, rate: NDArray[np.float64], share: float, content: NDArray[np.float64], time: float
+    ) -> None:
+        """Put a share of the step's exchange into the books; leaves what is supplied at `time` in its place."""
+        done, volume = self._done, self._operator.volume
+        done.supply(time, self._supply)
+        state.books[0] += self._dt * share * float((volume * rate)[~done.free].sum())
+        given = self._supply - done.exchange * self._potential(content)
+        state.books[1] += self._dt * share * float((volume * given)[done.free].sum())
+
+    def _newton(self, fixed: NDArray[np.float64], guess: NDArray[np.float64], step: int) -> NDArray[np.float64]:
+        """The contents (n,) at the end of a step that solve H - theta dt (even potential of H) = `fixed`."""
+        free, weight = self._done.free, self._dt * self._theta
+        content, most = guess, self._medium.C_sat if self._medium.dissolution == "enthalpy" else None
+        for _ in range(ITERATIONS):
+            liquid = free if most is None else free & (content < most)
+            value = self._potential(content)
+            left = fixed - content + weight * (self._even(value))
+            left[~free] = 0
+            change = left.copy()
+            change[liquid] = self._solve(liquid, left)[liquid]
+            if most is not None:
+                along = np.where(liquid, change, 0.0)
+                solid = free & ~liquid
+                change[solid] = (left + weight * (self._even(along)))[solid]
+            content = np.asarray(content + change)
+            if most is None or np.array_equal(liquid, free & (content < most)):
+                return content
+        raise UnstableError(
+            f"step {step}: found no end of Newton's method in {ITERATIONS} iterations, expected one; take a smaller"
+            " time step"
+        )
+
+    def _even(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What comes to each node (n,) along links and from outside at these potentials (n,)."""
+        self._operator.rates(value, self._rate)
+        return np.asarray(self._rate - self._done.exchange * value)
+
+    def _solve(self, liquid: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""
+        if (
+            self._medium.C_sat is None and self._operator.count.sum() <= FACTORED
+        ):  # then the same nodes are free in all steps
+            self._factors = self._factors or self._factored(liquid)
+            return np.where(liquid, self._factors(right), 0.0)
+        volume, weight = self._operator.volume, self._dt * self._theta
+
+        def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray(volume * np.where(liquid, change - weight * self._even(change), 0.0))
+
+        diagonal = volume * (1 + weight * (self._operator.total + self._done.exchange))
+        return gradients(product, np.where(liquid, volume * right, 0.0), diagonal)
+
+    def _factored(self, liquid: NDArray[np.bool_]) -> Solve:
+        """How to solve for the nodes (n,) that are liquid, in few steps many times."""
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import splu
+
+        volume, keep = self._operator.volume, diags_array(liquid.astype(float))
+        even = diags_array(volume) @ (self._operator.tangent() - diags_array(self._done.exchange))
+        matrix = (diags_array(volume) - self._dt * self._theta * (keep @ even @ keep)).tocsc()
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        found = splu(matrix, **symmetric)
+        return lambda right: np.asarray(found.solve(np.where(liquid, volume * right, 0.0)))
+
+
+def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a symmetric positive `product` makes `right` (n,) of, by conjugate gradients; `diagonal` (n,) is its own.
+
+    Sums are numpy's, not those of a library with threads, so that the bits are the same each time. Raises
+    UnstableError.
+    """
+    found, left = np.zeros_like(right), right.copy()
+    ahead = left / diagonal
+    along, gain = ahead.copy(), float((left * ahead).sum())
+    aim = TOLERANCE * float((right * right).sum()) ** 0.5
+    for _ in range(MOST):
+        if float((left * left).sum()) ** 0.5 <= aim:
+            return found
+        image = product(along)
+        way = gain / float((along * image).sum())
+        found += way * along
+        left -= way * image
+        ahead = left / diagonal
+        gain, before = float((left * ahead).sum()), gain
+        along = ahead + gain / before * along
+    raise UnstableError(f"found no end of conjugate gradients in {MOST} iterations, expected one; take smaller steps")

@@ -1,0 +1,105 @@
+"""A disc from drawing to picture, and what is refused on the way, as a user types it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from plates import GEOMETRIES
+
+from pdmesh.__main__ import main as pdmesh
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main as pdsolve
+
+COARSE = ("--set", "Zones/liquid/Spacing=0.2", "--set", "Run/Time step=10", "--set", "Run/Duration=500", "-q")
+
+
+@pytest.fixture(scope="module")
+def disc(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped disc, coarse."""
+    path = tmp_path_factory.mktemp("disc") / "disc.json"
+    assert pdmesh(["build", str(GEOMETRIES / "disc.geo"), *COARSE, "-o", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def results(disc: Path) -> Path:
+    path = disc.with_suffix(".sqlite")
+    assert pdsolve([str(disc), "-o", str(path), "--threads", "1", "-q"]) == 0
+    return path
+
+
+def test_the_drawing_says_what_dissolves(disc: Path) -> None:
+    model = json.loads(disc.read_text())
+    assert model["physics"] == "diffusion"
+    assert model["medium"] == {"D": 1e-9, "C_solid": 71600.0, "C_sat": 14320.0, "k_diss": 1.0}
+    assert {one["kind"]: one["name"] for one in model["conditions"]} == {"solid": "disc", "concentration": "clean"}
+
+
+def test_a_run_says_what_is_dissolved(disc: Path, results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert pdpost(["history", str(results), "--json"]) == 0
+    last = json.loads(capsys.readouterr().out)["last"]
+    assert last["left"] == pytest.approx(1 - 0.3993, abs=0.06)  # of a front that is tracked, this one is coarse
+    assert abs(last["error"]) < 1e-12
+    assert pdsolve([str(disc), "--dry-run", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["stable_time_step"] == pytest.approx(38.776, rel=1e-4)
+    assert pdmesh(["info", str(disc)]) == 0
+    assert "medium: D = 1e-09" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["concentration", "content", "solid", "history"])
+def test_pictures(results: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "picture.png"
+    assert pdpost([name, str(results), "-o", str(path), "--json"]) == 0
+    assert path.stat().st_size > 10_000
+    largest = {"concentration": 14320, "content": 71600, "solid": 1.0}
+    if name in largest:
+        assert json.loads(capsys.readouterr().out)["largest"] == pytest.approx(largest[name], rel=1e-6)
+
+
+def test_what_shows_mechanics_says_so(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("balance", "crack", "report"):
+        assert pdpost([name, str(results), "-o", "/dev/null/x.png"]) == 2
+    said = capsys.readouterr().err
+    assert pdpost(["balance", str(results), "--json"]) == 2
+    said = capsys.readouterr().err
+    assert "found a model of diffusion, expected one of mechanics" in said
+    assert said.count("\n") == 1
+
+
+def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    path = tmp_path / "disc.vtu"
+    assert pdpost(["export", str(results), "-o", str(path), "-q"]) == 0
+    assert {"concentration", "content", "solid"} <= set(meshio.read(path).point_data)
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("medium.D=-1e-9", "Expected `float` > 0.0 - at `$.medium.D`"),
+        ("medium.C_sat=80000", "$.medium.C_sat: found 80000 mol/m^3, expected less than C_solid, 71600 mol/m^3"),
+        ("run.time_step=39", "$.run.time_step: found 39 s, expected at most 38.77"),
+        ("run.theta=0.3", "Expected `float` >= 0.5 - at `$.run.theta`"),
+        ("physics=mechanics", "$.material: found none, expected E, rho and G0"),
+    ],
+)
+def test_bad_input_gets_one_line(
+    disc: Path, tmp_path: Path, setting: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "never.sqlite"
+    assert pdsolve([str(disc), "-o", str(path), "--set", setting]) == 2
+    found = capsys.readouterr().err
+    assert said in found
+    assert found.count("\n") == 1
+    assert not path.exists()
+
+
+def test_a_drawing_of_an_impossible_solid_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "never.json"
+    words = ["build", str(GEOMETRIES / "disc.geo"), "--set", "Medium/C sat=8e4", "-o", str(path)]
+    assert pdmesh(words) == 2
+    assert "medium: C_sat: found 80000 mol/m^3, expected less than C_solid" in capsys.readouterr().err
+    assert not path.exists()

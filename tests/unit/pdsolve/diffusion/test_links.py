@@ -1,0 +1,125 @@
+"""Conductances and steps of lattices, beside numbers of independent codes; walls, media, sums."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from media import lattice, model, row
+
+from pdmesh.model.document import MediumRegion
+from pdmesh.model.medium import Medium
+from pdsolve.diffusion.links import lattice_diffusivity
+from pdsolve.diffusion.system import prepare
+
+
+@pytest.mark.parametrize(
+    ("ratio", "dimension", "found"),
+    [(3, 2, (1.057, 1.020, 0.969)), (4, 2, (1.033, 1.013, 0.983)), (3, 3, (1.104, 1.062, 1.024))],
+)
+def test_lattices_have_another_diffusivity_than_what_they_stand_for(
+    ratio: float, dimension: int, found: tuple[float, ...]
+) -> None:
+    """Independent numbers, for q = 0, 1, 2; off by 5e-4 at most, which is their rounding."""
+    for power, value in enumerate(found):
+        assert lattice_diffusivity(ratio, dimension, power) == pytest.approx(value, abs=6e-4)
+
+
+def test_a_row_of_inverse_squares_lacks_its_own_cell() -> None:
+    """1 - 1 / (2 m) of the continuum, and all of it at q = 1."""
+    assert lattice_diffusivity(3, 1, 2) == pytest.approx(1 - 1 / 6, rel=1e-12)
+    assert lattice_diffusivity(3, 1, 1) == pytest.approx(1, rel=1e-12)
+
+
+@pytest.mark.parametrize(("power", "step"), [(0, 1.161), (1, 0.950), (2, 0.750)])
+def test_the_step_that_is_surely_stable(power: int, step: float) -> None:
+    """In spacing^2 / D, of a lattice that is not calibrated: independent numbers to three digits."""
+    position = lattice(1.0, 9.0, 2)
+    system, _ = prepare(model(position, 1.0, Medium(D=1.0, power=power)), 1)  # type: ignore[arg-type]
+    assert system.bound / lattice_diffusivity(3, 2, power) == pytest.approx(step, rel=1e-3)
+
+
+def test_a_field_that_is_square_has_an_even_rate() -> None:
+    """Of x^2 + 3 y^2 that is 2 (1 + 3) D, deep inside and by what a lattice has along its axes: 1e-12."""
+    position = lattice(0.5, 8.0, 2)
+    system, _ = prepare(model(position, 0.5, Medium(D=2.0)), 1)
+    x, y = position.T
+    out = np.zeros(len(position))
+    system.operator.rates(x**2 + 3 * y**2, out)
+    inside = np.hypot(x, y) < 5
+    assert out[inside] == pytest.approx(16.0, rel=1e-12)
+    assert system.operator.tangent() @ (x**2 + 3 * y**2) == pytest.approx(out, abs=1e-10)
+
+
+def test_what_one_node_gives_another_takes() -> None:
+    """Of nodes off any lattice, with cells of any size: the sum of what comes is 0 to round-off, 1e-13 of its parts."""
+    dice = np.random.default_rng(2)
+    position = lattice(1.0, 7.0, 2)
+    position = position + dice.uniform(-0.2, 0.2, position.shape)
+    base = model(position, 1.0, Medium(D=1.0))
+    areas = dice.uniform(0.5, 1.5, len(position))
+    system, _ = prepare(dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=areas)), 1)
+    assert len(np.unique(system.operator.total)) > 100
+    out = np.zeros(len(position))
+    system.operator.rates(dice.uniform(0, 1, len(position)), out)
+    assert abs((areas * out).sum()) < 1e-13 * np.abs(areas * out).sum()
+
+
+def test_a_crack_blocks() -> None:
+    """No link crosses it: of two halves each keeps what it has, to 1e-13, while within one it evens out."""
+    position = lattice(1.0, 7.0, 2)
+    base = model(position, 1.0, Medium(D=1.0))
+    cracks = np.array([[-9.0, 0.0, 9.0, 0.0]])
+    system, state = prepare(dataclasses.replace(base, grid=dataclasses.replace(base.grid, cracks=cracks)), 1)
+    upper = position[:, 1] > 0
+    assert (system.blocked[np.abs(position[:, 1]) < 1] > 0).all()
+    state.content[:] = np.where(upper, 2.0 + (position[:, 0] > 0), 1.0)
+    before = state.content[upper].sum()
+    system.stepper.march(state, 1, 200)
+    assert state.content[~upper] == pytest.approx(1.0, rel=1e-13)
+    assert state.content[upper].sum() == pytest.approx(before, rel=1e-13)
+    assert np.ptp(state.content[upper]) < 0.3
+
+
+def test_two_media_in_a_row_share_the_fall() -> None:
+    """At rest the flux is the same in both: the slopes are as 1 to 4, and the flux that of two resistances in a row.
+
+    0.5 % at 100 nodes of the bar, all of it from the layers at the ends and at the interface.
+    """
+    from pdmesh.model.document import Concentration, Run
+
+    spacing, cells = 0.01, 100
+    position = row(cells + 3, spacing, before=3)
+    ends = Concentration(box=(-1, -1, 0, 1), value=1.0), Concentration(box=(1, -1, 2, 1), value=0.0)
+    run = Run(solver="implicit", time_step=100.0, steps=5)
+    parts = (MediumRegion(box=(0.5, -1, 2, 1), D=4.0),)
+    system, state = prepare(model(position, spacing, Medium(D=1.0), conditions=ends, run=run, media=parts), 1)
+    system.stepper.march(state, 1, 6)
+    x, C = position[:, 0], state.content
+    slopes = [np.polyfit(x[some], C[some], 1)[0] for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
+    assert slopes[0] / slopes[1] == pytest.approx(4.0, rel=2e-3)
+    assert slopes[0] == pytest.approx(-1 / (0.5 + 0.5 / 4), rel=0.02)
+
+
+@pytest.mark.parametrize(("dimension", "reach"), [(2, 9.0), (3, 5.0)])
+def test_slots_are_the_list(dimension: int, reach: float) -> None:
+    """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13."""
+    dice = np.random.default_rng(5)
+    position = lattice(1.0, reach, dimension)
+    position = position[np.linalg.norm(position - 2.0, axis=1) > 1.6]
+    position = dice.permutation(position)
+    base = model(position, 1.0, Medium(D=1.0))
+    sizes = dice.uniform(0.5, 1.0, len(position))
+    base = dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=sizes))
+    slots, listed = (prepare(base, 2, listed=one)[0].operator for one in (False, True))
+    assert (slots.name, listed.name) == ("lattice", "listed")
+    assert (slots.count == listed.count).all()
+    assert slots.total == pytest.approx(listed.total, rel=1e-13)
+    C = dice.uniform(0, 1, len(position))
+    out, other = np.zeros(len(C)), np.zeros(len(C))
+    slots.rates(C, out)
+    listed.rates(C, other)
+    assert out == pytest.approx(other, abs=1e-13 * np.abs(other).max())
+    assert slots.contrast(C) == pytest.approx(listed.contrast(C), rel=1e-12)
+    assert np.abs(slots.tangent() @ C - out).max() < 1e-12
