@@ -50,6 +50,9 @@ def parser() -> argparse.ArgumentParser:
     schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="a file for it (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     schema.set_defaults(run=_schema)
+    doctor = commands.add_parser("doctor", help="say what is installed, what is missing, and how to get it")
+    doctor.add_argument("--json", action="store_true", help="print the findings as JSON on stdout")
+    doctor.set_defaults(run=_doctor, quiet=False)
     return program
 
 
@@ -229,6 +232,14 @@ def _schema(args: argparse.Namespace) -> int:
     else:
         write_atomically(commandline.output_path(args.output, Path("grid"), ".json", args.force), text.encode())
     return commandline.OK
+
+
+def _doctor(args: argparse.Namespace) -> int:
+    from pdmesh.say import doctor
+
+    found = doctor.findings()
+    commandline.report({"findings": [one._asdict() for one in found]}, doctor.lines(found), args)
+    return commandline.OK if all(one.good or not one.needed for one in found) else commandline.FAILURE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
