@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import delivery, overlay
-from pdpost.commands.shared import add_csv, add_results, add_window, check_window
+from pdpost.commands.shared import add_csv, add_journal, add_results, add_window, check_window
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -40,6 +40,7 @@ def add(commands: Commands) -> None:
         " or --csv alone)",
         assignment="override a definition, cracked=0.35 (damage of a cracked node), or a matplotlib setting",
     )
+    add_journal(crack)
     add_csv(crack)
     crack.set_defaults(run=_crack)
 

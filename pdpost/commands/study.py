@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import delivery
-from pdpost.commands.shared import add_csv
+from pdpost.commands.shared import add_csv, add_journal
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -34,6 +34,7 @@ def add(commands: Commands) -> None:
         " or --csv alone)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
+    add_journal(study)
     add_csv(study)
     study.set_defaults(run=_study)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import delivery
-from pdpost.commands.shared import add_csv, check_csv
+from pdpost.commands.shared import add_csv, add_journal, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -40,6 +40,7 @@ def add(commands: Commands) -> None:
         " tradeoff.png and tradeoff.json)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
+    add_journal(tradeoff)
     add_csv(tradeoff)
     tradeoff.set_defaults(run=_tradeoff)
 

@@ -1,4 +1,4 @@
-"""Frames for ParaView and others: VTU and PVD through meshio, XDMF, CSV. SI units, points at reference positions."""
+"""Frames for ParaView, Gmsh and others: VTU and PVD through meshio, XDMF, MSH, CSV. SI units, reference positions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
+from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.columns import csv, of_frame
 from pdpost.measures import fields
-from pdsolve.results import Results
+from pdsolve.results import Nodes, Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
-SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
+SUFFIXES = (".vtu", ".pvd", ".xdmf", ".msh", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
 
 
@@ -107,6 +108,27 @@ def xdmf(
     xdmf_file.write(path, frames())
 
 
+def msh(
+    results: Results,
+    path: Path,
+    steps: list[int],
+    also: Sequence[str] = (),
+    squares: bool = False,
+    progress: Progress = iter,
+) -> None:
+    """Write frames as views of Gmsh, all in one file."""
+    times, lives = _times(results), results.lives()
+    corners = np.arange(4 if squares else 1)
+
+    def frames() -> Iterator[msh_file.Frame]:
+        for number, step in enumerate(progress(steps)):
+            rows = lives.at(results.nodes(step).ids, step)
+            points = (rows[:, None] * len(corners) + corners).ravel()
+            yield msh_file.Frame(times[step], number, points, _each(point_data(results, step, also), squares))
+
+    msh_file.write(path, *_placed(lives.nodes, squares), frames())
+
+
 def _times(results: Results) -> dict[int, float]:
     """The time (s) of each frame's step."""
     return dict(zip(*(column.tolist() for column in results.frames()), strict=True))
@@ -126,7 +148,11 @@ def check_suffix(path: Path) -> str:
 
 def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
     """Points (p, 3), m, and what kind of cells they are the corners of."""
-    nodes = results.nodes(step)
+    return _placed(results.nodes(step), squares)
+
+
+def _placed(nodes: Nodes, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
+    """The same of these nodes."""
     count = len(nodes.ids)
     if squares:
         corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS).reshape(-1, 2)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.crack_figure import on_grey_plate
-from pdpost.figures.labels import scaled
+from pdpost.figures.labels import scaled, spelled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked import damage_at
@@ -45,7 +45,7 @@ def _panel(axes: Axes, found: Read, name: str, spreads: Sequence[Spread], over: 
     plain(axes)
     series = list(dict.fromkeys(spread.series for spread in spreads))
     places = _places(axes, found, spreads, over)
-    factor, unit = scaled([spread.known for spread in spreads], found.columns[name].unit)
+    factor, unit = scaled([spread.known for spread in spreads], spelled(found.columns[name].unit))
     if found.columns[name].unit in ("", "degrees"):
         factor, unit = 1.0, found.columns[name].unit
     for number, which in enumerate(series):
@@ -74,7 +74,7 @@ def _places(axes: Axes, found: Read, spreads: Sequence[Spread], over: str | None
     column = None if over is None else found.columns[over]
     if column is not None and all(isinstance(value, int | float) for value in values):
         numbers = np.array(values, dtype=float)
-        factor, unit = scaled([numbers], column.unit) if column.unit else (1.0, "")
+        factor, unit = scaled([numbers], spelled(column.unit)) if column.unit else (1.0, "")
         axes.set_xlabel(f"{over}, {unit}" if unit else str(over))
         if (numbers > 0).all() and numbers.max() > LOGARITHMIC * numbers.min():
             axes.set_xscale("log")
