@@ -1,6 +1,8 @@
 # make demo    set up, solve a glass plate a thousand nodes across, fine near its crack alone; its picture and its film
 # make test    set up, run the quick tests
 # make docs    build the site below site/, from docs
+# make package   build wheel and source, install the wheel into an empty environment, use it there
+# make pythons   the same with every Python from 3.12 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes
 # make thesis  every scene of the thesis in both modes, on one page
@@ -20,7 +22,7 @@ BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 
 .PHONY: demo test slow thesis sources failures handbook docs check bench bench-speed bench-quick compare mutants install \
-	gmsh-libraries clean
+	package pythons gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -60,6 +62,19 @@ check: $(VENV)/check.done
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/limits.py
+
+package:
+	.ci/package $(PYTHON)
+
+PYTHONS := 3.12 3.13 3.14
+pythons:
+	@found=; for version in $(PYTHONS); do \
+		for python in python$$version $$HOME/.pyenv/versions/$$version.*/bin/python; do \
+			if "$$python" -c "" 2>/dev/null; then found="$$found $$python"; continue 2; fi; \
+		done; \
+		echo "Python $$version: not found, left out"; \
+	done; \
+	if [ -n "$$found" ]; then .ci/package $$found; else echo "found none of $(PYTHONS), expected one"; exit 2; fi
 
 install: $(VENV)/install.done
 

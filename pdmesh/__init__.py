@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh.lazily import lazily
 
-VERSION = "0.1.0"
+VERSION = "1.0.0"
 
 if TYPE_CHECKING:
     from shapely import box

@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
     _add_drawing(preview, "the picture, in the format of its suffix (default: the model's name with .png)")
     preview.add_argument("--bonds", action="store_true", help="draw the bonds around the end of the first crack")
     preview.set_defaults(run=_preview)
-    plan = commands.add_parser("plan", help="say what a scene will cost, and what it would on one scale")
+    plan = commands.add_parser("plan", help="say what a scene, or a study, will cost, and what it would on one scale")
     _add_drawing(plan, "a file for what is said, as JSON (default: none)")
     plan.add_argument(
         "--within",
@@ -50,6 +50,9 @@ def parser() -> argparse.ArgumentParser:
     schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="a file for it (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     schema.set_defaults(run=_schema)
+    doctor = commands.add_parser("doctor", help="say what is installed, what is missing, and how to get it")
+    doctor.add_argument("--json", action="store_true", help="print the findings as JSON on stdout")
+    doctor.set_defaults(run=_doctor, quiet=False)
     return program
 
 
@@ -161,7 +164,21 @@ def _preview(args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _plan_study(args: argparse.Namespace) -> int:
+    from pdmesh.say import studies
+
+    given = (("--set", args.assignments), ("--refine", args.refine), ("--crack", args.cracks), ("--unit", args.unit))
+    more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
+    for name, value in (*given, *more):
+        if value:
+            raise commandline.UsageError(f"{name}: found it beside a study, expected it in {args.drawing}")
+    result = studies.plan(args.drawing, args.trust)
+    return _say(result, studies.plan_lines(result), args)
+
+
 def _plan(args: argparse.Namespace) -> int:
+    if args.drawing.suffix.lower() == ".toml":
+        return _plan_study(args)
     from pdmesh.drawing.sources import read_scene
     from pdmesh.say.report import plan, plan_lines
     from pdmesh.scene.shapes import SceneError
@@ -220,6 +237,14 @@ def _schema(args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _doctor(args: argparse.Namespace) -> int:
+    from pdmesh.say import doctor
+
+    found = doctor.findings()
+    commandline.report({"findings": [one._asdict() for one in found]}, doctor.lines(found), args)
+    return commandline.OK if all(one.good or not one.needed for one in found) else commandline.FAILURE
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdmesh; returns its exit code."""
     args = parser().parse_args(argv)
@@ -230,7 +255,16 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdmesh.scene.shapes import SceneError
 
-    return dict.fromkeys((SceneError, GridError), commandline.BAD_INPUT)
+    return dict.fromkeys((SceneError, GridError, *_study_errors()), commandline.BAD_INPUT)
+
+
+def _study_errors() -> tuple[type[Exception], ...]:
+    """What may be wrong with a study, where one was read."""
+    if "pdmesh.say.studies" not in sys.modules:
+        return ()
+    from pdmesh.say.studies import ERRORS
+
+    return ERRORS
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from pdmesh import VERSION
 from pdmesh.files import irregular
 
+LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", "pillow", "scipy", "shapely", "tqdm"])
 OK, FAILURE, BAD_INPUT, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -29,10 +30,62 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
 
 
+class _Version(argparse.Action):
+    """Says which version it is, and of which libraries: they are looked up when they are asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        libraries = (f"{name} {version or 'missing'}" for name, version in dependencies().items())
+        python = ".".join(map(str, sys.version_info[:3]))
+        print(f"{parser.prog} {VERSION}\nPython {python}, {', '.join(libraries)}")
+        parser.exit(OK)
+
+
+class _Completion(argparse.Action):
+    """Prints what lets a shell complete the program's words."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, shell: Any, __: object = None) -> NoReturn:
+        try:
+            import shtab
+        except ImportError:
+            parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
+        _complete_files(parser, shtab.FILE)
+        print(shtab.complete(parser, shell=str(shell)))
+        parser.exit(OK)
+
+
+def _complete_files(parser: argparse.ArgumentParser, files: Any) -> None:
+    """Mark all words of a parser that are paths, those of its commands too."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                _complete_files(command, files)
+        elif action.type is Path:
+            action.complete = files  # type: ignore[attr-defined]
+
+
+def dependencies() -> dict[str, str | None]:
+    """The libraries that are needed, and their versions; None of one that is missing."""
+    from importlib import metadata
+
+    found: dict[str, str | None] = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found
+
+
 def program(name: str, description: str) -> argparse.ArgumentParser:
-    """A parser with ``--version``."""
+    """A parser with ``--version`` and ``--completion``."""
     parser = _Parser(prog=name, description=description)
-    parser.add_argument("--version", action="version", version=f"{name} {VERSION}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="say which version it is, and of which libraries")
+    parser.add_argument(
+        "--completion",
+        action=_Completion,
+        choices=("bash", "zsh", "tcsh"),
+        help="print a script that lets a shell complete words (docs/install.md)",
+    )
     return parser
 
 

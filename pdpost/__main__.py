@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from pdmesh import commandline
-from pdpost.commands import crack, curves, export, line, moving, notch, pictures, report, sif, sql, tradeoff
+from pdpost.commands import crack, curves, export, line, moving, notch, pictures, report, sif, sql, study, tradeoff
 
 OF_BODIES = ("export", "sql")
 
@@ -17,7 +17,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, curves, line, crack, sif, tradeoff, report, export, notch, sql):
+    for group in (pictures, moving, curves, line, crack, sif, study, tradeoff, report, export, notch, sql):
         group.add(commands)
     return program
 
@@ -56,9 +56,10 @@ def _exits() -> dict[type[Exception], int]:
     from pdpost.measures.paths import PathError
     from pdpost.reading.watching import SilentError
     from pdsolve.results import ResultsError
+    from pdsolve.study.description import StudyError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
-    kinds = (ExportError, FieldError, FigureError, PathError, ResultsError)
+    kinds = (ExportError, FieldError, FigureError, PathError, ResultsError, StudyError)
     return exits | dict.fromkeys(kinds, commandline.BAD_INPUT)
 
 

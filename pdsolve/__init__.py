@@ -1,6 +1,7 @@
 """Explicit bond-based peridynamics with fracture: a node grid in, an SQLite database of results out.
 
-For scripts: `read_model` reads a grid file with what is laid over it, `simulate` solves it.
+For scripts: `read_model` reads a grid file with what is laid over it, `simulate` solves it; `read_study` and
+`solve_study` do so with many.
 """
 
 from typing import TYPE_CHECKING
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from pdsolve.model import Model, ModelError, ModelWarning, read_model
     from pdsolve.results import Results, ResultsError
     from pdsolve.simulation import resume, simulate
+    from pdsolve.study.crew import solve_study
+    from pdsolve.study.description import Study, StudyError, read_study
     from pdsolve.system import Options
     from pdsolve.unstable import UnstableError
 else:
@@ -23,10 +26,14 @@ else:
             "Options": "pdsolve.system",
             "Results": "pdsolve.results",
             "ResultsError": "pdsolve.results",
+            "Study": "pdsolve.study.description",
+            "StudyError": "pdsolve.study.description",
             "UnstableError": "pdsolve.unstable",
             "read_model": "pdsolve.model",
+            "read_study": "pdsolve.study.description",
             "resume": "pdsolve.simulation",
             "simulate": "pdsolve.simulation",
+            "solve_study": "pdsolve.study.crew",
         },
     )
 
@@ -37,8 +44,12 @@ __all__ = [
     "Options",
     "Results",
     "ResultsError",
+    "Study",
+    "StudyError",
     "UnstableError",
     "read_model",
+    "read_study",
     "resume",
     "simulate",
+    "solve_study",
 ]

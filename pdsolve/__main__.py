@@ -28,6 +28,7 @@ LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
+    program.epilog = "`pdsolve study study.toml` solves many (`pdsolve study --help`)."
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
         program,
@@ -315,6 +316,11 @@ class _Watch:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    if words[:1] == ["study"]:
+        from pdsolve.study import command
+
+        return command.main(words[1:])
     args = parser().parse_args(argv)
     return commandline.run("pdsolve", lambda: _solve(args), _exits)
 

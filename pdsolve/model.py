@@ -176,7 +176,15 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     GridError or ModelError.
     """
     document = read_file(path)
-    layers = msgspec.to_builtins(settings_of(document), builtin_types=())
+    merged = overlaid(settings_of(document), path, settings, assignments)
+    return Model(grid_of(document, str(path)), merged, str(path))
+
+
+def overlaid(
+    below: Settings, path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()
+) -> Settings:
+    """The settings of the file at `path` with a TOML file and then assignments laid over. Raises ModelError."""
+    layers = msgspec.to_builtins(below, builtin_types=())
     if settings is not None:
         layers = _laid_over(layers, _read_toml(settings))
     for name, text in assignments:
@@ -185,12 +193,10 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
             value = _fields(value, layers["run"])
         layers = _laid_over(layers, _nested(name, value))
     try:
-        merged = msgspec.convert(layers, Settings)
+        return msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
-        raise ModelError(
-            f"{' + '.join(map(str, filter(None, [path, settings])))}: {explained(error, Settings)}"
-        ) from None
-    return Model(grid_of(document, str(path)), merged, str(path))
+        names = " + ".join(map(str, filter(None, [path, settings])))
+        raise ModelError(f"{names}: {explained(error, Settings)}") from None
 
 
 def _beyond(value: object, place: str) -> tuple[str, float] | None:
@@ -247,4 +253,4 @@ def _laid_over(below: Any, above: Any) -> Any:
     return above
 
 
-__all__ = ["GridError", "Model", "ModelError", "model_of", "read_model"]
+__all__ = ["GridError", "Model", "ModelError", "model_of", "overlaid", "read_model"]

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import delivery
-from pdpost.commands.shared import add_csv, add_results, add_window, check_window
+from pdpost.commands import delivery, overlay
+from pdpost.commands.shared import add_csv, add_journal, add_results, add_window, check_window
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -40,14 +40,18 @@ def add(commands: Commands) -> None:
         " or --csv alone)",
         assignment="override a definition, cracked=0.35 (damage of a cracked node), or a matplotlib setting",
     )
+    add_journal(crack)
     add_csv(crack)
     crack.set_defaults(run=_crack)
 
 
 def _crack(args: argparse.Namespace) -> int:
+    from pdpost.reading.studies import is_study
     from pdsolve.results import Results
 
     threshold = _threshold(args)
+    if is_study(args.results):
+        return overlay.overlaid(args, threshold)
     path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
     with delivery.styled(path, look), Results.open(args.results) as results:

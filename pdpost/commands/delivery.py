@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_csv, add_results, check_csv, write_csv
+from pdpost.commands.shared import add_csv, add_journal, add_results, check_csv, write_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -25,6 +25,7 @@ def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentP
         " --json or --csv alone)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
+    add_journal(command)
     add_csv(command)
     return command
 

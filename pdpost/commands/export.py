@@ -17,10 +17,11 @@ def add(commands: Commands) -> None:
     """Put `export` on the command line."""
     export = commands.add_parser(
         "export",
-        help="write frames for ParaView (.pvd, .vtu, .xdmf) or as a table (.csv)",
-        description="Write frames for other programs: .pvd and .xdmf all of them, .vtu and .csv one. A .pvd lists VTU"
-        " files, which are put in a folder of its name beside it; a .xdmf has its numbers in a .bin file beside it. In"
-        " ParaView, show points as Point Gaussian, or export --squares; Warp By Vector shows the displacement.",
+        help="write frames for ParaView (.pvd, .vtu, .xdmf), for Gmsh (.msh) or as a table (.csv)",
+        description="Write frames for other programs: .pvd, .xdmf and .msh all of them, .vtu and .csv one. A .pvd lists"
+        " VTU files, which are put in a folder of its name beside it; a .xdmf has its numbers in a .bin file beside it."
+        " In ParaView, show points as Point Gaussian, or export --squares; Warp By Vector shows the displacement. A"
+        " .msh has a view for each field, best seen with --squares.",
     )
     add_results(export)
     commandline.add_common_options(
@@ -75,9 +76,8 @@ def _export(args: argparse.Namespace) -> int:
         elif kind == ".csv":
             frame_files.table(results, steps[0], path, args.also)
         else:
-            (frame_files.pvd if kind == ".pvd" else frame_files.xdmf)(
-                results, path, steps, args.also, args.squares, progress
-            )
+            writes = {".pvd": frame_files.pvd, ".xdmf": frame_files.xdmf, ".msh": frame_files.msh}
+            writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
     commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)
     return commandline.OK

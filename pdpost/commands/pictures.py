@@ -11,12 +11,14 @@ from pdpost.commands.shared import (
     add_colours,
     add_csv,
     add_frame,
+    add_journal,
     add_results,
     add_scale,
     add_window,
     check_csv,
     check_window,
     chosen_frame,
+    chosen_frames,
     chosen_scale,
     numbers,
     write_csv,
@@ -64,7 +66,7 @@ PARTS = {
 def add(commands: Commands) -> None:
     """Put a command for each field, `nodes` and `bonds` on the command line."""
     for name, does in FIELDS.items():
-        picture = _add_picture(commands, name, does, default="0")
+        picture = _add_picture(commands, name, does, default="0", several=True)
         if name in PARTS:
             picture.add_argument("--component", metavar="NAME", help=f"which one: {PARTS[name]}")
         add_colours(picture)
@@ -75,7 +77,9 @@ def add(commands: Commands) -> None:
     bonds.set_defaults(run=_bonds)
 
 
-def _add_picture(commands: Commands, name: str, does: str, default: str) -> argparse.ArgumentParser:
+def _add_picture(
+    commands: Commands, name: str, does: str, default: str, several: bool = False
+) -> argparse.ArgumentParser:
     picture = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
     add_results(picture)
     commandline.add_common_options(
@@ -83,7 +87,8 @@ def _add_picture(commands: Commands, name: str, does: str, default: str) -> argp
         output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
-    add_frame(picture)
+    add_journal(picture)
+    add_frame(picture, several)
     add_scale(picture, default)
     add_window(picture)
     add_csv(picture)
@@ -98,6 +103,8 @@ def _field(args: argparse.Namespace) -> int:
 
     name = args.picture
     part = fields.component(name, args.component)
+    if args.frames is not None:
+        return _sheet(args, name, part)
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         shown = field_figure.values_of(results, name, step, part)
@@ -112,6 +119,26 @@ def _field(args: argparse.Namespace) -> int:
         return Drawn(figure, told, words, lambda: columns.of_field(results, name, step))
 
     return _drawn(args, show)
+
+
+def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
+    """Several frames of a field."""
+    from pdpost.figures import frames_figure, style
+    from pdsolve.results import Results
+
+    if args.csv is not None:
+        raise commandline.UsageError("--csv: found --frames as well, expected one frame (--frame or --time)")
+    path = commandline.output_path(args.output, args.results, f".{name}.frames.png", args.force)
+    style.check_format(path)
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
+        steps = chosen_frames(results, args)
+        check_window(results, args)
+        scale = chosen_scale(results, steps[-1], args)
+        how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
+        style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
+    result = {"output": str(path), "component": part or None, "steps": steps, "scale": scale}
+    commandline.report(result, [f"{path}: {name} after steps {', '.join(map(str, steps))}"], args)
+    return commandline.OK
 
 
 def _nodes(args: argparse.Namespace) -> int:

@@ -22,11 +22,44 @@ def add_results(command: argparse.ArgumentParser) -> None:
     command.add_argument("results", type=Path, help="a database written by pdsolve")
 
 
-def add_frame(command: argparse.ArgumentParser) -> None:
-    """Which frame: --frame or --time."""
+def add_journal(command: argparse.ArgumentParser) -> None:
+    """For which journal a figure is made."""
+    command.add_argument(
+        "--journal",
+        type=lambda name: ("journal", name),
+        action="append",
+        dest="assignments",
+        metavar="NAME",
+        help="exactly as wide as a journal's column, with its fonts: elsevier, elsevier-middle, springer, aps, ieee,"
+        " and each of these -wide",
+    )
+
+
+def add_frame(command: argparse.ArgumentParser, several: bool = False) -> None:
+    """Which frame: --frame or --time, or, of `several`, --frames."""
     which = command.add_mutually_exclusive_group()
     which.add_argument("--frame", type=int, default=-1, metavar="N", help="frame, from 0; from the end if negative")
     which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, in seconds")
+    if several:
+        which.add_argument(
+            "--frames", type=_frames, metavar="N,N,...", help="several frames on one sheet, with the same colours"
+        )
+
+
+def _frames(text: str) -> list[int]:
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected numbers of frames, such as 10,50,90") from None
+
+
+def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
+    """The steps of --frames. Raises ResultsError, saying which there are."""
+    found = []
+    for number in args.frames:
+        args.frame = number
+        found.append(chosen_frame(results, args)[0])
+    return found
 
 
 def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import delivery
-from pdpost.commands.shared import add_csv, check_csv
+from pdpost.commands.shared import add_csv, add_journal, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -27,7 +27,7 @@ def add(commands: Commands) -> None:
         " displacements, path of the crack, times and energy; mark those that none beats in both, and name the"
         " cheapest within an error.",
     )
-    tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve")
+    tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve, or tables of studies")
     tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="what to compare them with")
     tradeoff.add_argument("--within", type=commandline.share, metavar="2%%", help="name the cheapest within this error")
     tradeoff.add_argument(
@@ -40,6 +40,7 @@ def add(commands: Commands) -> None:
         " tradeoff.png and tradeoff.json)",
         assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
     )
+    add_journal(tradeoff)
     add_csv(tradeoff)
     tradeoff.set_defaults(run=_tradeoff)
 
@@ -96,15 +97,16 @@ def _tradeoff(args: argparse.Namespace) -> int:
 def _points(files: list[Path], reference: Path) -> list[Point]:
     """The results in `files` on the chart, named by their paths where their names are not different."""
     from pdpost.measures import tradeoff
+    from pdpost.reading.studies import stands_for
     from pdsolve.results import Results
 
-    points = []
+    points, named = [], stands_for(files)
     with Results.open(reference) as fine:
-        for path in files:
+        for name, path in named:
             with Results.open(path) as results:
-                points.append(tradeoff.point(results, path, fine))
+                points.append(tradeoff.point(results, path, fine)._replace(name=name))
     if len({point.name for point in points}) < len(points):
-        points = [point._replace(name=str(path)) for point, path in zip(points, files, strict=True)]
+        points = [point._replace(name=str(path)) for point, (_, path) in zip(points, named, strict=True)]
     return points
 
 

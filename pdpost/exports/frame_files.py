@@ -1,4 +1,4 @@
-"""Frames for ParaView and others: VTU and PVD through meshio, XDMF, CSV. SI units, points at reference positions."""
+"""Frames for ParaView, Gmsh and others: VTU and PVD through meshio, XDMF, MSH, CSV. SI units, reference positions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
+from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.columns import csv, of_frame
 from pdpost.measures import fields
-from pdsolve.results import Results
+from pdsolve.results import Nodes, Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
 SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h"}
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of a node
 CUBE = np.vstack([np.column_stack([SQUARE, np.full(4, height)]) for height in (-0.5, 0.5)])
-SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
+SUFFIXES = (".vtu", ".pvd", ".xdmf", ".msh", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
 
 
@@ -119,6 +120,27 @@ def xdmf(
     xdmf_file.write(path, frames())
 
 
+def msh(
+    results: Results,
+    path: Path,
+    steps: list[int],
+    also: Sequence[str] = (),
+    squares: bool = False,
+    progress: Progress = iter,
+) -> None:
+    """Write frames as views of Gmsh, all in one file."""
+    times, lives = _times(results), results.lives()
+    corners = np.arange(4 if squares else 1)
+
+    def frames() -> Iterator[msh_file.Frame]:
+        for number, step in enumerate(progress(steps)):
+            rows = lives.at(results.nodes(step).ids, step)
+            points = (rows[:, None] * len(corners) + corners).ravel()
+            yield msh_file.Frame(times[step], number, points, _each(point_data(results, step, also), squares))
+
+    msh_file.write(path, *_placed(lives.nodes, squares), frames())
+
+
 def _times(results: Results) -> dict[int, float]:
     """The time (s) of each frame's step."""
     return dict(zip(*(column.tolist() for column in results.frames()), strict=True))
@@ -138,10 +160,14 @@ def check_suffix(path: Path) -> str:
 
 def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
     """Points (p, 3), m, and what kind of cells they are the corners of."""
-    nodes = results.nodes(step)
+    return _placed(results.nodes(step), squares)
+
+
+def _placed(nodes: Nodes, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
+    """The same of these nodes."""
     count = len(nodes.ids)
     if squares:
-        d = results.dimension
+        d = nodes.position.shape[1]
         kind, shape = ("quad", SQUARE) if d == 2 else ("hexahedron", CUBE)
         corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * shape).reshape(-1, d)
         return _in_space(corners), (kind, np.arange(len(shape) * count).reshape(-1, len(shape)))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pdpost.figures.charts import balance, histories, masses, reactions
     from pdpost.figures.crack_figure import comparison, crack
     from pdpost.figures.field_figure import field
+    from pdpost.figures.frames_figure import frames
     from pdpost.figures.level_figure import nodes
     from pdpost.figures.page import report
     from pdpost.figures.style import FigureError, save, styled
@@ -25,6 +26,7 @@ else:
         "comparison": "crack_figure",
         "crack": "crack_figure",
         "field": "field_figure",
+        "frames": "frames_figure",
         "gif": "animation",
         "histories": "charts",
         "masses": "charts",
@@ -44,6 +46,7 @@ __all__ = [
     "comparison",
     "crack",
     "field",
+    "frames",
     "gif",
     "histories",
     "masses",

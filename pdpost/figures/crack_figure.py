@@ -17,6 +17,7 @@ from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
+from pdpost.figures.style import narrow
 from pdpost.measures import crack_summary
 from pdpost.measures.crack_summary import Summary
 from pdpost.measures.cracked import damage_at
@@ -109,6 +110,10 @@ def _panels(box: Box, count: int) -> tuple[Figure, Axes, list[Axes]]:
     aspect = _aspect(box)
     if aspect <= 0.8 or not count:
         height = float(np.clip(0.85 * WIDTH * aspect, 0.17 * WIDTH, 6.5))
+        if narrow() and count > 1:
+            figure = Figure(figsize=(WIDTH, height + 0.5 + 3.2 * count), layout="constrained")
+            grid = figure.add_gridspec(1 + count, 1, height_ratios=(height, *[2.9] * count))
+            return figure, figure.add_subplot(grid[0]), [figure.add_subplot(grid[1 + at]) for at in range(count)]
         figure = Figure(figsize=(WIDTH, height + (2.9 if count else 0.6)), layout="constrained")
         grid = figure.add_gridspec(1 + bool(count), max(count, 1), height_ratios=(height, 2.4)[: 1 + bool(count)])
         return figure, figure.add_subplot(grid[0, :]), [figure.add_subplot(grid[1, at]) for at in range(count)]

@@ -16,7 +16,7 @@ from pdmesh.model.fields import CRACKED
 from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, border, box_of, legend, mark, paint, seen, shape, sheet
-from pdpost.figures.style import TORN, UNKNOWN
+from pdpost.figures.style import TORN, UNKNOWN, narrow
 from pdpost.measures import fields
 from pdpost.reading.frames import last_frame
 from pdsolve.results import Results
@@ -125,7 +125,8 @@ def bar(on: Sheet, shown: Colours) -> ScalarMappable:
     cmap = colormaps[shown.cmap].with_extremes(bad=UNKNOWN)
     mappable = ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
     arrow = 0.1 / (on.axes.get_position().height * on.figure.get_figheight())
-    on.figure.colorbar(mappable, cax=beside(on), label=shown.label, extend=shown.beyond, extendfrac=arrow)
+    label = shown.label.replace(", ", ",\n") if narrow() else shown.label
+    on.figure.colorbar(mappable, cax=beside(on), label=label, extend=shown.beyond, extendfrac=arrow)
     return mappable
 
 

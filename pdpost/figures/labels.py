@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+MICRO = re.compile(r"(?<=[0-9] )u(?=s\b|m\b)")  # of a number's unit
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def spelled(text: str) -> str:
+    """A text of the terminal as pictures and pages spell its units: mm², µs, MPa m^½."""
+    return MICRO.sub("µ", text).replace("m^0.5", "m^½").replace("^2", "²").replace("^3", "³")
 
 
 def prefixed(largest: float) -> tuple[float, str]:

@@ -1,4 +1,4 @@
-"""A run on one page of HTML that needs nothing else: scene, grid, settings, balance, crack, fields, animation."""
+"""A run on one page of HTML that needs nothing else: what it found first, then what was solved and how."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from pdpost.figures import charts, crack_figure, field_figure
 from pdpost.figures.animation import gif
+from pdpost.figures.labels import spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_summary
@@ -27,11 +28,16 @@ DPI = 110
 FRAMES = 24  # of the animation
 FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
+VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; border-bottom: 1px solid #ccc; margin-top: 2.2rem; }
+:root { color-scheme: light dark; --ink: #222; --paper: #fff; --line: #ccc; }
+@media (prefers-color-scheme: dark) { :root { --ink: #ddd; --paper: #1c1e21; --line: #555; } }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); }
+body { max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; border-bottom: 1px solid var(--line); margin-top: 2.2rem; }
 table { border-collapse: collapse; margin: 0.6rem 0; } td, th { text-align: left; padding: 0.15rem 1.2rem 0.15rem 0; }
-th { font-weight: 600; vertical-align: top; } img { max-width: 100%; display: block; margin: 0.6rem auto; }
+th { font-weight: 600; vertical-align: top; }
+img { max-width: 100%; height: auto; display: block; margin: 0.6rem auto; background: #fff; border-radius: 4px; }
 td { overflow-wrap: anywhere; }
 """
 PROVENANCE = {
@@ -54,18 +60,18 @@ def report(results: Results, name: str) -> str:
     steps, times = frames(results)
     model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes(0)
     sections = [
+        ("Crack", _crack(results)),
+        ("Animation", [_picture(_film(results), "gif", "damage over time")]),
+        (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
+        ("Balance", _balance(results)),
         ("Scene", [_image(scene(results, model), "the plate, its grid and its conditions"), _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
         ("Settings", [_table(_settings(model, meta))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
-        ("Balance", _balance(results)),
-        ("Crack", _crack(results)),
-        (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
-        ("Animation", [_picture(_film(results), "gif", "damage over time")]),
     ]
     body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}<title>{escape(name)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
 
@@ -135,7 +141,7 @@ def _balance(results: Results) -> list[str]:
 
 def _crack(results: Results) -> list[str]:
     found = crack_summary.crack(results)
-    told = "".join(f"<li>{escape(sentence)}</li>" for sentence in crack_summary.sentences(found))
+    told = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
     return [f"<ul>{told}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
 
 

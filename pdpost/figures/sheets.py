@@ -23,14 +23,15 @@ from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
-from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN
+from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plates
 from pdpost.measures.plates import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
 from pdpost.reading.stored import vector
 from pdsolve.results import Results
 
-WIDTH, TALLEST, FLATTEST = 5.4, 6.5, 1.2  # inches, of the plate
+TALLEST, FLATTEST = 6.5, 1.2  # inches, of the plate
+LEAST = 4.0  # inches of a whole sheet, for what is written above it; less where a figure is to be narrower
 LEFT, RIGHT, BELOW, ABOVE = 0.65, 0.95, 0.5, 0.4  # inches around it
 SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale is chosen for them
 MARGIN = 0.01  # of the plate, around it
@@ -125,9 +126,10 @@ def seen(places: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
 def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
     """An empty sheet for what is in `box`, m, with room for a bar of colours beside it, and inches more below it."""
     width, height = box[2] - box[0], box[3] - box[1]
-    across = min(WIDTH, TALLEST * width / height)
+    whole = float(rcParams["figure.figsize"][0])
+    across = min(whole - LEFT - RIGHT, TALLEST * width / height)
     tall = max(across * height / width, FLATTEST)
-    size = (max(LEFT + across + RIGHT * bar, 4.0), room + BELOW + tall + ABOVE)
+    size = (max(LEFT + across + RIGHT * bar, min(LEAST, whole)), room + BELOW + tall + ABOVE)
     figure = Figure(figsize=size)
     place = (LEFT / size[0], (room + BELOW) / size[1], across / size[0], tall / size[1])
     return on_axes(figure.add_axes(place), box)
@@ -236,7 +238,12 @@ def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
         low = place.y0 - 0.42 / on.figure.get_figheight()
         middle = (place.x0 + place.x1) / 2
         on.figure.legend(
-            handles=handles, loc="upper center", bbox_to_anchor=(middle, low), ncols=columns, frameon=False, fontsize=8
+            handles=handles,
+            loc="upper center",
+            bbox_to_anchor=(middle, low),
+            ncols=1 if narrow() else columns,
+            frameon=False,
+            fontsize=8,
         )
 
 

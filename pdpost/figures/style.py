@@ -13,16 +13,20 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib import font_manager
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from pdmesh.files import write_atomically
 
 STYLE: dict[str, Any] = {
+    "figure.figsize": (7.0, 4.8),  # inches: the width of what is drawn; heights are as the pictures need them
     "font.size": 9,
     "axes.linewidth": 0.6,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "axes.titlesize": 9,
+    "savefig.bbox": "tight",  # cut to what is drawn; "standard": exactly as wide as figure.figsize
     "savefig.dpi": 200,
     "pdf.fonttype": 42,  # TrueType, which journals ask for and programs edit
     "ps.fonttype": 42,
@@ -39,6 +43,25 @@ TORN = "#c8c8c8"  # nodes whose value says nothing, as most of their bonds are b
 EDGE = "#262626"  # of the plate and its holes
 GROWN = BLUE  # cracks that have grown
 THIN, THICK = 0.6, 1.2  # points: an edge, a pre-crack
+
+FLATTER = 0.7  # power of its width that the height of a figure goes with, as words stay as high
+EDGING = 0.03  # inches above and below a figure of a journal
+TRIALS = 4
+NARROW = 5.0  # inches
+
+_ARIAL = ("Arial", "Helvetica", "Liberation Sans", "Nimbus Sans")
+_TIMES = ("Times New Roman", "Liberation Serif", "STIXGeneral")
+JOURNALS = {  # width, mm; size of words, points; fonts, the first that is there
+    "elsevier": (90.0, 8.0, _ARIAL),  # Elsevier, artwork sizing: one column, one and a half, two
+    "elsevier-middle": (140.0, 8.0, _ARIAL),
+    "elsevier-wide": (190.0, 8.0, _ARIAL),
+    "springer": (84.0, 8.0, _ARIAL),  # Springer, artwork instructions: Helvetica or Arial, 8 to 12 points
+    "springer-wide": (174.0, 8.0, _ARIAL),
+    "aps": (86.0, 8.0, _TIMES),  # Physical Review: 8.6 and 17.8 cm, letters of 2 mm at least
+    "aps-wide": (178.0, 8.0, _TIMES),
+    "ieee": (88.9, 8.0, _TIMES),  # IEEE: 3.5 and 7.16 inches
+    "ieee-wide": (181.9, 8.0, _TIMES),
+}
 
 KINDS = (  # of settings that pictures have
     *("axes.", "figure.", "font.", "grid.", "hatch.", "image.", "legend.", "lines.", "markers.", "mathtext.", "patch."),
@@ -64,7 +87,12 @@ def styled(settings: Mapping[str, object] | None = None) -> Iterator[None]:
 
 
 def _checked(style: Mapping[str, object]) -> dict[str, Any]:
-    """The house style with a user's settings over it, each of which matplotlib knows. Raises FigureError."""
+    """The house style with a user's settings over it, each of which matplotlib knows. Raises FigureError.
+
+    The setting `journal` names a preset that lies between.
+    """
+    style = dict(style)
+    journal = style.pop("journal", None)
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
             raise FigureError(f"--set {name}: found no such matplotlib setting, expected one such as savefig.dpi")
@@ -76,10 +104,37 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
         for number in np.ravel(np.array(known, dtype=object)):
             if isinstance(number, int | float) and not (math.isfinite(number) and low <= number <= high):
                 raise FigureError(f"--set {name}={value}: found {number:g}, expected {low:g} to {high:g}")
-    chosen = STYLE | dict(style)
+    chosen = STYLE | ({} if journal is None else _preset(str(journal))) | style
     if style:
         _try(chosen, ", ".join(f"{name}={value}" for name, value in style.items()))
     return chosen
+
+
+def _preset(name: str) -> dict[str, Any]:
+    """What figures of a journal are like. Raises FigureError."""
+    if name not in JOURNALS:
+        raise FigureError(f"--journal: found '{name}', expected one of {', '.join(JOURNALS)}")
+    width, size, fonts = JOURNALS[name]
+    known = {font.name for font in font_manager.fontManager.ttflist}
+    serif = fonts[0].startswith("Times")
+    return {
+        "figure.figsize": (width / 25.4, 0.75 * width / 25.4),
+        "savefig.bbox": "standard",
+        "savefig.dpi": 600,
+        "font.size": size,
+        "axes.titlesize": size,
+        "font.family": "serif" if serif else "sans-serif",
+        "font.serif" if serif else "font.sans-serif": [
+            *(font for font in fonts if font in known),
+            "DejaVu Serif" if serif else "DejaVu Sans",
+        ],
+        "mathtext.fontset": "stix" if serif else "dejavusans",
+    }
+
+
+def narrow() -> bool:
+    """Whether a figure is to be so narrow that things go below each other."""
+    return bool(matplotlib.rcParams["figure.figsize"][0] < NARROW)
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -91,9 +146,27 @@ def written(figure: Figure, kind: str, dpi: float | None = None) -> bytes:
     """A figure in a format such as "png", the same bytes each time; `dpi` if it is not the style's."""
     picture = io.BytesIO()
     more: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
+    tight = matplotlib.rcParams["savefig.bbox"] == "tight"
     with matplotlib.rc_context({"svg.hashsalt": "pdpost"}):
-        figure.savefig(picture, format=kind, bbox_inches="tight", metadata=UNDATED.get(kind), **more)
+        cut = "tight" if tight else _as_wide(figure, matplotlib.rcParams["figure.figsize"][0])
+        figure.savefig(picture, format=kind, bbox_inches=cut, metadata=UNDATED.get(kind), **more)
     return picture.getvalue()
+
+
+def _as_wide(figure: Figure, width: float) -> Bbox:
+    """The part of a figure, inches, that is exactly so wide and has all in it; the figure is made to fit."""
+    wide, tall = figure.get_size_inches()
+    if figure.get_layout_engine() is not None:  # which finds room for words of any size
+        figure.set_size_inches(width, tall * (width / wide) ** FLATTER)
+    canvas = FigureCanvasAgg(figure)
+    for _ in range(TRIALS):
+        figure.draw_without_rendering()
+        drawn = figure.get_tightbbox(canvas.get_renderer())
+        if drawn.width <= width:
+            break
+        figure.set_size_inches(*(figure.get_size_inches() * width / drawn.width).tolist())
+    middle = (drawn.x0 + drawn.x1) / 2
+    return Bbox.from_extents(middle - width / 2, drawn.y0 - EDGING, middle + width / 2, drawn.y1 + EDGING)
 
 
 def check_format(path: Path) -> str:

@@ -32,7 +32,14 @@ class Row(NamedTuple):
 MAY = {  # what a program may import of the others
     "pdmesh": (),
     "pdsolve": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model"),
-    "pdpost": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model", "pdsolve.results"),
+    "pdpost": (
+        "pdmesh.commandline",
+        "pdmesh.files",
+        "pdmesh.lazily",
+        "pdmesh.model",
+        "pdsolve.results",
+        "pdsolve.study",
+    ),
 }
 BARE = """import numpy as np  # a bare list of nodes, solved
 from pdmesh.model.cloud import Grid

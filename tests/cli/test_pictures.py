@@ -103,7 +103,7 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["damage", "--set", "webagg.port=1"], "--set webagg.port: found no such matplotlib setting"),
         (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
         (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
-        (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .csv"),
+        (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .msh, .csv"),
         (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
         (["export", "--frame", "1"], "--frame or --time: found with .pvd, which holds all frames"),
         (["export", "-o", "x.vtu", "--every", "2"], "--every: found with .vtu, which holds one frame"),

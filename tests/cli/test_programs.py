@@ -12,13 +12,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from plates import GEOMETRIES
 
 import pdmesh.__main__
 import pdpost.__main__
 import pdsolve.__main__
-from pdmesh import VERSION
+from pdmesh import VERSION, commandline
 from pdmesh.model.cloud import document_of
 from pdmesh.model.document import write_file
 from pdsolve.model import Model
@@ -74,7 +75,10 @@ def test_every_program_has_the_common_words(program: str, capsys: pytest.Capture
     with pytest.raises(SystemExit) as stop:
         MAIN[program](["--version"])
     assert stop.value.code == 0
-    assert capsys.readouterr().out == f"{program} {VERSION}\n"
+    first, libraries = capsys.readouterr().out.splitlines()
+    assert first == f"{program} {VERSION}"
+    assert [word.split()[0] for word in libraries.split(", ")] == ["Python", *commandline.LIBRARIES]
+    assert f", numpy {np.__version__}, " in libraries
     command = {"pdmesh": ["build"], "pdsolve": [], "pdpost": ["damage"]}[program]
     with pytest.raises(SystemExit):
         MAIN[program]([*command, "--help"])

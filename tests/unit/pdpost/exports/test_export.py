@@ -142,7 +142,9 @@ def test_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: s
 
 
 def test_formats_there_are_none_of() -> None:
-    with pytest.raises(ExportError, match=r"a\.foo: found suffix '\.foo', expected one of \.vtu, \.pvd, \.xdmf, \.csv"):
+    with pytest.raises(
+        ExportError, match=r"a\.foo: found suffix '\.foo', expected one of \.vtu, \.pvd, \.xdmf, \.msh, \.csv"
+    ):
         frame_files.check_suffix(Path("a.foo"))
 
 

@@ -1,0 +1,54 @@
+"""The paths of the cracks of all runs of a study, over each other."""
+
+from __future__ import annotations
+
+import argparse
+
+from pdmesh import commandline
+from pdpost.commands import delivery
+from pdpost.commands.shared import check_window
+
+
+def overlaid(args: argparse.Namespace, threshold: float) -> int:
+    """The paths of the cracks of all runs of a study, over each other, for `pdpost crack`."""
+    from pdpost.measures import paths
+    from pdpost.measures.plates import check_alike
+    from pdpost.reading import studies
+    from pdpost.reading.frames import last_step
+    from pdsolve.results import Results
+
+    if args.compare is not None or args.step is not None or args.along is not None:
+        raise commandline.UsageError("found a study and --compare, --step or --along, expected a study alone")
+    picture = delivery.picture_path(args, ".paths.png")
+    look = {name: value for name, value in args.assignments if name != "cracked"}
+    found = studies.read(args.results)
+    with delivery.styled(picture, look), Results.open(found.rows[0].file) as first:
+        check_window(first, args)
+        lines = []
+        for row in found.rows:
+            with Results.open(row.file) as results:
+                check_alike(results, first)
+                way = paths.path(results, last_step(results), threshold)
+                lines.append((row, studies.label(row, found.varied), way))
+        title = f"Paths of the cracks of {len(lines)} runs"
+        if picture is not None:
+            from pdpost.figures import study_figure, style
+
+            drawn = [(name, way) for _, name, way in lines]
+            style.save(study_figure.overlay(first, drawn, title, args.window), picture)
+    apart = [(row, paths.distance(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
+    told = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
+    if apart:
+        most = max(apart, key=lambda one: one[1])
+        told.append(
+            f"mean distance from run {lines[0][0].number}: at most {most[1] * 1e3:.3g} mm (run {most[0].number})"
+        )
+    rows = [
+        (row.number, name, number, *point)
+        for row, name, way in lines
+        for number, line in enumerate(way)
+        for point in line
+    ]
+    result = {"runs": [{"number": row.number, "series": name, "paths": way} for row, name, way in lines]}
+    result["mean_distance"] = [{"number": row.number, "from_first": mean} for row, mean in apart]
+    return delivery.deliver(args, result, told, ("run", "series", "branch", "x, m", "y, m"), rows, picture)

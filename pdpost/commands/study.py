@@ -1,0 +1,80 @@
+"""What a study found: measures against parameters, with every run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+from pdpost.commands import delivery
+from pdpost.commands.shared import add_csv, add_journal
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `study` on the command line."""
+    study = commands.add_parser(
+        "study",
+        help="draw what was measured of a study's runs against what was varied",
+        description="Draw measures of a study's runs against a parameter: every run a dot, the median, the range. What"
+        " else was varied are curves of their own.",
+    )
+    study.add_argument("results", type=Path, metavar="study", help="the table written by pdsolve study")
+    study.add_argument(
+        "--measure", action="append", default=[], metavar="NAME",
+        help="what to draw, such as branching; may be repeated (default: up to four that say most)",
+    )  # fmt: skip
+    study.add_argument("--over", metavar="NAME", help="the parameter to draw it against (default: the first varied)")
+    commandline.add_common_options(
+        study,
+        output="the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"
+        " or --csv alone)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    add_journal(study)
+    add_csv(study)
+    study.set_defaults(run=_study)
+
+
+def _study(args: argparse.Namespace) -> int:
+    from pdpost.measures import scatter
+    from pdpost.reading import studies
+
+    path = delivery.picture_path(args, ".study.png")
+    with delivery.styled(path, dict(args.assignments)):
+        found = studies.read(args.results)
+        measures, over = scatter.chosen(found, args.measure, args.over)
+        measured = {name: scatter.spreads(found, name, over) for name in measures}
+        if path is not None:
+            from pdpost.figures import study_figure, style
+
+            style.save(study_figure.study(found, measured, over), path)
+    rows = [
+        (measure, spread.series, spread.value, spread.median, *spread.ends, len(spread.known), len(spread.measured))
+        for measure, spreads in measured.items()
+        for spread in spreads
+    ]
+    header = ("measure", "series", over or "run", "median", "smallest", "largest", "happened", "runs")
+    units = {name: found.columns[name].unit for name in measures}
+    numbers: dict[str, Any] = {"over": over, "units": units, "failed": found.failed, "waiting": found.waiting}
+    numbers["measures"] = [dict(zip(("measure", "series", "value", *header[3:]), row, strict=True)) for row in rows]
+    lines = [_told(row, over, units) for row in rows]
+    if found.failed or found.waiting:
+        lines.append(f"left out: {found.failed} runs that failed, {found.waiting} that wait")
+    return delivery.deliver(args, numbers, lines, header, rows, path)
+
+
+def _told(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:
+    from pdpost.reading.studies import short, value_of
+
+    measure, series, value, median, low, high, happened, runs = row
+    named = ", ".join(filter(None, [series, f"{short(over)} {value_of(value)}" if over else ""])) or "all runs"
+    if not happened:
+        return f"{measure}, {named}: in none of {runs} runs"
+    unit = f" {units[measure]}" if units[measure] else ""
+    return (
+        f"{measure}, {named}: {median:.4g}{unit} in the median, {low:.4g} to {high:.4g}, in {happened} of {runs} runs"
+    )

@@ -1,0 +1,63 @@
+"""Frames as views of Gmsh: MSH 2.2, binary, which Gmsh of any age opens.
+
+A view is a list of values for each frame ($NodeData, "MSH file format version 2", Gmsh reference manual). Nodes are
+those of all frames, by their rows in the table `node`; where nodes are born and die, a frame has values of those alone
+that are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from io import BufferedWriter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.files import replacing
+
+POINT, QUADRANGLE = 15, 3  # Gmsh's numbers of elements
+TAGS = (0, 1)  # of each element: physical group, the plate's surface
+
+
+class Frame(NamedTuple):
+    """Values at some points after a time."""
+
+    time: float  # s
+    number: int  # of the frame, from 0
+    points: NDArray[np.int64]  # (k,) which points the values are of, from 0
+    data: dict[str, NDArray[np.generic]]  # (k,) scalars, (k, 3) vectors, (k, 9) tensors
+
+
+def write(
+    path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[Frame]
+) -> None:
+    """Write points (p, 3), m, cells of them, vertices or quads, and a view of each field with all frames."""
+    with replacing(path) as part, part.open("wb") as file:
+        file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
+        file.write(b"$Nodes\n%d\n" % len(points))
+        listed = np.zeros(len(points), dtype=[("number", "<i4"), ("place", "<f8", 3)])
+        listed["number"], listed["place"] = np.arange(1, len(points) + 1), points
+        file.write(listed.tobytes() + b"\n$EndNodes\n")
+        _elements(file, *cells)
+        for frame in frames:
+            for name, values in frame.data.items():
+                _view(file, name, frame, np.asarray(values, dtype=np.float64).reshape(len(frame.points), -1))
+
+
+def _elements(file: BufferedWriter, kind: str, corners: NDArray[np.int64]) -> None:
+    number = QUADRANGLE if kind == "quad" else POINT
+    file.write(b"$Elements\n%d\n" % len(corners))
+    file.write(np.array([number, len(corners), len(TAGS)], dtype="<i4").tobytes())
+    tags = np.broadcast_to(TAGS, (len(corners), len(TAGS)))
+    rows = np.column_stack([np.arange(1, len(corners) + 1), tags, corners + 1])
+    file.write(rows.astype("<i4").tobytes() + b"\n$EndElements\n")
+
+
+def _view(file: BufferedWriter, name: str, frame: Frame, values: NDArray[np.float64]) -> None:
+    known = np.isfinite(values).all(axis=1)
+    head = f'$NodeData\n1\n"{name}"\n1\n{frame.time!r}\n3\n{frame.number}\n{values.shape[1]}\n{known.sum()}\n'
+    rows = np.zeros(int(known.sum()), dtype=[("number", "<i4"), ("values", "<f8", values.shape[1])])
+    rows["number"], rows["values"] = frame.points[known] + 1, values[known].reshape(rows["values"].shape)
+    file.write(head.encode() + rows.tobytes() + b"\n$EndNodeData\n")

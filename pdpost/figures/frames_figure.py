@@ -1,0 +1,85 @@
+"""Several frames of a field on one sheet, with the same colours: how a crack went, for a page of a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from pdpost.figures import field_figure
+from pdpost.figures.raster import Box
+from pdpost.figures.sheets import border, box_of, mark, on_axes, paint, seen, shape
+from pdpost.figures.style import UNKNOWN, narrow
+from pdpost.measures import fields
+from pdpost.reading.times import told
+from pdsolve.results import Results
+
+TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend
+BAR = 0.9  # inches, of the bar of colours
+
+
+def frames(
+    results: Results,
+    name: str,
+    steps: Sequence[int],
+    *,
+    part: str | None = None,
+    scale: float = 0.0,
+    largest: float | None = None,
+    window: Box | None = None,
+) -> Figure:
+    """The field `name` after each of `steps`, side by side and below each other; the rest as in `field_figure.field`.
+
+    Colours end at the usual largest value of all. Raises FieldError, and ResultsError, naming what there is.
+    """
+    part = fields.component(name, part)
+    shots = [field_figure.values_of(results, name, step, part) for step in steps]
+    shapes = [shape(results, step, scale) for step in steps]
+    box = window or box_of(shapes)
+    known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
+    if largest is None and name != "damage":
+        largest = max((field_figure.usual(values[np.isfinite(values)]) for values in known), default=0.0) or None
+    range_of = field_figure.colours(name, part, np.concatenate(known), largest)
+    low, high = range_of.low * range_of.factor, range_of.high * range_of.factor
+    cmap = colormaps[range_of.cmap].with_extremes(bad=UNKNOWN)
+    mappable = ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
+    figure, columns = _figure(box, len(steps))
+    rows = -(-len(steps) // columns)
+    panels = [figure.add_subplot(rows, columns, number + 1) for number in range(len(steps))]
+    for number, (step, shot, where) in enumerate(zip(steps, shots, shapes, strict=True)):
+        on = on_axes(panels[number], box)
+        paint(on, where, shot.values * range_of.factor, mappable, shot.torn)
+        border(on, where)
+        mark(on, where)
+        on.axes.set_title(told(step * float(results.meta()["time_step"]), micro="µs"))
+        if number % columns:
+            on.axes.set_ylabel("")
+            on.axes.tick_params(labelleft=False)
+        if number + columns < len(steps):
+            on.axes.set_xlabel("")
+            on.axes.tick_params(labelbottom=False)
+    figure.colorbar(mappable, ax=panels, label=range_of.label, extend=range_of.beyond, fraction=0.05, aspect=25)
+    handles, _ = panels[0].get_legend_handles_labels()
+    patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
+    handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]
+    if handles:
+        columns = 1 if narrow() else 3
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    return figure
+
+
+def _figure(box: Box, count: int) -> tuple[Figure, int]:
+    """A figure for so many plates, and its columns: flat plates are below each other, high ones side by side."""
+    whole = float(matplotlib.rcParams["figure.figsize"][0])
+    aspect = (box[3] - box[1]) / (box[2] - box[0])
+    flat = 0.7 if narrow() else 0.25
+    most = 1 if aspect < flat else 2 if aspect < 1.2 or narrow() else 3
+    columns = min(count, most)
+    tall = -(-count // columns) * ((whole - BAR) / columns * aspect + TITLE) + AROUND
+    return Figure(figsize=(whole, tall), layout="compressed"), columns

@@ -1,0 +1,118 @@
+"""What a study found: measures against a parameter, every run a dot; the paths of all its cracks over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.crack_figure import on_grey_plate
+from pdpost.figures.labels import scaled, spelled
+from pdpost.figures.raster import Box
+from pdpost.figures.sheets import box_of, shape
+from pdpost.measures.cracked import damage_at
+from pdpost.measures.paths import Polyline
+from pdpost.measures.scatter import Spread
+from pdpost.reading.frames import last_step
+from pdpost.reading.studies import Read, short, value_of
+from pdsolve.results import Results
+
+WIDE = 0.15  # of the room between two values: how far the dots of several series are set apart
+FEW = 6  # values that are all written at the axis
+LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powers
+
+
+def study(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
+    """Measures, a panel each, against the parameter `over`: every run a dot, with the median and the range."""
+    columns = min(len(measured), 2)
+    rows = -(-len(measured) // columns)
+    figure = Figure(figsize=(WIDTH * (0.7 if columns == 1 else 1), 2.7 * rows + 0.3), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for panel, (name, spreads) in zip(panels, measured.items(), strict=False):
+        _panel(panel, found, name, spreads, over)
+    for panel in panels[len(measured) :]:
+        panel.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if any(labels):
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _panel(axes: Axes, found: Read, name: str, spreads: Sequence[Spread], over: str | None) -> None:
+    plain(axes)
+    series = list(dict.fromkeys(spread.series for spread in spreads))
+    places = _places(axes, found, spreads, over)
+    factor, unit = scaled([spread.known for spread in spreads], spelled(found.columns[name].unit))
+    if found.columns[name].unit in ("", "degrees"):
+        factor, unit = 1.0, found.columns[name].unit
+    for number, which in enumerate(series):
+        mine = [spread for spread in spreads if spread.series == which]
+        at = np.array([places[spread.value] for spread in mine])
+        if axes.get_xscale() == "linear":
+            at += _aside(number, len(series), places)
+        colour = look(number)["color"]
+        for x, spread in zip(at, mine, strict=True):
+            axes.plot(
+                np.full(len(spread.known), x), spread.known * factor, "o", ms=3.5, color=colour, alpha=0.45, mew=0
+            )
+        low, high = (factor * np.array(side) for side in zip(*(spread.ends for spread in mine), strict=True))
+        axes.vlines(at, low, high, color=colour, lw=1.0)
+        middle = factor * np.array([spread.median for spread in mine])
+        axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=which or None)
+    missing = sum(len(spread.measured) - len(spread.known) for spread in spreads)
+    axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
+    if missing:
+        axes.set_title(f"did not happen in {missing} of {len(found.rows)} runs", fontsize="small")
+
+
+def _places(axes: Axes, found: Read, spreads: Sequence[Spread], over: str | None) -> dict[object, float]:
+    """Where the values of the parameter are on the axis: numbers in their unit, words one after the other."""
+    values = list(dict.fromkeys(spread.value for spread in spreads))
+    column = None if over is None else found.columns[over]
+    if column is not None and all(isinstance(value, int | float) for value in values):
+        numbers = np.array(values, dtype=float)
+        factor, unit = scaled([numbers], spelled(column.unit)) if column.unit else (1.0, "")
+        axes.set_xlabel(f"{over}, {unit}" if unit else str(over))
+        if (numbers > 0).all() and numbers.max() > LOGARITHMIC * numbers.min():
+            axes.set_xscale("log")
+        elif len(numbers) <= FEW:
+            axes.set_xticks(numbers * factor, [f"{number * factor:g}" for number in numbers])
+        return {value: float(value) * factor for value in values}
+    axes.set_xticks(range(len(values)), [value_of(value) if over else "" for value in values])
+    axes.set_xlim(-0.6, len(values) - 0.4)
+    axes.set_xlabel("" if over is None else short(over))
+    return {value: float(number) for number, value in enumerate(values)}
+
+
+def _aside(number: int, count: int, places: Mapping[object, float]) -> float:
+    """How far a series is set aside, so that dots of several are told apart."""
+    at = np.sort(list(places.values()))
+    room = float(np.diff(at).min()) if len(at) > 1 else 1.0
+    return WIDE * room * ((number + 0.5) / count - 0.5)
+
+
+def overlay(
+    results: Results, lines: Sequence[tuple[str, list[Polyline]]], title: str, window: Box | None = None
+) -> Figure:
+    """Paths of many runs, named by their series, over the plate of `results`, grey with its damage; `window` in m."""
+    step = last_step(results)
+    where = shape(results, step, 0.0)
+    box = window or box_of([where])
+    height = float(np.clip(0.9 * WIDTH * (box[3] - box[1]) / (box[2] - box[0]), 2.0, 9.0))
+    figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
+    plate = figure.add_subplot(title=title)
+    on = on_grey_plate(plate, box, where, 0.0 * damage_at(results, step))
+    names = list(dict.fromkeys(name for name, _ in lines))
+    for name, paths in lines:
+        style = look(names.index(name)) | {"lw": 1.0, "alpha": 0.6}
+        for line in paths:
+            plate.plot(*line.T * on.factor, zorder=5, **style)
+    for number, name in enumerate(names):
+        if name:
+            plate.plot([], [], label=name, lw=1.4, **look(number))
+    if any(names):
+        figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    return figure

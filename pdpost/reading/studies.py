@@ -1,0 +1,75 @@
+"""Studies as they are read: runs grouped by what was varied, and results that a study may stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pdsolve.study.description import StudyError
+from pdsolve.study.table import FINISHED, Column, Row, Table, is_study
+
+
+class Read(NamedTuple):
+    """The runs of a study that are finished."""
+
+    path: Path
+    rows: list[Row]
+    columns: dict[str, Column]
+    varied: list[str]  # parameters that are not the same in all of them
+    failed: int
+    waiting: int
+
+
+class Named(NamedTuple):
+    """A database of results, and how it is called."""
+
+    name: str
+    path: Path
+
+
+def read(path: Path) -> Read:
+    """The study whose table is at `path`. Raises StudyError if no run of it is finished."""
+    with Table.open(path) as table:
+        rows, columns = table.rows(), table.columns()
+    done = [row for row in rows if row.status == FINISHED]
+    if not done:
+        raise StudyError(f"{path}: found no run that is finished, expected at least one of {len(rows)}")
+    parameters = [name for name, column in columns.items() if column.kind != "measure"]
+    varied = [name for name in parameters if len({row.values[name] for row in done}) > 1]
+    failed = sum(row.error is not None for row in rows)
+    return Read(path, done, columns, varied, failed, len(rows) - len(done) - failed)
+
+
+def label(row: Row, names: Sequence[str]) -> str:
+    """What tells a run from others: the values of these parameters, by the ends of their names."""
+    return ", ".join(f"{short(name)} {value_of(row.values[name])}" for name in names)
+
+
+def short(name: str) -> str:
+    """The end of a parameter's name: G0 of material.G0, Spacing of Zones/fine/Spacing."""
+    return name.replace("/", ".").rsplit(".", 1)[-1]
+
+
+def value_of(value: Any) -> str:
+    """A value as it is read; what a run was not given is the drawing's own."""
+    if value is None:
+        return "as drawn"
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def stands_for(paths: Sequence[Path]) -> list[Named]:
+    """The databases that files stand for: a study for all its runs that are finished. Raises StudyError."""
+    found = []
+    for path in paths:
+        if not is_study(path):
+            found.append(Named(path.stem, path))
+            continue
+        study = read(path)
+        for row in study.rows:
+            again = f" ({row.repetition})" if row.repetition else ""
+            found.append(Named(f"{label(row, study.varied) or f'run {row.number}'}{again}", row.file))
+    return found
+
+
+__all__ = ["Named", "Read", "StudyError", "is_study", "label", "read", "short", "stands_for", "value_of"]

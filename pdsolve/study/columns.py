@@ -1,0 +1,57 @@
+"""What the table of a study has a column for, besides parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+OWN = ("number", "key", "status", "error", "file", "repetition")
+
+
+class Measure(NamedTuple):
+    """A number that is measured of each run."""
+
+    unit: str
+    meaning: str
+
+
+MEASURES = {
+    "nodes": Measure("", "nodes"),
+    "bonds": Measure("", "directed bonds at the start"),
+    "steps": Measure("", "steps, or load steps"),
+    "time": Measure("s", "time that was reached"),
+    "time_step": Measure("s", "time step"),
+    "wall_time": Measure("s", "time that solving took"),
+    "broken_bonds": Measure("", "directed bonds that broke"),
+    "kinetic": Measure("J/m", "kinetic energy at the end"),
+    "strain": Measure("J/m", "strain energy at the end"),
+    "dissipated": Measure("J/m", "energy that broken bonds took"),
+    "work": Measure("J/m", "work from outside"),
+    "balance": Measure("", "error of the balance of energy over what was put in"),
+    "first_break": Measure("s", "when the first bond broke"),
+    "start": Measure("s", "when a crack started"),
+    "branching": Measure("s", "when a crack branched"),
+    "branching_at": Measure("m", "where it branched, along its direction"),
+    "split": Measure("s", "when the plate was in two"),
+    "length": Measure("m", "length of all cracks together"),
+    "longest": Measure("m", "length of the longest branch"),
+    "speed": Measure("m/s", "mean speed of the longest branch"),
+    "branches": Measure("", "branches of cracks"),
+    "forks": Measure("", "forks of cracks"),
+    "fork_angle": Measure("degrees", "angle of the first fork, between its outer arms"),
+    "fork_x": Measure("m", "place of the first fork"),
+    "fork_y": Measure("m", "place of the first fork"),
+    "direction": Measure("degrees", "angle from the notch, to either side, the largest of all cracks from its tip"),
+    "spent": Measure("J/m^2", "energy spent over advance of cracks, the median"),
+    "pieces": Measure("", "pieces of the plate at the end"),
+}
+UNITS = {  # of settings of a model
+    "material.E": "Pa", "material.rho": "kg/m^3", "material.G0": "J/m^2", "material.strength": "Pa",
+    "material.yield_stress": "Pa", "material.hardening": "Pa", "run.time_step": "s", "run.quiet": "s",
+    "run.damping": "1/s",
+}  # fmt: skip
+
+
+def column_of(kind: str, name: str) -> str:
+    """The column of a parameter: its name, after its kind where a measure is called so. SQLite knows no case."""
+    taken = {*OWN, *MEASURES}
+    return f"{kind} {name}" if name.lower() in taken else name

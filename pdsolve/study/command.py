@@ -1,0 +1,144 @@
+"""The command `pdsolve study`: solve many runs, write a table of what they came to."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+
+if TYPE_CHECKING:
+    from pdsolve.study.crew import Going
+    from pdsolve.study.table import Row
+
+LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
+LISTED = 10  # runs that failed, in lines
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line of pdsolve study."""
+    program = commandline.program(
+        "pdsolve study",
+        "Solve a grid or a list of runs, each repeated with a small disturbance, in several processes; write one row"
+        " a run, with its parameters and the measures of its crack, to an SQLite table. What is there is not solved"
+        " again: the same command goes on after an interruption.",
+    )
+    program.add_argument("study", type=Path, help="what to run, as TOML: drawing, set, vary, runs, repeat")
+    program.add_argument(
+        "-o", "--output", type=Path, metavar="FILE",
+        help="the table (default: the study's name with .sqlite, in the current folder); runs are in a folder beside"
+        " it, .runs",
+    )  # fmt: skip
+    program.add_argument("--force", action="store_true", help="begin anew, remove the runs that are there")
+    program.add_argument("--again", action="store_true", help="solve those that failed once more")
+    program.add_argument("--workers", type=_count, metavar="N", help="processes (default: cores over --threads)")
+    program.add_argument("--threads", type=_count, default=1, metavar="N", help="of each run (default: 1)")
+    program.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers see this folder, such as tcp://x:8786"
+    )
+    program.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+    program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
+    program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    return program
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number from 1")
+    return int(text)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run pdsolve study; returns its exit code."""
+    args = parser().parse_args(argv)
+    return commandline.run("pdsolve study", lambda: _study(args), _exits)
+
+
+def _study(args: argparse.Namespace) -> int:
+    if find_spec("distributed") is None:
+        raise commandline.UsageError(
+            "found no package distributed, which shares runs among processes, expected it: pip install 'pdsuite[study]'"
+        )
+    from pdsolve.study.crew import Crew, solve_study
+    from pdsolve.study.description import read_study
+
+    if args.scheduler and args.workers:
+        raise commandline.UsageError("--workers: found --scheduler as well, whose workers there are, expected one")
+    study = read_study(args.study)
+    path = args.output or Path(args.study.stem + ".sqlite")
+    commandline.output_path(path, args.study, ".sqlite", force=True)  # what is there is gone on with
+    crew = Crew(args.workers, args.threads, args.scheduler, args.trust)
+    with _Watch(args) as watch:
+        try:
+            rows = solve_study(study, path, crew, watch.show, args.again, args.force)
+        except KeyboardInterrupt:
+            commandline.note("pdsolve study: interrupted; the same command goes on", args)
+            raise
+    return _report(path, rows, args)
+
+
+def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
+    failed = [row for row in rows if row.status == "failed"]
+    lines = [f"{path}: {len(rows)} runs, {len(rows) - len(failed)} finished, {len(failed)} failed"]
+    lines += [f"run {row.number} failed: {row.error}" for row in failed[:LISTED]]
+    if len(failed) > LISTED:
+        lines.append(f"and {len(failed) - LISTED} more (SELECT number, error FROM run WHERE status = 'failed')")
+    found = [
+        {"number": row.number, "status": row.status, "error": row.error, "file": str(row.file)}
+        | {"repetition": row.repetition, **row.values}
+        for row in rows
+    ]
+    commandline.report({"output": str(path), "runs": found}, lines, args)
+    return commandline.FAILURE if failed else commandline.OK
+
+
+class _Watch:
+    """One bar of progress over all runs."""
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        self._quiet, self._said = args.quiet, time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> _Watch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def show(self, going: Going) -> None:
+        """Show how far the study is."""
+        done, told = going.finished + going.failed, f"{going.failed} failed"
+        if self._quiet:
+            return
+        if sys.stderr.isatty():
+            self._bar = self._bar or _bar(going.runs, done)
+            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.update(done - self._bar.n)
+        elif time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            print(f"run {done} of {going.runs}, {told}", file=sys.stderr, flush=True)
+
+
+def _bar(total: int, done: int) -> Any:
+    from tqdm import tqdm
+
+    return tqdm(total=total, initial=done, desc="solving", unit=" runs", dynamic_ncols=True, leave=False)
+
+
+def _exits() -> dict[type[Exception], int]:
+    from pdmesh.model.document import GridError
+    from pdmesh.scene.shapes import SceneError
+    from pdsolve.model import ModelError
+    from pdsolve.results import ResultsError, WriteError
+    from pdsolve.study.description import StudyError
+
+    bad = commandline.BAD_INPUT
+    return {WriteError: commandline.FAILURE} | dict.fromkeys(
+        (GridError, SceneError, ModelError, ResultsError, StudyError), bad
+    )

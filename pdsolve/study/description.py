@@ -1,0 +1,224 @@
+"""What a study is: the drawing, what is varied, what is the same in all runs, and how often each is repeated."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from pdsolve.study.columns import column_of
+
+Mode = Literal["conservative", "thesis"]
+Kernel = Literal["blocks", "listed"]
+Precision = Literal["float64", "float32"]
+
+OPTIONS = ("mode", "kernel", "precision")
+MOST = 100_000  # runs
+
+
+class StudyError(ValueError):
+    """A study that cannot be made or read; the message names the file, what was found and what was expected."""
+
+
+class Set(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Values of one run, or of all: parameters of the drawing, settings of the model, and how it is solved."""
+
+    drawing: dict[str, Any] = {}
+    model: dict[str, Any] = {}
+    mode: Mode | None = None
+    kernel: Kernel | None = None
+    precision: Precision | None = None
+
+
+class Vary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Lists of values; a study runs all their combinations."""
+
+    drawing: dict[str, Any] = {}
+    model: dict[str, Any] = {}
+    mode: tuple[Mode, ...] | None = None
+    kernel: tuple[Kernel, ...] | None = None
+    precision: tuple[Precision, ...] | None = None
+
+
+class Repeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How often each run is solved; the first time as it is drawn, then disturbed by draws from uniform distributions.
+
+    The normal distribution of `noise` is the exception.
+    """
+
+    times: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 1
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**31)] = 0
+    notch: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.0  # spacings that pre-cracks are moved across themselves
+    step: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0  # share that the time step is shortened by, at most
+    noise: Annotated[float, msgspec.Meta(ge=0, le=0.1)] = 0.0  # spacings: standard deviation of the nodes' places
+
+
+ONCE = Repeat()
+
+
+class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file study.toml."""
+
+    drawing: str
+    set: Set = Set()
+    vary: Vary = Vary()
+    runs: tuple[Set, ...] = ()
+    repeat: Repeat = Repeat()
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a study."""
+
+    drawing: Mapping[str, Any]
+    model: Mapping[str, Any]
+    options: Mapping[str, str]
+    repetition: int = 0  # 0: undisturbed
+    repeat: Repeat = ONCE
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others, as text."""
+        parts: dict[str, Any] = {"drawing": self.drawing, "model": self.model, "options": self.options}
+        if self.repetition:
+            disturbed = msgspec.to_builtins(self.repeat)
+            del disturbed["times"]
+            parts |= {"repetition": self.repetition, "repeat": disturbed}
+        return json.dumps(_plain(parts), sort_keys=True)
+
+    @property
+    def names(self) -> list[tuple[str, str, str]]:
+        """Kind, name and column in the table of each of its parameters."""
+        kinds = (("drawing", self.drawing), ("model", self.model), ("options", self.options))
+        return [(kind, name, column_of(kind, name)) for kind, given in kinds for name in given]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Its parameters by their columns in the table."""
+        return {column: getattr(self, kind)[name] for kind, name, column in self.names}
+
+    def assignments(self, kind: str) -> list[tuple[str, str]]:
+        """The parameters of its "drawing", or the settings of its "model", as ``--set`` takes them."""
+        given: Mapping[str, Any] = getattr(self, kind)
+        return [(name, word(value, toml=kind == "model")) for name, value in given.items()]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study as it was read."""
+
+    path: Path
+    text: str
+    description: Description
+
+    @property
+    def drawing(self) -> Path:
+        """The file of the drawing; its name is relative to the study's folder."""
+        return self.path.parent / self.description.drawing
+
+    @property
+    def varied(self) -> list[str]:
+        """The names of the parameters that are not the same in all runs, in the order of the file."""
+        cases = self.cases()
+        names = dict.fromkeys(name for case in cases for name in case.values)
+        return [name for name in names if len({json.dumps(_plain(case.values.get(name))) for case in cases}) > 1]
+
+    def cases(self) -> list[Case]:
+        """All its runs: each of `runs` with all combinations of `vary` over it, repeated. Raises StudyError."""
+        about, found = self.description, {}
+        ranges = list(_ranges(about.vary, str(self.path)))
+        count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
+        if count > MOST:
+            raise StudyError(f"{self.path}: found {count} runs, expected at most {MOST}")
+        for listed in about.runs or (Set(),):
+            for chosen in itertools.product(*(values for _, _, values in ranges)):
+                parts = _parts(about.set)
+                _lay(parts, listed)
+                for (kind, name, _), value in zip(ranges, chosen, strict=True):
+                    parts[kind][name] = value
+                for repetition in range(about.repeat.times):
+                    case = Case(**parts, repetition=repetition, repeat=about.repeat)
+                    found[case.key] = case
+        return list(found.values())
+
+
+def read_study(path: Path) -> Study:
+    """The study in the TOML file at `path`. Raises StudyError."""
+    from pdmesh.files import read_bytes
+
+    try:
+        text = read_bytes(path).decode("utf-8")
+        about = msgspec.convert(tomllib.loads(text), Description)
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:  # TOML's, UTF-8's and msgspec's
+        raise StudyError(f"{path}: {error}") from None
+    again = about.repeat
+    if again.times > 1 and not (again.notch or again.step or again.noise):
+        raise StudyError(
+            f"{path}: $.repeat: found {again.times} times without notch, step or noise, expected one of them:"
+            " the same run comes to the same bits"
+        )
+    study = Study(path, text, about)
+    if not study.drawing.is_file():
+        raise StudyError(f"{path}: $.drawing: found no file {study.drawing}, expected a drawing")
+    study.cases()
+    return study
+
+
+def word(value: Any, toml: bool = False) -> str:
+    """A value as ``--set`` takes it."""
+    if isinstance(value, bool):
+        return ("true" if value else "false") if toml else str(int(value))
+    if isinstance(value, str):
+        return json.dumps(value) if toml else value
+    return json.dumps(value) if isinstance(value, list) else repr(value)
+
+
+def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
+    """Kind, name and values of all that is varied. Raises StudyError for what is no list with something in it."""
+    given = [("drawing", *item) for item in vary.drawing.items()]
+    given += [("model", *item) for item in _flat(vary.model).items()]
+    given += [("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None]
+    for kind, parameter, values in given:
+        if not isinstance(values, list | tuple) or not values:
+            found = f"{values!r:.60}"
+            raise StudyError(f"{name}: $.vary: {parameter}: found {found}, expected a list of values")
+        yield kind, parameter, values
+
+
+def _parts(some: Set) -> dict[str, dict[str, Any]]:
+    parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
+    _lay(parts, some)
+    return parts
+
+
+def _lay(parts: dict[str, dict[str, Any]], above: Set) -> None:
+    """Lay the values of `above` over those of `parts`, in place."""
+    parts["drawing"].update(above.drawing)
+    parts["model"].update(_flat(above.model))
+    parts["options"].update({name: getattr(above, name) for name in OPTIONS if getattr(above, name) is not None})
+
+
+def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Tables within tables as dotted names."""
+    found: dict[str, Any] = {}
+    for name, value in nested.items():
+        found |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """The same value whether a number was written as 1 or as 1.0."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

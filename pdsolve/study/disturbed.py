@@ -1,0 +1,91 @@
+"""A model with a small disturbance: its pre-cracks moved, its time step shortened, its nodes off their places.
+
+None of them changes what is solved; what a crack does that branches changes all the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.cloud import Grid
+from pdmesh.model.graphs import connected
+from pdsolve.model import Model, ModelError
+from pdsolve.study.description import Repeat
+
+NEAR = 1e-6  # of a spacing: an end this near to the edge of the plate is on it
+
+
+def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -> Model:
+    """The model of a repetition; `time_step`, s, is that of the undisturbed run. The first, 0, is undisturbed.
+
+    The same seed and repetition make the same draws. Raises ModelError for what cannot be disturbed so.
+    """
+    if repetition == 0:
+        return model
+    draw = np.random.default_rng([repeat.seed, repetition])
+    across, shorter = draw.uniform(-1, 1), draw.uniform(0, 1)
+    grid, settings = model.grid, model.settings
+    if repeat.step:
+        if settings.run.solver == "static":
+            raise ModelError(f"{model.name}: repeat.step: found it for a run at rest, expected notch or noise")
+        step = time_step * (1 - repeat.step * shorter)
+        steps = math.ceil(settings.run.steps * time_step / step - NEAR)
+        settings = msgspec.structs.replace(
+            settings, run=msgspec.structs.replace(settings.run, time_step=step, steps=steps)
+        )
+    if repeat.notch:
+        if not len(grid.cracks):
+            raise ModelError(f"{model.name}: repeat.notch: found no pre-crack to move, expected one, or step or noise")
+        grid = replace(grid, cracks=_moved(grid, repeat.notch * across * float(grid.delta.min())))
+    if repeat.noise:
+        if settings.run.adapt != "none":
+            raise ModelError(
+                f"{model.name}: repeat.noise: found run.adapt {settings.run.adapt}, expected notch or step"
+            )
+        inside = ~(grid.border | _outermost(grid))  # a node outside the outline has no bonds
+        noise = draw.standard_normal(grid.position.shape) * (repeat.noise * grid.delta * inside)[:, None]
+        grid = replace(grid, position=grid.position + noise, lattice=None)
+    return replace(model, grid=grid, settings=settings)
+
+
+def _outermost(grid: Grid) -> NDArray[np.bool_]:
+    """The nodes (n,) on the sides of the box around all nodes: of a bare list, none is marked as border."""
+    low, high = grid.position.min(axis=0), grid.position.max(axis=0)
+    return np.asarray(((grid.position == low) | (grid.position == high)).any(axis=1))
+
+
+def _moved(grid: Grid, far: float) -> NDArray[np.float64]:
+    """The pre-cracks (k, 4), each moved by `far`, m, across its first segment, kinks and forks as one.
+
+    What begins on the plate's edge still does: such an end is drawn out by as much.
+    """
+    ends = grid.cracks.reshape(-1, 2)  # of segment i: 2 i and 2 i + 1
+    owner = np.repeat(np.arange(len(grid.cracks)), 2)
+    _, place = np.unique(np.round(ends / (NEAR * float(grid.delta.min()))), axis=0, return_inverse=True)
+    first = np.full(place.max() + 1, -1)
+    first[place[::-1]] = owner[::-1]
+    part = connected(len(grid.cracks), owner, first[place])
+    along = np.diff(grid.cracks.reshape(-1, 2, 2), axis=1)[:, 0]
+    along /= np.maximum(np.hypot(*along.T), 1e-300)[:, None]
+    leader = along[np.unique(part, return_index=True)[1]][part]
+    shift = far * np.column_stack([-leader[:, 1], leader[:, 0]])
+    outward = np.stack([-along, along], axis=1).reshape(-1, 2)
+    drawn_out = (abs(far) * _on_edge(grid, ends))[:, None] * outward
+    return np.asarray((ends + np.repeat(shift, 2, axis=0) + drawn_out).reshape(-1, 4))
+
+
+def _on_edge(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (k, 2) are on the plate's edge or on that of a hole; of a bare list of nodes, on their box."""
+    import shapely
+
+    rings = [*grid.outline, *grid.holes]
+    if not rings:
+        low, high = grid.position.min(axis=0), grid.position.max(axis=0)
+        rings = [np.array([low, (high[0], low[1]), high, (low[0], high[1])])]
+    edges = shapely.MultiLineString([np.vstack([ring, ring[:1]]) for ring in rings])
+    return np.asarray(shapely.dwithin(edges, shapely.points(points), NEAR * float(grid.delta.min())))

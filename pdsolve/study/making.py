@@ -1,0 +1,75 @@
+"""The model of a run of a study: its drawing built, its settings laid over, disturbed."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from pathlib import Path
+from typing import Any
+
+from pdmesh.drawing import sources
+from pdmesh.model.cloud import Grid, grid_of
+from pdmesh.model.document import GridError, Material, Settings, read_file, settings_of
+from pdmesh.scene.shapes import SceneError
+from pdsolve.estimate import Plan, plan
+from pdsolve.model import Model, ModelError, overlaid
+from pdsolve.study.description import Case, Study, StudyError
+from pdsolve.study.disturbed import disturbed
+from pdsolve.system import Options
+
+NAMED = (".geo", ".py", ".json")  # drawings that say what parameters they have
+ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0))  # to lay settings over, where names alone are looked at
+
+
+def made(drawing: Path, case: Case, trust: bool = False) -> Model:
+    """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
+    grid, settings = _built(drawing, case, trust)
+    model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
+    if not case.repetition:
+        return model
+    step = model.settings.run.time_step or 0.0
+    if case.repeat.step and not step:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the run will warn
+            step = plan(model, options(case)).time_step
+    return disturbed(model, case.repeat, case.repetition, step)
+
+
+def options(case: Case, threads: int = 1) -> Options:
+    """How a run is solved."""
+    given: dict[str, Any] = dict(case.options)
+    return Options(**given, threads=threads)
+
+
+def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
+    """For each run that is different, disturbances aside: the first such, how many there are, and what one takes.
+
+    Raises StudyError, SceneError, GridError, ModelError.
+    """
+    check(study, trust)
+    alike: dict[str, list[Case]] = {}
+    for case in study.cases():
+        alike.setdefault(dataclasses.replace(case, repetition=0).key, []).append(case)
+    return [
+        (cases[0], len(cases), plan(made(study.drawing, cases[0], trust), options(cases[0])))
+        for cases in alike.values()
+    ]
+
+
+def check(study: Study, trust: bool = False) -> None:
+    """Raises StudyError where a parameter means nothing to the drawing or to the model: no run would begin."""
+    for case in {tuple(case.values): case for case in study.cases()}.values():
+        try:
+            if case.drawing and study.drawing.suffix.lower() in NAMED:
+                sources.parameters(study.drawing, case.assignments("drawing"), trust)
+            overlaid(ANY, Path("model"), None, case.assignments("model"))
+        except (SceneError, GridError, ModelError) as error:
+            raise StudyError(f"{study.path}: {error}") from None
+
+
+def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:
+    if drawing.suffix.lower() == ".json" and not case.drawing:
+        document = read_file(drawing)
+        return grid_of(document, str(drawing)), settings_of(document)
+    built = sources.build(drawing, case.assignments("drawing"), trust=trust)
+    return built.grid, built.settings

@@ -1,0 +1,149 @@
+"""An installation with something missing: what works all the same, and what is said."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from plates import GEOMETRIES, ROOT
+
+from pdmesh import VERSION, commandline
+from pdmesh.__main__ import main
+from pdmesh.say import doctor
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main as pdsolve
+
+MESH = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+4
+1 0 0 0
+2 0.01 0 0
+3 0.01 0.01 0
+4 0 0.01 0
+$EndNodes
+$Elements
+2
+1 2 2 0 1 1 2 3
+2 2 2 0 1 1 3 4
+$EndElements
+"""
+
+
+@pytest.fixture
+def gmshless(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder, where neither this process nor one that it starts can import Gmsh."""
+    (here / "blocked").mkdir()
+    (here / "blocked" / "gmsh.py").write_text("raise ModuleNotFoundError(\"No module named 'gmsh'\", name='gmsh')\n")
+    path = os.pathsep.join([str(here / "blocked"), os.environ.get("PYTHONPATH", "")])
+    monkeypatch.setenv("PYTHONPATH", path)
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    return here
+
+
+@pytest.mark.slow
+def test_without_gmsh_everything_but_its_drawings_works(gmshless: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = str(GEOMETRIES / "duran50_one_scale.py")
+    small = ["--set", "spacing=4e-3"]
+    assert main(["build", scene, *small, "-o", "plate.json"]) == 0
+    assert main(["build", "plate.json", "--trust", "--set", "traction=2e7", "-o", "again.json"]) == 0
+    for command in ("info", "plan", "params", "preview"):
+        assert main([command, scene, *small, "-o", f"{command}.{'png' if command == 'preview' else 'json'}"]) == 0
+    Path("part.msh").write_text(MESH)
+    material = [word for name in ("E=7e10", "rho=2e3", "G0=10") for word in ("--set", f"Material/{name}")]
+    assert main(["build", "part.msh", *material]) == 0
+    assert pdsolve(["plate.json", "--set", "run.steps=20", "--threads", "1"]) == 0
+    for words in (["damage"], ["crack"], ["export"]):
+        assert pdpost([*words, "plate.sqlite"]) == 0
+    capsys.readouterr()
+    assert main(["build", str(GEOMETRIES / "duran50.geo")]) == 2
+    error = capsys.readouterr().err
+    assert "Gmsh is not installed: Python finds no module 'gmsh'; this installs it: pip install gmsh" in error
+    assert error.count("\n") == 1
+
+
+def test_the_doctor_says_what_is_missing_and_how_to_get_it(
+    gmshless: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
+    Path("file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "file/folder")
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    assert main(["doctor", "--json"]) == 1
+    found = {one["name"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
+    assert [name for name, one in found.items() if one["needed"] and not one["good"]] == ["Gmsh"]
+    assert found["Gmsh"]["cure"] == "pip install gmsh"
+    assert found["ffmpeg"]["found"] == "not on the PATH"
+    assert "NUMBA_CACHE_DIR" in found["compiled kernels"]["cure"]
+    assert not found["compiled kernels"]["good"]
+    assert not found["distributed"]["good"]
+    assert "1 are (NUMBA_NUM_THREADS)" in found["cores"]["found"]
+    assert doctor.lines([doctor.Finding("a", False, "none", "get it"), doctor.Finding("b", True, "1", "x")]) == [
+        "MISSING  a: none; get it",
+        "ok       b: 1",
+        "missing: a",
+    ]
+
+
+def test_a_library_that_cannot_be_loaded_is_told_from_one_that_is_not_there(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("gmsh.py").write_text("raise OSError('libGLU.so.1: cannot open shared object file')")
+    monkeypatch.setenv("PYTHONPATH", str(here))
+    found = doctor._gmsh()
+    assert "cannot be loaded (OSError: libGLU.so.1" in found.found
+    assert "apt-get install libgl1" in found.cure
+
+
+@pytest.mark.parametrize("program", [main, pdsolve, pdpost])
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_a_shell_can_complete(program, shell: str, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
+    pytest.importorskip("shtab")
+    with pytest.raises(SystemExit) as stop:
+        program(["--completion", shell])
+    assert stop.value.code == 0
+    printed = capsys.readouterr()
+    assert not printed.err
+    for word in ("shtab", "trust" if program is main else "output"):
+        assert word in printed.out
+
+
+def test_bash_completes_a_command_and_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("shtab")
+    with pytest.raises(SystemExit):
+        pdpost(["--completion", "bash"])
+    Path("words").write_text(capsys.readouterr().out)
+    Path("plate.sqlite").touch()
+    for words, found in ((("cra",), "crack"), (("crack", "pla"), "plate.sqlite"), (("crack", "--al"), "--along")):
+        line = f"COMP_WORDS=(pdpost {' '.join(words)}); COMP_CWORD={len(words)}"
+        script = f"source ./words; {line}; _shtab_pdpost pdpost; echo ${{COMPREPLY[@]}}"
+        ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+        assert ran.stdout.split() == [found]
+
+
+def test_without_the_extra_completion_names_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "shtab", None)
+    with pytest.raises(SystemExit) as stop:
+        main(["--completion", "bash"])
+    assert stop.value.code == 2
+    assert "found no package shtab, expected it: pip install 'pdsuite[completion]'" in capsys.readouterr().err
+
+
+def test_the_libraries_are_those_of_the_project() -> None:
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    assert [name.split(">=")[0] for name in needed] == list(commandline.LIBRARIES)
+
+
+def test_the_version_is_one_everywhere() -> None:
+    assert re.search(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == VERSION  # type: ignore[index]
+    assert f"\n## [{VERSION}] - " in (ROOT / "CHANGELOG.md").read_text()

@@ -1,0 +1,207 @@
+"""A study from its TOML to its figures: solved once by two processes, gone on with, looked at from all sides."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+from plates import plate, square_grid
+
+from pdmesh.__main__ import main as pdmesh
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import Load, Run, write_file
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main
+from pdsolve.study import crew
+from pdsolve.study.table import Table
+
+STUDY = """
+drawing = "plate.json"
+set.model.run.every = 100
+[vary.model]
+"material.G0" = [204, 100]
+"horizon.ratio" = [3, 1]
+[repeat]
+times = 2
+step = 0.1
+"""
+
+
+def small(folder: Path) -> None:
+    """A cracked plate of 21 x 12 nodes that is torn apart, as a grid file."""
+    import dataclasses
+
+    import numpy as np
+
+    grid = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[0.0, 0.0, 8e-3, 0.0]]))
+    pulls = (
+        Load(box=(0.0, s * 5.2e-3 - 0.8e-3, 20e-3, s * 5.2e-3 + 0.8e-3), body_force=(0.0, s * 6e10)) for s in (1, -1)
+    )
+    model = plate(grid, conditions=tuple(pulls), run=Run(time_step=50e-9, steps=100))
+    write_file(document_of(model.grid, model.settings), folder / "plate.json")
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a study of eight runs, half of which cannot be solved, solved by two processes."""
+    pytest.importorskip("distributed")
+    folder = tmp_path_factory.mktemp("study")
+    small(folder)
+    (folder / "study.toml").write_text(STUDY)
+    code = main(["study", str(folder / "study.toml"), "-o", str(folder / "study.sqlite"), "--workers", "2", "-q"])
+    assert code == 1  # some failed
+    return folder
+
+
+@pytest.fixture
+def solved(once: Path, here: Path) -> Path:
+    """That folder, as the current one."""
+    shutil.copytree(once, here, dirs_exist_ok=True)
+    return here
+
+
+def rows(folder: Path) -> list[sqlite3.Row]:
+    connection = sqlite3.connect(folder / "study.sqlite")
+    connection.row_factory = sqlite3.Row
+    found = list(connection.execute("SELECT * FROM run ORDER BY number"))
+    connection.close()
+    return found
+
+
+def test_each_run_has_a_row_and_failures_are_kept_and_listed(
+    solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = rows(solved)
+    assert [row["status"] for row in found] == ["finished", "finished", "failed", "failed"] * 2
+    assert [row["material.G0"] for row in found] == [204] * 4 + [100] * 4
+    assert [row["repetition"] for row in found] == [0, 1] * 4
+    good = [row for row in found if row["status"] == "finished"]
+    assert all(row["nodes"] == 252 and row["broken_bonds"] > 0 and row["dissipated"] > 0 for row in good)
+    assert good[0]["time_step"] == 50e-9
+    assert 45e-9 <= good[1]["time_step"] < 50e-9
+    assert good[2]["first_break"] < good[0]["first_break"]  # of less G0
+    monkeypatch.setattr(crew, "solved", None)  # nothing is solved again, nor are those that failed
+    assert main(["study", "study.toml"]) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "study.sqlite: 8 runs, 4 finished, 4 failed"
+    assert said[1].startswith("run 3 failed: ")
+    assert "$.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness" in said[1]
+
+
+def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One run was never begun, one had only just begun, one had ended but nobody had written it down; two are new."""
+    with sqlite3.connect("study.sqlite") as connection:
+        before = rows(solved)
+        connection.execute("UPDATE run SET status = 'waiting', dissipated = NULL WHERE number IN (1, 2, 5)")
+    connection.close()
+    Path("study.runs/0001.sqlite").unlink()
+    Path("study.runs/0002.sqlite").write_bytes(b"")
+    Path("study.toml").write_text(STUDY.replace("[204, 100]", "[204, 100, 50]").replace("[3, 1]", "[3]"))
+    asked = []
+
+    def here(tasks: list[crew.Task], how: crew.Crew) -> list[crew.Outcome]:
+        asked.extend(task.number for task in tasks)
+        return [crew.solved(task) for task in tasks]
+
+    monkeypatch.setattr(crew, "_solved", here)
+    assert main(["study", "study.toml", "-q"]) == 0
+    assert asked == [1, 2, 5, 9, 10]
+    after = rows(solved)
+    assert [row["dissipated"] for row in after[:8]] == [row["dissipated"] for row in before]
+    assert [row["status"] for row in after[8:]] == ["finished"] * 2
+
+
+def test_another_drawing_and_another_file_are_refused(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("plate.json").write_bytes(Path("plate.json").read_bytes() + b"\n")
+    assert main(["study", "study.toml"]) == 2
+    assert "study.sqlite: found runs of another plate.json, expected the same" in capsys.readouterr().err
+    assert main(["study", "study.toml", "-o", "study.runs/0001.sqlite"]) == 2
+    assert "found a file that is no table of a study" in capsys.readouterr().err
+    assert main(["study", "study.toml", "-o", "plate.json"]) == 2
+    Path("study.sqlite").unlink()
+    assert main(["study", "study.toml"]) == 2
+    assert "study.runs: found files in it, expected none before the first run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('"material.G0" = [204]', None),
+        ('"material.G" = [204]', "Object contains unknown field `G`"),
+        ('"run.steps" = [1.5]', "Expected `int`"),
+    ],
+)
+def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(
+    here: Path, capsys: pytest.CaptureFixture[str], text: str, said: str | None
+) -> None:
+    small(here)
+    Path("study.toml").write_text(f'drawing = "plate.json"\n[vary.model]\n{text}')
+    assert pdmesh(["plan", "study.toml"]) == (0 if said is None else 2)
+    if said is not None:
+        assert main(["study", "study.toml"]) == 2
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == 2
+        assert not Path("study.sqlite").exists()
+
+
+def test_without_the_extra_it_is_named(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("pdsolve.study.command.find_spec", lambda name: None)
+    assert main(["study", "study.toml"]) == 2
+    assert capsys.readouterr().err == (
+        "pdsolve study: found no package distributed, which shares runs among processes, expected it:"
+        " pip install 'pdsuite[study]'\n"
+    )
+
+
+def test_a_plan_counts_what_is_different(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("study.toml").write_text(STUDY.replace("[3, 1]", "[3, 4]"))
+    assert pdmesh(["plan", "study.toml", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["runs"] == 8
+    assert [one["times"] for one in found["different"]] == [2] * 4
+    assert found["different"][0]["bonds"] < found["different"][1]["bonds"]
+    assert found["solve_seconds"] == pytest.approx(sum(2 * one["solve_seconds"] for one in found["different"]))
+    assert pdmesh(["plan", "study.toml", "--set", "a=1"]) == 2
+    assert "--set: found it beside a study, expected it in study.toml" in capsys.readouterr().err
+
+
+def test_its_measures_are_drawn_and_told(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with sqlite3.connect("study.sqlite") as connection:
+        connection.execute("UPDATE run SET branching = NULL WHERE number = 6")
+    connection.close()
+    words = ["study", "study.sqlite", "--measure", "dissipated", "--measure", "branching"]
+    assert pdpost([*words, "--json", "-o", "study.svg"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["over"] == "material.G0"
+    assert found["failed"] == 4
+    first, _, branching, _ = found["measures"]
+    with Table.open(Path("study.sqlite")) as table:
+        values = [row.values["dissipated"] for row in table.rows((5, 6))]
+    assert (first["value"], first["runs"], first["happened"]) == (100, 2, 2)
+    assert (first["smallest"], first["largest"]) == (min(values), max(values))
+    assert (branching["value"], branching["runs"], branching["happened"]) == (100, 2, 1)
+    assert first["median"] == pytest.approx(sum(values) / 2)
+    assert "material.G0, J/m" in Path("study.svg").read_text()
+    assert "did not happen in 1 of 4 runs" in Path("study.svg").read_text()
+    assert pdpost(["study", "study.sqlite", "--measure", "wonder"]) == 2
+    assert "--measure: found 'wonder', expected one of nodes, bonds" in capsys.readouterr().err
+    assert pdpost(["study", "plate.json"]) == 2
+
+
+def test_paths_and_tradeoff_take_it(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdpost(["crack", "study.sqlite", "--json", "-o", "paths.png"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [run["number"] for run in found["runs"]] == [1, 2, 5, 6]
+    assert Path("paths.png").read_bytes()[:4] == b"\x89PNG"
+    assert pdpost(["crack", "study.sqlite", "--step", "3"]) == 2
+    words = ["tradeoff", "study.sqlite", "--reference", "study.runs/0001.sqlite", "--by", "energy", "--json"]
+    assert pdpost([*words, "-o", "tradeoff.png"]) == 0
+    points = {point["name"]: point["energy"] for point in json.loads(capsys.readouterr().out[-10000:])["points"]}
+    assert set(points) == {"G0 204", "G0 204 (1)", "G0 100", "G0 100 (1)"}
+    assert points["G0 204"] == 0

@@ -1,0 +1,102 @@
+"""What a study.toml says becomes runs; what it must not say is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pdsolve.study.description import Case, Study, StudyError, read_study
+
+
+def study(folder: Path, text: str) -> Study:
+    """The study of this text, beside a drawing."""
+    (folder / "plate.py").write_text("length = 0.05  # m: of the plate\n")
+    path = folder / "study.toml"
+    path.write_text(f'drawing = "plate.py"\n{text}')
+    return read_study(path)
+
+
+def values(found: Study) -> list[dict]:
+    return [case.values for case in found.cases()]
+
+
+def test_a_grid_has_all_combinations(tmp_path: Path) -> None:
+    found = study(tmp_path, "[vary]\nmode = ['thesis', 'conservative']\n[vary.model]\nmaterial.G0 = [1, 2.0, 3]")
+    assert len(values(found)) == 6
+    assert values(found)[0] == {"material.G0": 1, "mode": "thesis"}
+    assert found.varied == ["material.G0", "mode"]
+    assert found.drawing == tmp_path / "plate.py"
+
+
+def test_a_list_is_laid_over_what_is_the_same_in_all(tmp_path: Path) -> None:
+    text = """
+set.drawing.length = 1.0
+set.precision = "float32"
+[[runs]]
+[[runs]]
+drawing.length = 2.0
+model."run.steps" = 7
+[vary]
+kernel = ["listed"]
+"""
+    same = {"precision": "float32", "kernel": "listed"}
+    assert values(study(tmp_path, text)) == [
+        {"drawing length": 1.0} | same,
+        {"drawing length": 2.0, "run.steps": 7} | same,
+    ]
+
+
+def test_repetitions_are_told_apart_but_for_the_first(tmp_path: Path) -> None:
+    found = study(tmp_path, "[repeat]\ntimes = 3\nnotch = 0.2\nseed = 4")
+    plain, once, twice = found.cases()
+    assert [case.repetition for case in (plain, once, twice)] == [0, 1, 2]
+    assert len({plain.key, once.key, twice.key}) == 3
+    other = study(tmp_path, "[repeat]\ntimes = 5\nnotch = 0.3\nseed = 4").cases()
+    assert other[0].key == plain.key  # undisturbed: the same run
+    assert other[1].key != once.key
+
+
+def test_the_same_number_is_the_same_run_however_written() -> None:
+    one, other = (Case({}, {"material.G0": number}, {}) for number in (204, 204.0))
+    assert one.key == other.key
+    assert Case({}, {"a": True}, {}).key != Case({}, {"a": 1}, {}).key
+
+
+def test_values_are_words_as_the_command_line_has_them() -> None:
+    case = Case({"Grown": True, "law": "x y", "n": 3}, {"run.fields": ["ux"], "keep": False, "law": "brittle"}, {})
+    assert case.assignments("drawing") == [("Grown", "1"), ("law", "x y"), ("n", "3")]
+    assert case.assignments("model") == [("run.fields", '["ux"]'), ("keep", "false"), ("law", '"brittle"')]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("repeat.times = 3", "$.repeat: found 3 times without notch, step or noise, expected one of them"),
+        ("repeat.times = 0", "Expected `int` >= 1"),
+        ("repeat.noise = 0.5", "Expected `float` <= 0.1"),
+        ("vary.model.material.G0 = 3", "$.vary: material.G0: found 3, expected a list of values"),
+        ("vary.drawing.length = []", "$.vary: length: found [], expected a list of values"),
+        ("vary.mode = ['quick']", "Invalid enum value 'quick'"),
+        ("varied.mode = ['thesis']", "unknown field `varied`"),
+        ("set.threads = 3", "unknown field `threads`"),
+        ("set = ", "Invalid value"),
+        (
+            f"vary.model.a = {list(range(400))}\nvary.model.b = {list(range(400))}",
+            "found 160000 runs, expected at most",
+        ),
+    ],
+)
+def test_what_is_no_study_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(StudyError) as error:
+        study(tmp_path, text)
+    assert said in str(error.value)
+    assert str(error.value).startswith(f"{tmp_path / 'study.toml'}: ")
+
+
+def test_a_drawing_that_is_missing_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text('drawing = "none.geo"')
+    with pytest.raises(StudyError, match=r"\$\.drawing: found no file .*none\.geo, expected a drawing"):
+        read_study(tmp_path / "study.toml")
+    with pytest.raises(StudyError, match="cannot be read: No such file"):
+        read_study(tmp_path / "other.toml")
