@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.geo import read_outline
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
-    from pdmesh.model.document import GridError, Material, Run, Static
+    from pdmesh.model.document import GridError, Material, ParticleRules, Run, Static
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
@@ -26,6 +26,7 @@ else:
             "Circle": "pdmesh.scene.shapes",
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
+            "ParticleRules": "pdmesh.model.document",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
@@ -42,6 +43,7 @@ __all__ = [
     "Circle",
     "GridError",
     "Material",
+    "ParticleRules",
     "Run",
     "Scene",
     "SceneError",

@@ -46,7 +46,7 @@ FOLDERS = {
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt"),
+    "Run": ("Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt", "Cracks"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -237,6 +237,7 @@ def run(parameters: Parameters) -> Run:
     given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
     adapt = parameters.text("Run/Adapt", "none", ("none", "hybrid"))
+    given |= {"cracks": parameters.text("Run/Cracks", of=("", "bonds", "particles")) or None}
     given |= {"adapt": None if adapt == "none" else adapt}
     given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step}
     given = {name: value for name, value in given.items() if value is not None}

@@ -143,7 +143,6 @@ class Growth:
         length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
-                self._tell(tip, f"found {rules.most} particles grown, expected no more (run.particles.most)")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
