@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -20,7 +20,7 @@ from pdsolve.bonds import Filling, listed
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
-from pdsolve.cracking.growth import Growth, every_of, refuse_particles
+from pdsolve.cracking import rules
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
@@ -43,6 +43,9 @@ from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
 from pdsolve.survey import Survey
 from pdsolve.threads import cores, crew
+
+if TYPE_CHECKING:
+    from pdsolve.cracking.growth import Growth
 
 
 class Stepper(Protocol):
@@ -144,7 +147,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
-    refuse_particles(model, options.mode)
+    rules.refuse(model, options.mode)
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
@@ -207,6 +210,17 @@ def _filling(model: Model, scheme: Scheme) -> Filling:
     return Lasting(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
+def _growth(
+    model: Model, operator: Operator, area: NDArray[np.float64], driven: Drive, every: int | None
+) -> Growth | None:
+    """Cracks that are particles, if they are. Raises ModelError."""
+    if model.settings.run.cracks == "bonds":
+        return None
+    from pdsolve.cracking.growth import Growth  # shapely takes long to import, and few runs need it
+
+    return Growth(model, operator, area, driven, every)
+
+
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling, kind = _filling(model, scheme), np.dtype(options.precision).type
@@ -234,9 +248,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
-    growth = None
-    if model.settings.run.cracks == "particles":
-        growth = Growth(model, operator, filling.area, driven, every_of(model, step))
+    growth = _growth(model, operator, filling.area, driven, rules.every_of(model, step))
     system = System(
         model,
         options,
@@ -294,7 +306,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
-    growth = Growth(model, operator, area, driven, None) if grows else None
+    growth = _growth(model, operator, area, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count

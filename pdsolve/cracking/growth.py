@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import poisson, rayleigh_speed
-from pdmesh.model.document import ParticleRules
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.particles import Particles, arms, grown, of_segments
 from pdmesh.model.visibility import Sight
@@ -32,50 +30,6 @@ from pdsolve.steppers.equilibrium import forces
 BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
 OUTER = 0.8  # of the room: where a ring ends
 FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels its sibling's field more than its own
-
-
-def refuse_particles(model: Model, mode: str) -> None:
-    """Raises ModelError for what cracks that are particles cannot be solved with, and for rules that mean nothing."""
-    run = model.settings.run
-    if run.cracks == "bonds":
-        if run.particles != ParticleRules():
-            raise ModelError(f"{model.name}: $.run.particles: found some, expected none, as run.cracks is bonds")
-        return
-    rules, words = run.particles, "expected {} with cracks that are particles"
-    solids = [material.solid for material in model.materials if material.solid not in ("linear", "svk")]
-    for place, found, wrong, expected in (
-        ("mode", mode, mode != "conservative", "conservative"),
-        ("$.run.adapt", run.adapt, run.adapt != "none", "none"),
-        ("$.material.sight", "diffraction", model.materials[0].detour is not None, "visibility"),
-        ("$.material.solid", (*solids, "")[0], bool(solids), "linear or svk"),
-    ):
-        if wrong:
-            raise ModelError(f"{model.name}: {place}: found {found}, {words.format(expected)}")
-    for name, criterion in (("strength", "stress"), ("toughness", "intensity")):
-        value = getattr(rules, name)
-        if value is not None and rules.criterion != criterion:
-            raise ModelError(
-                f"{model.name}: $.run.particles.{name}: found {value:g}, expected none as the criterion is"
-                f" {rules.criterion}"
-            )
-    if rules.criterion == "stress" and rules.strength is None:
-        raise ModelError(
-            f"{model.name}: $.run.particles.strength: found none, expected the largest principal stress, Pa, as the"
-            " criterion is stress"
-        )
-    if rules.criterion == "intensity" and rules.direction != "hoop":
-        raise ModelError(
-            f"{model.name}: $.run.particles.direction: found {rules.direction}, expected hoop as the criterion is"
-            " intensity"
-        )
-
-
-def every_of(model: Model, step: float) -> int:
-    """Steps of so many seconds between two looks at cracks: a crack that grows at each runs as fast as Rayleigh waves,
-    which none outruns."""
-    speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
-    shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
-    return max(1, int(np.ceil(shortest / (max(speeds) * step))))
 
 
 class Growth:
