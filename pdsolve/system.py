@@ -148,6 +148,8 @@ def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
     rules.refuse(model, options.mode)
+    if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
+        options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "hybrid":
         return _hybrid(model, options, scheme)
     settle(advance_blocks, energy_densities, add_rows)
@@ -210,15 +212,13 @@ def _filling(model: Model, scheme: Scheme) -> Filling:
     return Lasting(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
-def _growth(
-    model: Model, operator: Operator, area: NDArray[np.float64], driven: Drive, every: int | None
-) -> Growth | None:
+def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, every: int | None) -> Growth | None:
     """Cracks that are particles, if they are. Raises ModelError."""
     if model.settings.run.cracks == "bonds":
         return None
     from pdsolve.cracking.growth import Growth  # shapely takes long to import, and few runs need it
 
-    return Growth(model, operator, area, driven, every)
+    return Growth(model, operator, filling, driven, every)
 
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -248,7 +248,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filling.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
-    growth = _growth(model, operator, filling.area, driven, rules.every_of(model, step))
+    growth = _growth(model, operator, filling, driven, rules.every_of(model, step))
     system = System(
         model,
         options,
@@ -306,7 +306,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Newton(operator, area, static.tolerance, static.iterations, free)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
-    growth = _growth(model, operator, area, driven, None) if grows else None
+    growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count

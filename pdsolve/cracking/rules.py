@@ -21,7 +21,6 @@ def refuse(model: Model, mode: str) -> None:
     for place, found, wrong, expected in (
         ("mode", mode, mode != "conservative", "conservative"),
         ("$.run.adapt", run.adapt, run.adapt != "none", "none"),
-        ("$.material.sight", "diffraction", model.materials[0].detour is not None, "visibility"),
         ("$.material.solid", (*solids, "")[0], bool(solids), "linear or svk"),
     ):
         if wrong:

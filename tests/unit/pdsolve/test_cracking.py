@@ -19,7 +19,9 @@ from pdmesh.model.particles import arms, until
 from pdmesh.model.visibility import Sight
 from pdsolve.cracking.criteria import ANGLES, _maxima, by_stress
 from pdsolve.model import Model, ModelError
+from pdsolve.operators.listed import Listed
 from pdsolve.results import Results
+from pdsolve.schemes import SCHEMES
 from pdsolve.simulation import Options, prepare, resume, simulate
 
 
@@ -136,23 +138,61 @@ def test_a_second_maximum_forks_a_crack(second: float, apart: float, branch: flo
     assert np.degrees(_maxima(np.maximum(first, second * other), branch)).tolist() == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("law", ["bond", pytest.param("correspondence", marks=pytest.mark.slow)])
+def test_bonds_go_round_the_tips_of_cracks_that_grow(law: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who is bonded and how much each counts is as if the crack had been drawn so: measured to round-off. Stopped and
+    gone on with it comes to the same bits."""
+    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    material = {"sight": "diffraction", "gamma": 1.5} | ({"model": law, "nu": 0.3} if law != "bond" else {})
+    model, options = of(pulled(steps=100), material), Options(threads=1)
+    whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
+    prepared = prepare(model, options)
+    growth, operator = prepared.system.growth, prepared.system.operator
+    assert growth is not None
+    assert isinstance(operator, Listed)
+    for step in range(1, 101):
+        prepared.march(step, step + 1)
+        if step % 4 == 0:
+            growth.look(prepared.state, step + 1)
+    assert len(growth.particles.place) > 8
+    grid = dataclasses.replace(model.grid, cracks=arms(growth.particles))
+    drawn = SCHEMES["conservative"].fill(dataclasses.replace(model, grid=grid)).whole().bonds
+    source, target = operator.bonds()
+    assert np.array_equal(source, np.repeat(np.arange(len(grid)), np.diff(drawn.start)))
+    assert np.array_equal(target, drawn.neighbour)
+    if law != "bond":  # whose bonds at faces are made stiffer where they were drawn
+        assert operator.columns.weight[operator.columns.broken == 0] == pytest.approx(drawn.weight, rel=1e-12)
+    simulate(model, whole, options).close()
+    simulate(model, path, options, watch=lambda progress: progress.step == 63).close()
+    resume(path, 1).close()
+    assert contents(path) == contents(whole)
+
+
+def of(model: Model, material: dict[str, Any]) -> Model:
+    """The same of another material."""
+    changed = msgspec.structs.replace(model.materials[0], **material)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=changed))
+
+
 REFUSED = [
     ({"particles": ParticleRules(criterion="stress")}, {}, "strength: found none"),
     ({"particles": ParticleRules(strength=1.0)}, {}, "strength: found 1, expected none"),
     ({"particles": ParticleRules(direction="principal")}, {}, "direction: found principal"),
     ({"cracks": "bonds"}, {}, "run.particles: found some, expected none"),
     ({"adapt": "hybrid"}, {}, "run.adapt: found hybrid, expected none"),
-    ({}, {"sight": "diffraction"}, "material.sight: found diffraction, expected visibility"),
+    (
+        {},
+        {"model": "correspondence", "nu": 0.3, "solid": "neo hooke"},
+        "solid: found neo hooke",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("run", "material", "said"), REFUSED)
 def test_what_cannot_be_is_refused_in_one_line(run: dict[str, Any], material: dict[str, Any], said: str) -> None:
     model = pulled(**{"rules": BY_STRESS, **{"rules" if k == "particles" else k: v for k, v in run.items()}})
-    changed = msgspec.structs.replace(model.settings.material, **material)
-    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=changed))
     with pytest.raises(ModelError, match=said) as error:
-        prepare(model, Options(threads=1))
+        prepare(of(model, material), Options(threads=1))
     assert "\n" not in str(error.value)
 
 
