@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.geo import read_outline
     from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
-    from pdmesh.model.document import GridError, Material, Run, Static
+    from pdmesh.model.document import GridError, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
@@ -33,6 +33,7 @@ else:
             "GridError": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
             "Medium": "pdmesh.model.medium",
+            "ParticleRules": "pdmesh.model.document",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
@@ -54,6 +55,7 @@ __all__ = [
     "GridError",
     "Material",
     "Medium",
+    "ParticleRules",
     "Run",
     "Scene",
     "SceneError",

@@ -59,6 +59,8 @@ class Filling(NamedTuple):
 
     area: NDArray[np.float64]  # (n,) m^2
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
+    strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
+    # that are as long as the pairs say; None where they do not go round cracks
 
     def parts(self) -> Iterator[Part]:
         """All bonds, some rows at a time."""

@@ -50,7 +50,7 @@ class Lasting:
 
     def filling(self) -> Filling:
         """The same bonds, without a limit."""
-        return Filling(self._filling.area, self._part)
+        return self._filling._replace(part=self._part)
 
     def breakable(self) -> Breakable | None:
         """Those that have one, of all parts that were filled; None if there is none."""

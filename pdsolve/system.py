@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -18,7 +18,7 @@ from pdsolve.bonds import Counted, Filling, listed
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
-from pdsolve.cracking.growth import Growth, every_of, refuse_particles
+from pdsolve.cracking import rules
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
@@ -41,6 +41,9 @@ from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
 from pdsolve.survey import Survey
 from pdsolve.threads import cores, crew
+
+if TYPE_CHECKING:
+    from pdsolve.cracking.growth import Growth
 
 
 class Stepper(Protocol):
@@ -147,7 +150,9 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
-    refuse_particles(model, options.mode)
+    rules.refuse(model, options.mode)
+    if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
+        options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":
         return _split(model, options, scheme)
     if model.settings.run.adapt != "none":
@@ -226,13 +231,24 @@ def _filling(model: Model, scheme: Scheme) -> Filling:
     return Lasting(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
+def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, every: int | None) -> Growth | None:
+    """Cracks that are particles, if they are. Raises ModelError."""
+    if model.settings.run.cracks == "bonds":
+        return None
+    from pdsolve.cracking.growth import Growth  # shapely takes long to import, and few runs need it
+
+    return Growth(model, operator, filling, driven, every)
+
+
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
     operator, survey = _operator(model, options, scheme, filling)
     bound = stable(operator.stiffest(), model.rho)
     filled = Counted(filling.area, survey.family, survey.count)
-    return assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    growth = _growth(model, operator, filling, found.system.drive, rules.every_of(model, found.system.time_step))
+    return found._replace(system=replace(found.system, growth=growth))
 
 
 def assembled(
@@ -261,10 +277,7 @@ def assembled(
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
-    growth = None
-    if model.settings.run.cracks == "particles":
-        growth = Growth(model, operator, filled.area, driven, every_of(model, step))
-    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy, growth=growth)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 
@@ -307,7 +320,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Newton(operator, area, static.tolerance, static.iterations, free, most)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
-    growth = Growth(model, operator, area, driven, None) if grows else None
+    growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffest(), model.rho)
     counts = survey.family, survey.count

@@ -31,6 +31,14 @@ def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y
     )
 
 
+def lattice(cracks: object, x0: float = 0.5, half: int = 9) -> Grid:
+    """Nodes 1 m apart at x0 + whole numbers, in rows at half-integers, and segments of cracks between."""
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-half, half) + x0, np.arange(-half, half) + 0.5))
+    nowhere = np.full(len(x), -1)
+    segments = np.array(cracks, dtype=float).reshape(-1, 4)
+    return Grid(np.arange(len(x)), np.column_stack([x, y]), np.ones(len(x)), nowhere >= 0, nowhere, segments)
+
+
 def two_scale_grid() -> Grid:
     """Fine nodes (1 mm) below, coarse ones (2 mm) above, with a gap of 1.5 mm between."""
     fine = square_grid(13, 8)

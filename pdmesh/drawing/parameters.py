@@ -53,7 +53,18 @@ FOLDERS = {
     f"Begins/{ANY}": ("Concentration", "Box"),
     f"Media/{ANY}": ("D",),
     "Medium": ("D", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped"),
-    "Run": ("Theta", "Time step", "Duration", "Frame every", "Solver", "Start", "Load steps", "Damping", "Adapt"),
+    "Run": (
+        "Theta",
+        "Time step",
+        "Duration",
+        "Frame every",
+        "Solver",
+        "Start",
+        "Load steps",
+        "Damping",
+        "Adapt",
+        "Cracks",
+    ),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -261,6 +272,7 @@ def run(parameters: Parameters) -> Run:
     given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
     adapt = parameters.text("Run/Adapt", "none", ADAPTS)
+    given |= {"cracks": parameters.text("Run/Cracks", of=("", "bonds", "particles")) or None}
     given |= {"adapt": None if adapt == "none" else adapt}
     given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
     given = {name: value for name, value in given.items() if value is not None}

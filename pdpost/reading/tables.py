@@ -20,6 +20,7 @@ SHOWN = {  # what is in it
     "bond_break": "every broken bond; one of both its nodes is there twice",
     "crack": "segments of pre-cracks",
     "crack_face": "triangles of those of a body in space",
+    "crack_particle": "cracks that are particles: their first step, their place, and the one each grew from",
     "meta": "what the run says of itself; 'model' is the grid file",
 }
 UNITS: dict[str, str] = {

@@ -1,7 +1,8 @@
 """Cracks that grow particle by particle ahead of their tips, and what that does to bonds.
 
 All tips are looked at in one state; those that may then grow, by one particle each. Bonds that meet a new arm are cut
-as bonds of a crack are: what they held is booked as spent, and the motion goes on without their forces. Particles are
+as bonds of a crack are, or become weaker where they are seen round its tip: what they held is booked as spent, and the
+motion goes on without their forces. Particles are
 all that is kept: who is a tip, and which way it points, follows from them, so that a run that goes on does the same.
 """
 
@@ -14,17 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import poisson, rayleigh_speed
-from pdmesh.model.document import ParticleRules
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.particles import Particles, arms, grown, of_segments
 from pdmesh.model.visibility import Sight
+from pdsolve.bonds import Filling
 from pdsolve.conditions import Drive, unbreakable
+from pdsolve.cracking.around import Round
 from pdsolve.cracking.criteria import AHEAD, Verdict, by_intensity, by_stress
 from pdsolve.cracking.near import Surroundings
 from pdsolve.cracking.plate import Ground
 from pdsolve.cracking.tips import Tip, tips_of
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import forces
@@ -34,64 +36,19 @@ OUTER = 0.8  # of the room: where a ring ends
 FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels its sibling's field more than its own
 
 
-def refuse_particles(model: Model, mode: str) -> None:
-    """Raises ModelError for what cracks that are particles cannot be solved with, and for rules that mean nothing."""
-    run = model.settings.run
-    if run.cracks == "bonds":
-        if run.particles != ParticleRules():
-            raise ModelError(f"{model.name}: $.run.particles: found some, expected none, as run.cracks is bonds")
-        return
-    rules, words = run.particles, "expected {} with cracks that are particles"
-    solids = [material.solid for material in model.materials if material.solid not in ("linear", "svk")]
-    for place, found, wrong, expected in (
-        ("mode", mode, mode != "conservative", "conservative"),
-        ("$.run.adapt", run.adapt, run.adapt != "none", "none"),
-        ("$.material.sight", "diffraction", model.materials[0].detour is not None, "visibility"),
-        ("$.material.solid", (*solids, "")[0], bool(solids), "linear or svk"),
-    ):
-        if wrong:
-            raise ModelError(f"{model.name}: {place}: found {found}, {words.format(expected)}")
-    for name, criterion in (("strength", "stress"), ("toughness", "intensity")):
-        value = getattr(rules, name)
-        if value is not None and rules.criterion != criterion:
-            raise ModelError(
-                f"{model.name}: $.run.particles.{name}: found {value:g}, expected none as the criterion is"
-                f" {rules.criterion}"
-            )
-    if rules.criterion == "stress" and rules.strength is None:
-        raise ModelError(
-            f"{model.name}: $.run.particles.strength: found none, expected the largest principal stress, Pa, as the"
-            " criterion is stress"
-        )
-    if rules.criterion == "intensity" and rules.direction != "hoop":
-        raise ModelError(
-            f"{model.name}: $.run.particles.direction: found {rules.direction}, expected hoop as the criterion is"
-            " intensity"
-        )
-
-
-def every_of(model: Model, step: float) -> int:
-    """Steps of so many seconds between two looks at cracks: a crack that grows at each runs as fast as Rayleigh waves,
-    which none outruns."""
-    speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
-    shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
-    return max(1, int(np.ceil(shortest / (max(speeds) * step))))
-
-
 class Growth:
     """The cracks of a run and the operator whose bonds they cut."""
 
-    def __init__(
-        self, model: Model, operator: Operator, area: NDArray[np.float64], drive: Drive, every: int | None
-    ) -> None:
+    def __init__(self, model: Model, operator: Operator, filling: Filling, drive: Drive, every: int | None) -> None:
         """`every`: steps between two looks; None: at rest, when told. Raises ModelError where no crack can grow."""
         self.every, self.rules = every, model.settings.run.particles
         self._model, self._operator, self._lasting = model, operator, unbreakable(model)
-        self._held = np.zeros((len(area), 2), dtype=bool)
+        self._held = np.zeros((len(filling.area), 2), dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
         self._ground, self._sight = Ground(model), Sight(model.grid, model.name)
-        self._near = Surroundings(model, operator, area, every is None)
+        self._near = Surroundings(model, operator, filling.area, every is None)
         self.particles = of_segments(model.grid.cracks, self._ground.slack)
+        self._round = Round(model, self._near, filling) if model.materials[0].detour is not None else None
         self._first, self._told = len(self.particles.place), set[int]()
         tips = self.tips()
         if not tips:
@@ -143,7 +100,6 @@ class Growth:
         length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
-                self._tell(tip, f"found {rules.most} particles grown, expected no more (run.particles.most)")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
@@ -157,18 +113,29 @@ class Growth:
         numbers = near.bonds(rows)
         pairs = near.pairs(numbers)
         cut = numbers[self._sight.parted(pairs, new) & ~(self._lasting[pairs.source] | self._lasting[pairs.target])]
-        if not len(cut):
+        share = None
+        if self._round is not None:
+            share = self._round.share(arms(self.particles))
+            cut = np.flatnonzero(near.intact & (share == 0))  # those that the way round is too far for now, too
+        if not len(cut) and share is None:
             return
         held, pulled = operator.energies(state)[0], forces(operator, state)
         gone = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), gone, strict=True)))
         operator.back(operator.keep(), broken)
         near.intact[cut] = False
+        self._reweigh(share)
         state.dissipated[:] += held - operator.energies(state)[0]
         if self.every is not None:  # the next half step goes without the forces that are lost
             lost = (forces(operator, state) - pulled) / model.rho[:, None]
             lost[:, :2][self._held] = 0
             state.second[:] += lost.astype(state.second.dtype)
+
+    def _reweigh(self, share: NDArray[np.float64] | None) -> None:
+        """Let bonds go on with a share (b,) of what they weighed, all of it where they are not intact."""
+        if share is not None:
+            assert isinstance(self._operator, Listed)
+            self._operator.reweigh(np.where(self._near.intact & (share > 0), share, 1.0))
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """The particles, for a checkpoint."""
@@ -180,6 +147,8 @@ class Growth:
         self.particles = Particles(place.reshape(-1, 2), normal.reshape(-1, 2), parent, step)
         near, nodes = self._near, len(self._near.start) - 1
         near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
+        if self._round is not None:
+            self._reweigh(self._round.share(arms(self.particles)))
 
     def rows(self, after: int) -> list[tuple[float, ...]]:
         """The particles since a step as rows of results."""

@@ -45,7 +45,7 @@ class Listed:
         dimension, unknowns = bonds.xi.shape[1], getattr(law, "unknowns", None)
         self.unknowns: tuple[Unknown, ...] = unknowns(dimension) if unknowns else (Unknown("u", dimension, 2),)
         self._stiffest = self._bound(law, model, exact)
-        self.law, self._bonds = law, bonds
+        self.law, self._bonds, self._model = law, bonds, model
         self._take(law.columns(model, bonds), bonds)
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
 
@@ -202,6 +202,18 @@ class Listed:
         for name in self._remembered_by_nodes():
             column = getattr(self.columns, name)
             column[:] = kept[name].reshape(column.shape)
+        self._lose(np.flatnonzero(self._steps()), self._every)
+
+    def reweigh(self, share: NDArray[np.float64]) -> None:
+        """Go on with a share (b,) of what each bond weighed at the start, or of its stiffness; who has broken and what
+        else is remembered stays."""
+        names = *self._remembered(), *self._remembered_by_nodes(), "broken"
+        kept = {name: getattr(self.columns, name).copy() for name in names if hasattr(self.columns, name)}
+        share = share.astype(self._bonds.xi.dtype)
+        bonds = self._bonds._replace(weight=self._bonds.weight * share, stiffness=self._bonds.stiffness * share)
+        self._take(self.law.columns(self._model, bonds), bonds)
+        for name, values in kept.items():
+            getattr(self.columns, name)[:] = values
         self._lose(np.flatnonzero(self._steps()), self._every)
 
     def bytes(self) -> int:

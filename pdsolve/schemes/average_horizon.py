@@ -98,7 +98,11 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         stiffness = found.modulus * _energy_factor(grid.position, pairs, lack) * weight
         return part_of(grid.position, held, rows, Paired(pairs, found.intact, stiffness, *found.limits, weight))
 
-    return Filling(area, part)
+    def strength(pairs: Pairs) -> NDArray[np.float64]:
+        reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
+        return _mean_of_ends(model, pairs, reach, corrections)[0]
+
+    return Filling(area, part, strength)
 
 
 def _mean_of_ends(

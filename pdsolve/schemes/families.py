@@ -102,7 +102,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
         return part_of(grid.position, held, rows, paired)
 
-    return Filling(area, part)
+    return Filling(area, part, counts)
 
 
 def _limit(material: Material, ratio: float) -> Limit:

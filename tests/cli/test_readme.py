@@ -49,6 +49,7 @@ def test_every_scene_and_option_it_names_exists() -> None:
             "--probe",
             "--fields",
             "--adapt",
+            "--cracks",
             "--static",
             "--float",
         )

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from plates import lattice
 
 from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Material, Settings
@@ -22,14 +23,6 @@ from pdsolve.schemes import SCHEMES
 SOLID = Material(E=1.0, rho=1.0, G0=1.0, nu=0.3, model="correspondence")
 STRAIGHT = [(-9.5, 0, 0, 0)]
 OUTLINE = np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]])
-
-
-def lattice(cracks: object, x0: float = 0.5, half: int = 9) -> Grid:
-    """Nodes at x0 + whole numbers, in rows at half-integers."""
-    x, y = (each.ravel() for each in np.meshgrid(np.arange(-half, half) + x0, np.arange(-half, half) + 0.5))
-    nowhere = np.full(len(x), -1)
-    segments = np.array(cracks, dtype=float).reshape(-1, 4)
-    return Grid(np.arange(len(x)), np.column_stack([x, y]), np.ones(len(x)), nowhere >= 0, nowhere, segments)
 
 
 def row_at(grid: Grid, place: tuple[float, float]) -> int:

@@ -1,0 +1,33 @@
+"""An inclined crack in the middle of a pulled plate, at rest: it kinks where the hoop stress ahead of it is largest.
+
+Source: F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525, with K1 = s sqrt(pi a) cos^2 b and K2 = s sqrt(pi a)
+sin b cos b of a crack at b in an infinite plate.
+Two scales: twenty fine spacings a half length, in a plate six times as wide as the crack is long.
+Calibrated: the toughness, so that the crack grows a particle at each end at every inclination up to 60 degrees.
+"""
+
+from math import cos, radians, sin
+
+from pdmesh import Material, ParticleRules, Run, Scene, Static, box
+
+angle = 45.0  # degrees between the crack and the x axis
+half = 0.01  # m: half the length of the crack
+fine = 5e-4  # m: between nodes around the crack
+coarse = 2e-3  # m: between the others
+tension = 1e6  # Pa
+toughness = 5e4  # Pa m^0.5; K1 of a crack across is 1.8e5
+most = 2  # particles grown
+horizon = 3.0  # horizon over spacing
+
+pmma = Material(E=3e9, rho=1190, G0=350)
+rules = ParticleRules(toughness=toughness, most=int(most))
+run = Run(solver="static", static=Static(load_steps=1, floating=True), cracks="particles", particles=rules)
+x, y = half * cos(radians(angle)), half * sin(radians(angle))
+
+scene = (
+    Scene(box(-6 * half, -6 * half, 6 * half, 6 * half), coarse, pmma, horizon, run)
+    .zone(box(-1.8 * half, -1.8 * half, 1.8 * half, 1.8 * half), fine, "around the crack")
+    .crack([(-x, -y), (x, y)])
+    .load("top", traction=(0, tension))
+    .load("bottom", traction=(0, -tension))
+)

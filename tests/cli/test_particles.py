@@ -1,0 +1,100 @@
+"""Cracks that are particles, as they are typed: solved, killed and gone on with, drawn, a notch of another run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from strips import pulled
+from whole import contents, kill_when
+
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
+from pdsolve.results.errors import DamagedError
+
+RULES = ["--cracks", "particles", "--set", "run.particles.criterion=stress", "--set", "run.particles.strength=2.5e7"]
+
+
+@pytest.fixture
+def strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A strip with a crack, of bonds, and the folder of it."""
+    monkeypatch.chdir(tmp_path)
+    from pdmesh.model.document import ParticleRules
+
+    Path("strip.json").write_text(pulled(ParticleRules(), cracks="bonds").to_json())
+    return tmp_path
+
+
+def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
+    for command in (["damage", "strip.sqlite", "-o", "damage.svg"], ["notch", "strip.sqlite"]):
+        assert pdpost(command) == 0
+    assert "grown crack" in Path("damage.svg").read_text()
+    said = capsys.readouterr().out
+    assert "strip.notch.json: the grid file, with" in said
+    assert pdpost(["notch", "strip.sqlite", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    with Results.open(Path("strip.sqlite")) as results:
+        particles = results.particles()
+    assert len(told["lines"]) == 3  # a trunk and two branches
+    assert sum(map(len, told["lines"])) == len(particles.place) + 2  # the fork is in all of them
+    grown = json.loads(Path("strip.notch.json").read_text())
+    assert len(grown["notch"]) == len(particles.place) - 1
+    assert pdsolve(["strip.notch.json", "--cracks", "bonds", "--set", "run.particles={}", "--dry-run"]) == 0
+    assert pdpost(["notch", "strip.sqlite", "--frame", "0", "--csv", "-"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 2
+
+
+def test_a_killed_run_goes_on_to_the_same_tables(strip: Path) -> None:
+    words = ["strip.json", *RULES, "--threads", "1", "-q", "--set", "run.steps=2400", "--set", "run.time_step=1e-8"]
+    words += ["--set", "run.every=20"]
+    assert pdsolve([*words, "-o", "whole.sqlite"]) == 0
+
+    def met(results: Results) -> bool:
+        return int(results.particles().step.max(initial=0)) > 0
+
+    kill_when(met, Path("killed.sqlite"), ["-m", "pdsolve", *words, "-o", "killed.sqlite"])
+    with Results.open(Path("killed.sqlite")) as results:
+        assert results.meta()["status"] == "running"
+    assert pdsolve(["--resume", "killed.sqlite", "--threads", "1", "-q"]) == 0
+    assert contents(Path("killed.sqlite")) == contents(Path("whole.sqlite"))
+
+
+def test_a_particle_that_is_missing_is_noticed(strip: Path) -> None:
+    import sqlite3
+    from contextlib import closing
+
+    assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
+    with closing(sqlite3.connect("strip.sqlite")) as connection:
+        connection.execute("DELETE FROM crack_particle WHERE particle = 3")
+        connection.commit()
+    with Results.open(Path("strip.sqlite")) as results, pytest.raises(DamagedError, match="its crack_particle damaged"):
+        results.particles()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--set", "run.particles.spacing=0.5"], "`float` >= 1.0 - at `$.run.particles.spacing`"),
+        (["--set", "run.particles.branch=2"], "`float` <= 1.0 - at `$.run.particles.branch`"),
+        (["--set", "material.gamma=0.5"], "`float` >= 1.0 - at `$.material.gamma`"),
+        (["--set", "material.gamma=2"], "material.gamma: found 2, expected none with sight 'visibility'"),
+        (["--cracks", "bonds"], "run.particles: found some, expected none, as run.cracks is bonds"),
+        (["--set", "run.particles.toughness=1"], "toughness: found 1, expected none as the criterion is stress"),
+        (["--mode", "thesis"], "mode: found thesis, expected conservative with cracks that are particles"),
+    ],
+)
+def test_bad_input_is_one_line(strip: Path, capsys: pytest.CaptureFixture[str], more: list[str], said: str) -> None:
+    assert pdsolve(["strip.json", *RULES, *more, "-o", "bad.sqlite"]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error.count("\n") == 1
+    assert said in error
+    assert not Path("bad.sqlite").exists()
+
+
+def test_a_run_of_bonds_has_no_particles(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdpost(["notch", str(small_results)]) == 2
+    assert "found no particles, expected a run with --cracks particles" in capsys.readouterr().err
