@@ -11,6 +11,7 @@ from pdsolve.adapt import Adapt, Change
 from pdsolve.adaptive.split import marks
 from pdsolve.adaptive.split.cells import Cells
 from pdsolve.adaptive.split.cracks import Before, healed, inherited, sources
+from pdsolve.adaptive.split.filling import filled, refilled
 from pdsolve.adaptive.split.heirs import Heirs, heirs_of
 from pdsolve.adaptive.split.leaves import Leaves, Memory, remembered
 from pdsolve.adaptive.split.motion import kinetic, moved
@@ -39,8 +40,8 @@ class Splitting:
         if wanted.by == "energy":
             height = marks.heights(self.tree, own.cells, energy, self._floor)
         else:
-            height = marks.stretches(self.tree, own.cells, own.filled.bonds, own.steps(), state.value)
-        before = Before(own.filled.bonds, own.steps())
+            height = marks.stretches(self.tree, own.cells, own.list, own.steps(), state.value)
+        before = Before(own.list, own.steps())
         grid = system.model.grid
         look = marks.Look(own.cells, grid.position, system.model.horizons, height, before.hurt)
         quiet = height < wanted.merge
@@ -50,12 +51,12 @@ class Splitting:
         if not splits.any() and not len(merged.root):
             return None
         cells, heirs = heirs_of(self.tree, own.cells, splits, merged)
-        new, made = self._cloud(system, cells), _energy(system, state, energy)
+        new, made = self._cloud(system, cells, heirs), _energy(system, state, energy)
         operator = leaves(new.system)
-        broken = inherited(before, operator.filled.bonds, heirs)
-        assert not healed(before, operator.filled.bonds, heirs, broken), f"step {step}: a bond has healed"
+        broken = inherited(before, operator.list, heirs)
+        assert not healed(before, operator.list, heirs, broken), f"step {step}: a bond has healed"
         operator.put(broken)
-        begun = moved(state, heirs, own.filled.bonds, own.steps() == 0)
+        begun = moved(state, heirs, own.list, own.steps() == 0)
         for values, found in zip(new.state, begun, strict=True):
             values[:] = found
         new.system.drive.held_force[:] = system.drive.held_force
@@ -66,25 +67,29 @@ class Splitting:
         operator.memory = Memory(calm, made)
         return Change(new.system, new.state, self._origin(system, new.system, heirs))
 
-    def _cloud(self, system: System, cells: Cells) -> Prepared:
-        """The system of these leaves, at rest. Raises UnstableError where the run's step is too long for it."""
+    def _cloud(self, system: System, cells: Cells, heirs: Heirs | None = None) -> Prepared:
+        """The system of these leaves, at rest, which are heirs of its own, if any.
+
+        Raises UnstableError where the run's step is too long for it.
+        """
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
-        filled = system.scheme.fill(model).whole()
-        operator = Leaves(tree, cells, model, filled, system.scheme.symmetric, threads)
+        rule = system.scheme.by_pairs(model)
+        found = filled(rule) if heirs is None else refilled(rule, model, leaves(system).filled, heirs)
+        operator = Leaves(tree, cells, model, found, system.scheme.symmetric, threads)
         steps = system.time_step, system.bound
-        found = assembled(model, system.options, system.scheme, operator, filled.counted, steps)
+        rest = assembled(model, system.options, system.scheme, operator, found.assembly.counted, steps)
         sure = stable(operator.stiffest(), model.rho)
         if sure < system.time_step <= system.bound:
             raise UnstableError(
                 f"found cells whose surely stable step is {sure:.4g} s, expected the run's, {system.time_step:.4g} s;"
                 " give a smaller run.time_step"
             )
-        return Prepared(dataclasses.replace(found.system, whole=tree.model), found.state)
+        return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
 
     def _origin(self, system: System, new: System, heirs: Heirs) -> NDArray[np.int64]:
         """Rows (m,) that nodes had which are there with the bonds they had; -1 of others."""
-        before, now = leaves(system).filled.bonds, leaves(new).filled.bonds
+        before, now = leaves(system).list, leaves(new).list
         origin = np.where(heirs.stays, heirs.before[:, 0], -1)
         gone = np.ones(len(before.start) - 1, dtype=bool)
         gone[origin[heirs.stays]] = False

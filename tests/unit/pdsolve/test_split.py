@@ -21,8 +21,9 @@ from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptive.split import marks
 from pdsolve.adaptive.split.cells import Cells, Tree
 from pdsolve.adaptive.split.cracks import Before, healed, inherited
+from pdsolve.adaptive.split.filling import filled, refilled
 from pdsolve.adaptive.split.heirs import Heirs, heirs_of
-from pdsolve.adaptive.split.leaves import tree_over
+from pdsolve.adaptive.split.leaves import named, tree_over
 from pdsolve.adaptive.split.motion import kinetic, moved
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import SCHEMES
@@ -211,6 +212,33 @@ def test_no_bond_heals(mode: str) -> None:
         assert healed(before, now, heirs, found) == 0
         assert healed(before, now, heirs, np.zeros_like(found)) > 100
         cells = new
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
+    """To the bit, with an edge, a hole, a pre-crack and two materials, where cells split and merge."""
+    model, stiff = edged(), msgspec.structs.replace(GLASS, E=2 * GLASS.E)
+    grid = dataclasses.replace(model.grid, cracks=1e-3 * np.array([[-1.0, 15.5, 6.0, 15.5]]))
+    settings = msgspec.structs.replace(model.settings, regions=(Region(box=(0.0, 0.0, 4e-3, 1.0), material=stiff),))
+    of, scheme, random = Tree(named(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
+    cells = of.roots()
+    now = filled(scheme.by_pairs(of.model_of(cells)))
+    x, y = grid.position.T
+    for near in ((2e-3, 15e-3), (14e-3, 10e-3), (4e-3, 14e-3)):
+        close = np.hypot(x - near[0], y - near[1])[cells.root] < 3.1e-3
+        splits = of.splits(cells) & close & (random.uniform(size=len(close)) < 0.7)
+        parents = cells.taken((cells.level == 1) & (cells.path == 0) & ~close).parent()
+        cells, heirs = heirs_of(of, cells, splits, parents)
+        model = of.model_of(cells)
+        rule = scheme.by_pairs(model)
+        now, again = refilled(rule, model, now, heirs), filled(rule)
+        assert heirs.split.any()
+        for one, other in zip(now.assembly.bonds, again.assembly.bonds, strict=True):
+            assert np.array_equal(one, other)
+        assert np.array_equal(now.assembly.family, again.assembly.family)
+        whole = scheme.fill(model).whole()
+        assert np.array_equal(whole.bonds.stiffness, again.assembly.bonds.stiffness)
+    assert heirs.merged.any()
 
 
 def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
