@@ -7,6 +7,7 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
+# make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
@@ -19,7 +20,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 SCENE := duran50
 
-.PHONY: demo film test slow thesis sources failures handbook check bench bench-speed bench-quick compare mutants install \
+.PHONY: demo film test slow thesis sources failures handbook split check bench bench-speed bench-quick compare mutants install \
 	gmsh-libraries clean
 
 demo: gmsh-libraries
@@ -53,6 +54,9 @@ failures: $(VENV)/test.done
 
 handbook: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.handbook
+
+split: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.split
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check
