@@ -65,7 +65,7 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
 
 def test_leaves_that_touch_differ_by_one_level() -> None:
     """Three levels around one node, and beside nodes that stay whole as they carry a load."""
-    load = Load(box=(-1.0, 12.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
+    load = Load(box=(-1.0, 10.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
     of = tree(levels=3, conditions=(load,))
     cells = of.roots()
     nothing = cells.taken(np.zeros(0, dtype=np.int64))
@@ -327,4 +327,8 @@ def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture
     assert said.startswith("1020 nodes, 38084 bonds, 1700 steps of 2.5e-08 s")
     assert "cells that split add to it, up to 4080 nodes if all of them do" in said
     assert build_command(["plan", str(GEOMETRIES / "duran50.geo"), "--set", "Run/Adapt=split"]) == 0
-    assert "nodes                           1020          4040" in capsys.readouterr().out
+    planned = capsys.readouterr().out
+    assert "nodes                           1020          4040" in planned
+    assert planned.endswith("are those of the start; cells may split into 4080 nodes at most\n")
+    assert build_command(["info", str(path)]) == 0
+    assert "are those of the start; cells may split into 4080 nodes at most\n" in capsys.readouterr().out
