@@ -9,6 +9,7 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
+# make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
@@ -21,8 +22,8 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 
-.PHONY: demo test slow thesis sources failures handbook docs check bench bench-speed bench-quick compare mutants install \
-	package pythons gmsh-libraries clean
+.PHONY: demo test slow thesis sources failures handbook docs split check bench bench-speed bench-quick compare mutants \
+	install package pythons gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -55,6 +56,9 @@ handbook: $(VENV)/install.done
 docs: $(VENV)/docs.done gmsh-libraries
 	$(BIN)/sphinx-build -W --keep-going -q docs site
 	@echo "The site: $(CURDIR)/site/index.html"
+
+split: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.split
 
 check: $(VENV)/check.done
 	$(BIN)/ruff check

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import pages, split
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.drawing.sources import build
 from pdsolve.adapt import zone_moved
@@ -31,6 +32,7 @@ ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
 PAGE = ROOT / "docs" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
+OTHERS = (split.TITLE,)  # sections that other commands write
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
 
@@ -267,7 +269,8 @@ def main(arguments: list[str]) -> int:
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore", ModelWarning)
     sections = [compared(case, args.repeat) for case in CASES if args.finer or not case.finer]
-    PAGE.write_text("\n".join([HEAD, *sections, scenes()]), encoding="utf-8")
+    others = [part for part in pages.sections(PAGE.read_text(encoding="utf-8")) if part.startswith(OTHERS)]
+    PAGE.write_text("\n".join([HEAD, *sections, scenes(), *others]), encoding="utf-8")
     print(PAGE)
     return 0
 

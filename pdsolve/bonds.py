@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.areas import thesis_areas
-from pdmesh.model.neighbours import Pairs, lengths, row_chunks
+from pdmesh.model.neighbours import Neighbours, Pairs, lengths, row_chunks
 from pdsolve.model import Model
 
 
@@ -95,6 +95,22 @@ class Paired(NamedTuple):
     peak: NDArray[np.float64]
     limit: NDArray[np.float64]
     weight: NDArray[np.float64]
+
+
+class ByPairs(Protocol):
+    """How a scheme fills the bonds of a model with n nodes from pairs, each of which is looked at by itself."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    neighbours: Neighbours
+
+    def looked(self, pairs: Pairs) -> Paired:
+        """Those of the pairs that can be bonds; what depends on others of a node is left out."""
+
+    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+        """That (k, ...), of rows (k,), which increase, by all their pairs."""
+
+    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+        """The bonds of consecutive rows by all their pairs, and by what nodes (n, ...) lack."""
 
 
 def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:

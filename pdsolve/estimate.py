@@ -27,6 +27,7 @@ DEFAULT = Options()
 # each node
 MEMORY = {"thesis": (196e6, 1700.0), "conservative": (181e6, 1700.0)}
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
+SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
 # Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
 # the ledger and of a frame, each at least, and for each bond or node; of the beginning
 BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
@@ -77,7 +78,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     scheme, settings = scheme_of(model, options), model.settings
     paired, splits = law_of(model) in PAIRS, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
-    most = len(model.grid) * 4**settings.run.split.levels if splits else None
+    most = len(model.grid) * 4**settings.run.split.levels
     paired &= not splits  # whose cells are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     if prepared is not None and not moves:
@@ -97,7 +98,8 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     options = options._replace(threads=1) if moves else options
     in_blocks = paired and model.grid.dimension == 2
     found = priced(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
-    found = found._replace(most=most)
+    if splits:
+        found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 

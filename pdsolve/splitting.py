@@ -11,6 +11,7 @@ from pdsolve.adapt import Adapt, Change
 from pdsolve.adaptive.split import marks
 from pdsolve.adaptive.split.cells import Cells
 from pdsolve.adaptive.split.cracks import Before, healed, inherited, sources
+from pdsolve.adaptive.split.filling import filled, refilled
 from pdsolve.adaptive.split.heirs import Heirs, heirs_of
 from pdsolve.adaptive.split.leaves import Leaves, Memory, remembered
 from pdsolve.adaptive.split.motion import kinetic, moved
@@ -35,56 +36,72 @@ class Splitting:
     def epoch(self, system: System, state: State, step: int) -> Change | None:
         """As in `Adapt`."""
         own, wanted = leaves(system), self.settings
-        energy = own.energies(state)[0]
-        if wanted.by == "energy":
-            height = marks.heights(self.tree, own.cells, energy, self._floor)
-        else:
-            height = marks.stretches(self.tree, own.cells, own.filled.bonds, own.steps(), state.value)
-        before = Before(own.filled.bonds, own.steps())
-        grid = system.model.grid
-        look = marks.Look(own.cells, grid.position, system.model.horizons, height, before.hurt)
-        quiet = height < wanted.merge
-        own.memory = own.memory._replace(calm=np.where(quiet, own.memory.calm + 1, 0))
+        energy, before = own.energies(state)[0], Before(own.list, own.steps())
+        look = self._look(system, state, energy, before)
+        own.memory = own.memory._replace(calm=np.where(look.height < wanted.merge, own.memory.calm + 1, 0))
         splits = marks.split(self.tree, look, wanted.threshold)
         merged = marks.merge(self.tree, look, own.memory.calm >= wanted.hold, splits, wanted.threshold)
         if not splits.any() and not len(merged.root):
             return None
         cells, heirs = heirs_of(self.tree, own.cells, splits, merged)
-        new, made = self._cloud(system, cells), _energy(system, state, energy)
-        operator = leaves(new.system)
-        broken = inherited(before, operator.filled.bonds, heirs)
-        assert not healed(before, operator.filled.bonds, heirs, broken), f"step {step}: a bond has healed"
-        operator.put(broken)
-        begun = moved(state, heirs, own.filled.bonds, own.steps() == 0)
-        for values, found in zip(new.state, begun, strict=True):
-            values[:] = found
-        new.system.drive.held_force[:] = system.drive.held_force
-        put_loads(new.system.drive, step * system.time_step)
-        made = _energy(new.system, new.state, operator.energies(new.state)[0]) - made
-        made += own.memory.made + _pushed(new.system, new.state)
-        calm = np.where(heirs.stays, own.memory.calm[heirs.before[:, 0]], 0)
-        operator.memory = Memory(calm, made)
-        return Change(new.system, new.state, self._origin(system, new.system, heirs))
+        return self._changed(system, state, step, (cells, heirs), (before, energy))
 
-    def _cloud(self, system: System, cells: Cells) -> Prepared:
-        """The system of these leaves, at rest. Raises UnstableError where the run's step is too long for it."""
+    def _look(self, system: System, state: State, energy: NDArray[np.float64], before: Before) -> marks.Look:
+        """What there is to know of nodes that hold `energy` (n,), J/m^3."""
+        own, model = leaves(system), system.model
+        if self.settings.by == "energy":
+            height = marks.heights(self.tree, own.cells, energy, self._floor)
+        else:
+            height = marks.stretches(self.tree, own.cells, own.list, before.broken, state.value)
+        return marks.Look(own.cells, model.grid.position, model.horizons, height, before.hurt)
+
+    def _changed(
+        self,
+        system: System,
+        state: State,
+        step: int,
+        after: tuple[Cells, Heirs],
+        past: tuple[Before, NDArray[np.float64]],
+    ) -> Change:
+        """The leaves `after` this step, with what the ones before had: bonds, and the energy (n,) they held, J/m^3."""
+        (cells, heirs), (before, held), own = after, past, leaves(system)
+        new, begun = self._cloud(system, cells, heirs)
+        operator = leaves(new)
+        broken = inherited(before, operator.list, heirs)
+        assert not healed(before, operator.list, heirs, broken), f"step {step}: a bond has healed"
+        operator.put(broken)
+        for values, found in zip(begun, moved(state, heirs, own.list, before.broken == 0), strict=True):
+            values[:] = found
+        new.drive.held_force[:] = system.drive.held_force
+        put_loads(new.drive, step * system.time_step)
+        made = _energy(new, begun, operator.energies(begun)[0]) - _energy(system, state, held) + _pushed(new, begun)
+        calm = np.where(heirs.stays, own.memory.calm[heirs.before[:, 0]], 0)
+        operator.memory = Memory(calm, own.memory.made + made)
+        return Change(new, begun, self._origin(system, new, heirs))
+
+    def _cloud(self, system: System, cells: Cells, heirs: Heirs | None = None) -> Prepared:
+        """The system of these leaves, at rest, which are heirs of its own, if any.
+
+        Raises UnstableError where the run's step is too long for it.
+        """
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
-        filled = system.scheme.fill(model).whole()
-        operator = Leaves(tree, cells, model, filled, system.scheme.symmetric, threads)
+        rule = system.scheme.by_pairs(model)
+        found = filled(rule) if heirs is None else refilled(rule, model, leaves(system).filled, heirs)
+        operator = Leaves(tree, cells, model, found, system.scheme.symmetric, threads)
         steps = system.time_step, system.bound
-        found = assembled(model, system.options, system.scheme, operator, filled.counted, steps)
+        rest = assembled(model, system.options, system.scheme, operator, found.assembly.counted, steps)
         sure = stable(operator.stiffest(), model.rho)
         if sure < system.time_step <= system.bound:
             raise UnstableError(
-                f"found cells whose surely stable step is {sure:.4g} s, expected the run's, {system.time_step:.4g} s;"
-                " give a smaller run.time_step"
+                f"{model.name}: found cells whose surely stable step is {sure:.4g} s, expected the run's,"
+                f" {system.time_step:.4g} s; give a smaller run.time_step"
             )
-        return Prepared(dataclasses.replace(found.system, whole=tree.model), found.state)
+        return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
 
     def _origin(self, system: System, new: System, heirs: Heirs) -> NDArray[np.int64]:
         """Rows (m,) that nodes had which are there with the bonds they had; -1 of others."""
-        before, now = leaves(system).filled.bonds, leaves(new).filled.bonds
+        before, now = leaves(system).list, leaves(new).list
         origin = np.where(heirs.stays, heirs.before[:, 0], -1)
         gone = np.ones(len(before.start) - 1, dtype=bool)
         gone[origin[heirs.stays]] = False

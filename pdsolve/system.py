@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import USUAL
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.moving import Moving, moving_of
+from pdsolve.adaptive.split.filling import filled
 from pdsolve.adaptive.split.leaves import SURE, Leaves, tree_over
 from pdsolve.bonds import Counted, Filling, listed
 from pdsolve.checks import refuse
@@ -191,13 +192,13 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
-    filled, threads = scheme.fill(now).whole(), threads_of(options, len(model.grid), False)
-    operator = Leaves(tree, cells, now, filled, scheme.symmetric, threads)
+    found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
     bound = SURE[scheme.name] * stable(operator.stiffest(), now.rho) / 2**tree.levels
-    system, state = assembled(now, options, scheme, operator, filled.counted, (step_of(model, bound), bound))
+    system, state = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
     velocity = initial_velocity(model)  # of which `now` knows nothing
     state.rate[:] = velocity
-    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    energy = float(np.sum(model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
     return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
 
 

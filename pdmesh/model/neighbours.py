@@ -78,8 +78,8 @@ class _Group:
         return total
 
 
-def chosen(pairs: Pairs, which: NDArray[np.bool_]) -> Pairs:
-    """Those of the pairs (b,) that are marked."""
+def chosen(pairs: Pairs, which: NDArray[np.bool_] | NDArray[np.int64]) -> Pairs:
+    """Those of the pairs (b,) that are marked, or have these numbers."""
     return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
 
 

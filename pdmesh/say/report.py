@@ -99,6 +99,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
+    if result["most_nodes"] is not None:
+        lines.append(_start_line(result["most_nodes"]))
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
     if result["medium"]:
@@ -123,7 +125,12 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
     rows += [
         (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
     ]
-    return [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
+
+
+def _start_line(most: int) -> str:
+    return f"nodes, bonds, memory and time are those of the start; cells may split into {most} nodes at most"
 
 
 def _quantity(value: float | None, unit: str) -> str:
@@ -263,6 +270,7 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,
+        "most_nodes": None if run is None else run.most,
         "memory_bytes": None if run is None else run.memory,
         "solve_seconds": None if run is None else run.wall_time,
     }

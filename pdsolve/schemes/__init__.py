@@ -27,7 +27,7 @@ def _symmetric(model: Model) -> Filling:
 SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
     for scheme in (
-        Scheme("thesis", _bonds_of_their_own, symmetric=False, partial_cells=False, exact_load=False),
-        Scheme("conservative", _symmetric, symmetric=True, partial_cells=True, exact_load=True),
+        Scheme("thesis", _bonds_of_their_own, one_sided.Rule, symmetric=False, partial_cells=False, exact_load=False),
+        Scheme("conservative", _symmetric, average_horizon.Rule, symmetric=True, partial_cells=True, exact_load=True),
     )
 }

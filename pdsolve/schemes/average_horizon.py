@@ -50,59 +50,72 @@ class Corrections(NamedTuple):
 ALL = Corrections()
 
 
-class Candidates(NamedTuple):
-    """Pairs (b,) that no hole or edge parts, before the correction of surfaces."""
+class Rule:
+    """How the bonds of a model are filled, pair by pair and then by what nodes lack; see `ByPairs`."""
 
-    pairs: Pairs
-    intact: NDArray[np.bool_]  # (b,) those that no pre-crack cuts
-    modulus: NDArray[np.float64]  # (b,) N/m^5
-    limits: tuple[NDArray[np.float64], NDArray[np.float64]]  # peak and limit, (b,) each
+    def __init__(self, model: Model, corrections: Corrections = ALL) -> None:
+        """Raises GridError for an outline that encloses nothing."""
+        grid = model.grid
+        self.area, self._model, self._corrections = areas(model, "cells"), model, corrections
+        margin = grid.delta / 2 if corrections.partial_cells else 0.0
+        self.neighbours = Neighbours(grid.position, grid.delta, model.horizons + margin, mutual=True)
+        self._sight, self._held = sight_of(grid, model.name), unbreakable(model)
+        self._farthest = float((model.horizons + margin).max())
+        stiffest = max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
+        self._nothing = ROUND_OFF * stiffest
+
+    def strength(self, pairs: Pairs) -> NDArray[np.float64]:
+        """Modulus (b,) of pairs that see each other."""
+        return _mean_of_ends(self._model, pairs, self._reach(pairs), self._corrections)[0]
+
+    def _reach(self, pairs: Pairs) -> NDArray[np.float64]:
+        return np.asarray((self._model.horizons[pairs.source] + self._model.horizons[pairs.target]) / 2)
+
+    def _strong(self, modulus: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return np.asarray(modulus * reach ** (self._model.grid.dimension + 1) > self._nothing)
+
+    def looked(self, pairs: Pairs) -> Paired:
+        """Those of the pairs that no hole or edge parts, with a modulus for a stiffness: N/m^5, in space N/m^6."""
+        reach = self._reach(pairs)
+        modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
+        kept = np.flatnonzero(self._strong(modulus, reach))
+        kept = kept[self._sight.inside(chosen(pairs, kept))]
+        pairs, modulus, peak, limit, reach = chosen(pairs, kept), modulus[kept], peak[kept], limit[kept], reach[kept]
+        far = self._sight.apart(pairs, self._model.materials[0].detour, self._farthest)
+        round_a_tip = (far > pairs.length) & (far < 2 * self._farthest)
+        if round_a_tip.any():
+            modulus[round_a_tip] = self.strength(chosen(pairs._replace(length=far), round_a_tip))
+        intact = (far < 2 * self._farthest) & self._strong(modulus, reach)
+        return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
+
+    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+        """What surfaces take from rows (k, 2), which increase, with these pairs; see `_lack`."""
+        return _lack(self._model, rows, found, self.area, self._corrections)
+
+    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+        """The bonds of consecutive rows with these pairs; nodes lack (n, 2)."""
+        factor = _energy_factor(self._model.grid.position, found.pairs, lack)
+        found = found._replace(stiffness=found.stiffness * factor * found.weight)
+        return part_of(self._model.grid.position, self._held, rows, found)
 
 
 def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
-    grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
-    margin = grid.delta / 2 if corrections.partial_cells else 0.0
-    neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
-    sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
-    gamma = model.materials[0].detour
-    nothing = ROUND_OFF * max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
-
-    def candidates(rows: NDArray[np.int64]) -> Candidates:
-        pairs = neighbours.pairs(rows)
-        i, j, length = pairs
-        reach = (horizon[i] + horizon[j]) / 2
-        modulus, peak, limit = _mean_of_ends(model, pairs, reach, corrections)
-        kept = np.flatnonzero(modulus * reach ** (grid.dimension + 1) > nothing)
-        kept = kept[sight.inside(Pairs(i[kept], j[kept], length[kept]))]
-        pairs = Pairs(i[kept], j[kept], length[kept])
-        modulus, peak, limit, reach = modulus[kept], peak[kept], limit[kept], reach[kept]
-        far = sight.apart(pairs, gamma, farthest)
-        round_a_tip = (far > pairs.length) & (far < 2 * farthest)
-        if round_a_tip.any():
-            some = chosen(pairs._replace(length=far), round_a_tip)
-            modulus[round_a_tip] = _mean_of_ends(model, some, reach[round_a_tip], corrections)[0]
-        intact = (far < 2 * farthest) & (modulus * reach ** (grid.dimension + 1) > nothing)
-        return Candidates(pairs, intact, modulus, (peak, limit))
-
-    lack = np.ones((len(grid), grid.dimension))
-    all_of_them: Candidates | None = None  # where they are so few as to be found in one go
-    for rows in row_chunks(len(grid)) if corrections.surfaces else ():
-        found = candidates(rows)
-        lack[rows] = _lack(model, rows, found, area, corrections)
-        all_of_them = found if len(rows) == len(grid) else None
+    rule, nodes = Rule(model, corrections), len(model.grid)
+    lack = np.ones((nodes, model.grid.dimension))
+    all_of_them: Paired | None = None  # where they are so few as to be found in one go
+    for rows in row_chunks(nodes) if corrections.surfaces else ():
+        found = rule.looked(rule.neighbours.pairs(rows))
+        lack[rows] = rule.lack(rows, found)
+        all_of_them = found if len(rows) == nodes else None
 
     def part(rows: NDArray[np.int64]) -> Part:
-        found = candidates(rows) if all_of_them is None or len(rows) < len(grid) else all_of_them
-        pairs, weight = found.pairs, area[found.pairs.target]
-        stiffness = found.modulus * _energy_factor(grid.position, pairs, lack) * weight
-        return part_of(grid.position, held, rows, Paired(pairs, found.intact, stiffness, *found.limits, weight))
+        known = all_of_them is not None and len(rows) == nodes
+        found = all_of_them if known else rule.looked(rule.neighbours.pairs(rows))
+        assert found is not None
+        return rule.part(rows, found, lack)
 
-    def strength(pairs: Pairs) -> NDArray[np.float64]:
-        reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
-        return _mean_of_ends(model, pairs, reach, corrections)[0]
-
-    return Filling(area, part, strength)
+    return Filling(rule.area, part, rule.strength)
 
 
 def _mean_of_ends(
@@ -152,7 +165,7 @@ def _calibration(model: Model, material: Material, corrections: Corrections) -> 
 def _lack(
     model: Model,
     rows: NDArray[np.int64],
-    found: Candidates,
+    found: Paired,
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
@@ -161,9 +174,11 @@ def _lack(
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full, lack = _full_energy(model, rows, corrections), []
+    together = int(rows[-1] - rows[0]) + 1 == len(rows)
+    place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
     for axis in range(n.shape[1]):
-        energy = found.modulus * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
-        held = np.bincount(pairs.source - rows[0], np.where(found.intact, energy, 0.0), minlength=len(rows))
+        energy = found.stiffness * pairs.length * n[:, axis] ** 4 * area[pairs.target] / 2
+        held = np.bincount(place, np.where(found.intact, energy, 0.0), minlength=len(rows))
         with np.errstate(divide="ignore"):
             lack.append(np.where(held > 0, full / held, 1.0))
     return np.column_stack(lack)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.continuum import critical_stretch, micromodulus
 from pdmesh.model.full_lattice import full_family, hu_beta
-from pdmesh.model.neighbours import Neighbours, chosen
+from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
@@ -21,29 +21,51 @@ from pdsolve.laws.critical import limits
 from pdsolve.model import Model
 
 
-def fill(model: Model) -> Filling:
-    """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
-    grid, horizon, area, held = model.grid, model.horizons, areas(model, "eq19"), unbreakable(model)
-    neighbours, sight = Neighbours(grid.position, grid.delta, horizon), sight_of(grid, model.name)
-    full = full_family(model.settings.horizon.ratio)
+class Rule:
+    """How the bonds of a model are filled, pair by pair and then by how many a node has; see `ByPairs`."""
 
-    def part(rows: NDArray[np.int64]) -> Part:
-        pairs = neighbours.pairs(rows)
-        pairs = chosen(pairs, sight.inside(pairs))
-        intact = ~sight.cut(pairs)
-        reach = horizon[pairs.source]
+    def __init__(self, model: Model) -> None:
+        """Raises GridError for an outline that encloses nothing."""
+        grid = model.grid
+        self.area, self._model = areas(model, "eq19"), model
+        self.neighbours = Neighbours(grid.position, grid.delta, model.horizons)
+        self._sight, self._held = sight_of(grid, model.name), unbreakable(model)
+        self._full = full_family(model.settings.horizon.ratio)
+
+    def looked(self, pairs: Pairs) -> Paired:
+        """Those of the pairs that no hole or edge parts, not softened yet."""
+        model = self._model
+        pairs = chosen(pairs, self._sight.inside(pairs))
+        reach = model.horizons[pairs.source]
         stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
         for number, material in enumerate(model.materials):
             own = model.material_of[pairs.source] == number
             stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
             peak[own], limit[own] = limits(material, critical_stretch(material, reach[own]))
-        weight = area[pairs.target] * hu_beta(pairs.length, reach, grid.delta[pairs.target])
-        stiffness *= weight
-        actual = np.bincount(pairs.source[intact] - rows[0], minlength=len(rows))
-        stiffness *= softening(full, actual)[pairs.source - rows[0]]
-        return part_of(grid.position, held, rows, Paired(pairs, intact, stiffness, peak, limit, weight))
+        weight = self.area[pairs.target] * hu_beta(pairs.length, reach, model.grid.delta[pairs.target])
+        return Paired(pairs, ~self._sight.cut(pairs), stiffness * weight, peak, limit, weight)
 
-    return Filling(area, part)
+    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+        """What softens rows (k,), which increase, with these pairs; see `softening`."""
+        place = np.searchsorted(rows, found.pairs.source[found.intact])
+        return np.asarray(softening(self._full, np.bincount(place, minlength=len(rows))))
+
+    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+        """The bonds of consecutive rows with these pairs; nodes are softened by (n,)."""
+        found = found._replace(stiffness=found.stiffness * lack[found.pairs.source])
+        return part_of(self._model.grid.position, self._held, rows, found)
+
+
+def fill(model: Model) -> Filling:
+    """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
+    rule, lack = Rule(model), np.zeros(len(model.grid))
+
+    def part(rows: NDArray[np.int64]) -> Part:
+        found = rule.looked(rule.neighbours.pairs(rows))
+        lack[rows] = rule.lack(rows, found)
+        return rule.part(rows, found, lack)
+
+    return Filling(rule.area, part)
 
 
 def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from pdsolve.bonds import Filling
+from pdsolve.bonds import ByPairs, Filling
 from pdsolve.model import Model
 
 
@@ -14,6 +14,7 @@ class Scheme(NamedTuple):
 
     name: str  # as users give it
     fill: Callable[[Model], Filling]
+    by_pairs: Callable[[Model], ByPairs]  # the same for bonds that hold energy by themselves
     symmetric: bool  # energy and momentum are conserved
     partial_cells: bool  # families reach half a spacing beyond the horizon, if the micromodulus is constant
     exact_load: bool  # the body forces of an edge sum to traction * length

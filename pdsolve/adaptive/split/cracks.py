@@ -6,11 +6,13 @@ apart than a horizon, it goes by those to a node halfway. Bonds that pre-cracks 
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptive.split.heirs import Heirs
-from pdsolve.bonds import Bonds
+from pdsolve.bonds import Bonds, ends
 
 Rows = NDArray[np.int64]
 
@@ -24,11 +26,18 @@ class Before:
     """The bonds of n nodes, and the steps (b,) they broke in; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
-        self.bonds, self.broken = bonds, broken
-        self._nodes, self.source = len(bonds.start) - 1, sources(bonds)
-        self._key = self.source * self._nodes + bonds.neighbour
-        self.hurt = np.zeros(self._nodes, dtype=bool)
-        self.hurt[self.source[broken > 0]] = True
+        self.bonds, self.broken, self._nodes = bonds, broken, len(bonds.start) - 1
+        self.hurt = np.zeros(self._nodes, dtype=bool)  # which nodes have a broken bond
+        self.hurt[ends(bonds, np.flatnonzero(broken))[0]] = True
+
+    @cached_property
+    def source(self) -> Rows:
+        """The row (b,) whose bond each is."""
+        return sources(self.bonds)
+
+    @cached_property
+    def _key(self) -> Rows:
+        return self.source * self._nodes + self.bonds.neighbour
 
     def between(self, one: Rows, other: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
         """Whether nodes (k,) had bonds to others (k,), and when these broke."""

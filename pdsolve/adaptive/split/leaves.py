@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Absorb, Acceleration
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.split.cells import Cells, Tree
-from pdsolve.bonds import Assembly
+from pdsolve.adaptive.split.filling import Filled
+from pdsolve.bonds import Bonds
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.listed import Listed
@@ -33,12 +34,18 @@ class Memory(NamedTuple):
 class Leaves(Listed):
     """The operator of some leaves of a tree."""
 
-    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Assembly, symmetric: bool, threads: int) -> None:
+    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, symmetric: bool, threads: int) -> None:
         """`model` is that of the leaves, `filled` are its bonds."""
-        super().__init__(law_of(model), model, filled.bonds, symmetric, "float64", threads)
+        super().__init__(law_of(model), model, filled.assembly.bonds, symmetric, "float64", threads)
         self.tree, self.cells, self.filled = tree, cells, filled
         self.memory = Memory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
-        self._fine = float(filled.area[cells.level > 0].sum() / filled.area.sum())
+        area = filled.assembly.area
+        self._fine = float(area[cells.level > 0].sum() / area.sum())
+
+    @property
+    def list(self) -> Bonds:
+        """All bonds (b,), broken ones too."""
+        return self.filled.assembly.bonds
 
     def steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""

@@ -21,8 +21,9 @@ from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptive.split import marks
 from pdsolve.adaptive.split.cells import Cells, Tree
 from pdsolve.adaptive.split.cracks import Before, healed, inherited
+from pdsolve.adaptive.split.filling import filled, refilled
 from pdsolve.adaptive.split.heirs import Heirs, heirs_of
-from pdsolve.adaptive.split.leaves import tree_over
+from pdsolve.adaptive.split.leaves import named, tree_over
 from pdsolve.adaptive.split.motion import kinetic, moved
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import SCHEMES
@@ -64,7 +65,7 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
 
 def test_leaves_that_touch_differ_by_one_level() -> None:
     """Three levels around one node, and beside nodes that stay whole as they carry a load."""
-    load = Load(box=(-1.0, 12.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
+    load = Load(box=(-1.0, 10.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
     of = tree(levels=3, conditions=(load,))
     cells = of.roots()
     nothing = cells.taken(np.zeros(0, dtype=np.int64))
@@ -213,6 +214,33 @@ def test_no_bond_heals(mode: str) -> None:
         cells = new
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
+    """To the bit, with an edge, a hole, a pre-crack and two materials, where cells split and merge."""
+    model, stiff = edged(), msgspec.structs.replace(GLASS, E=2 * GLASS.E)
+    grid = dataclasses.replace(model.grid, cracks=1e-3 * np.array([[-1.0, 15.5, 6.0, 15.5]]))
+    settings = msgspec.structs.replace(model.settings, regions=(Region(box=(0.0, 0.0, 4e-3, 1.0), material=stiff),))
+    of, scheme, random = Tree(named(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
+    cells = of.roots()
+    now = filled(scheme.by_pairs(of.model_of(cells)))
+    x, y = grid.position.T
+    for near in ((2e-3, 15e-3), (14e-3, 10e-3), (4e-3, 14e-3)):
+        close = np.hypot(x - near[0], y - near[1])[cells.root] < 3.1e-3
+        splits = of.splits(cells) & close & (random.uniform(size=len(close)) < 0.7)
+        parents = cells.taken((cells.level == 1) & (cells.path == 0) & ~close).parent()
+        cells, heirs = heirs_of(of, cells, splits, parents)
+        model = of.model_of(cells)
+        rule = scheme.by_pairs(model)
+        now, again = refilled(rule, model, now, heirs), filled(rule)
+        assert heirs.split.any()
+        for one, other in zip(now.assembly.bonds, again.assembly.bonds, strict=True):
+            assert np.array_equal(one, other)
+        assert np.array_equal(now.assembly.family, again.assembly.family)
+        whole = scheme.fill(model).whole()
+        assert np.array_equal(whole.bonds.stiffness, again.assembly.bonds.stiffness)
+    assert heirs.merged.any()
+
+
 def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
     """7 of bonds (b,) that cross a row's edge in the middle of the plate, 0 of others."""
     upper = of.place(cells)[:, 1] > 9.5e-3
@@ -299,4 +327,8 @@ def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture
     assert said.startswith("1020 nodes, 38084 bonds, 1700 steps of 2.5e-08 s")
     assert "cells that split add to it, up to 4080 nodes if all of them do" in said
     assert build_command(["plan", str(GEOMETRIES / "duran50.geo"), "--set", "Run/Adapt=split"]) == 0
-    assert "nodes                           1020          4040" in capsys.readouterr().out
+    planned = capsys.readouterr().out
+    assert "nodes                           1020          4040" in planned
+    assert planned.endswith("are those of the start; cells may split into 4080 nodes at most\n")
+    assert build_command(["info", str(path)]) == 0
+    assert "are those of the start; cells may split into 4080 nodes at most\n" in capsys.readouterr().out
