@@ -119,24 +119,25 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
 
     Stable is meant with a margin: no wave may be much softer than the longest ones. Nodes two and more spacings apart
     are those of sublattices that know nothing of each other. A share of a compact stencil, as exact for quadratics,
-    ties them together. (Nearest nodes among the others make the symbol negative.) With it weights may be as wide as
-    waves have the dispersion of bonds with a constant micromodulus: phase speeds are the same to 0.01 up to a
-    wavenumber of 3 over the horizon.
+    ties them together. (Nearest nodes among the others make the symbol negative.)
     """
     xi = _nodes(ratio, dimension)
-    apart = np.gcd.reduce(xi, axis=None) > 1
+    apart = int(np.gcd.reduce(xi, axis=None))
     for alpha in ALPHAS:
         try:
-            sums = _summed(xi, J, alpha)
-            if apart:
-                sums = _mixed(sums, _summed(ball(COMPACT, dimension), J, NEAR))
-            found = _checked(*sums, f"alpha {alpha}")
+            found = stencil(xi // apart, J, alpha)
         except StencilError as error:
             refused = error
             continue
-        if found.least >= SOFT * _long(found):
+        if found.least < SOFT * _long(found):
+            refused = StencilError(
+                f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less"
+            )
+        elif apart == 1:
             return found
-        refused = StencilError(f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less")
+        else:
+            near = _summed(ball(COMPACT, dimension), J, NEAR)
+            return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
     raise refused
 
 

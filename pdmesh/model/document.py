@@ -270,8 +270,9 @@ class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
     """How a plate is solved where `adapt` is collocation."""
 
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
+    margin: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # horizons beyond the one from edges and notches that is fine
     damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # sqrt(E / rho) / spacing, of nodes within a horizon of
-    # the seam; None: 0.02 where the horizon is less than 16 spacings, else 0
+    # the seam; None: 0.05 where the horizon is less than 6 spacings, 0.02 where it is less than 16, else 0
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

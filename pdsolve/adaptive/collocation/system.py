@@ -21,8 +21,9 @@ from pdsolve.stencils import StencilError, elastic, longest, stencil_of
 
 LEAST, MOST = 3.0, 32.0  # horizon over spacing
 OFTEN = 8  # steps between two looks, at most
-SHORT = 16.0  # horizons over spacing below which the coupling needs damping
-DAMPED = 0.02  # sqrt(E / rho) / spacing
+# Horizons over spacing up to which the coupling grows fast enough to need damping, and how much stops free vibration from
+# growing within 4000 units of time, sqrt(E / rho) / spacing
+DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
 def collocation_of(
@@ -53,7 +54,7 @@ def collocation_of(
     how = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
     manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
-    zone = begun(ground, plate, eligible(ground, plate), manner.band)
+    zone = begun(ground, plate, eligible(ground, plate, round(how.margin * ratio)), manner.band)
     engine = Engine(plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner)
     engine.start(initial_velocity(model))
     return Collocated(engine), bound
@@ -62,7 +63,9 @@ def collocation_of(
 def band(how: Collocation, model: Model) -> float:
     """Damping of nodes within a horizon of the seam, 1/s."""
     material, ratio = model.materials[0], model.settings.horizon.ratio
-    share = how.damping if how.damping is not None else DAMPED if ratio < SHORT else 0.0
+    share = how.damping
+    if share is None:
+        share = next((damped for below, damped in DAMPED if ratio < below), 0.0)
     return float(share * np.sqrt(material.E / material.rho) / model.grid.delta[0])
 
 

@@ -78,10 +78,17 @@ def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
     )
 
 
-def eligible(ground: Ground, plate: Plate) -> NDArray[np.bool_]:
-    """Coarse places (places,) that may be active: none beside a node without a whole family, or that is acted on."""
-    fine = np.flatnonzero((plate.row >= 0) & (~plate.whole | plate.acted))
-    found = even(ground.at) & plate.whole & ~plate.acted
+def eligible(ground: Ground, plate: Plate, margin: int) -> NDArray[np.bool_]:
+    """Coarse places (places,) that may be active: none beside a node that is acted on, or `margin` spacings from one
+    without a whole family.
+
+    Bonds have a surface layer at edges, one horizon deep. A stencil that reaches into it takes energy out of the
+    motion all along the edge.
+    """
+    odd = (plate.row >= 0) & ~plate.whole
+    odd = (dilated(odd, ground.at, margin) if margin else odd) | plate.acted
+    fine = np.flatnonzero((plate.row >= 0) & odd)
+    found = even(ground.at) & plate.whole & ~odd
     found[parents(ground.at, fine).ravel()] = False
     return found
 
