@@ -331,6 +331,7 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "stopped": system.model.settings.run.until if stopped_early else None,
         **({"particles": len(system.growth.particles.place)} if system.growth is not None else {}),
         **_finer(system),
+        **({"energy_unit": "J"} if system.model.grid.dimension == 3 else {}),
         **_rested(system.stepper),
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from pdmesh.say.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 
 SIDE = 4.2  # inches, of each of the four
 SHARP = 0.35  # radians between two triangles, whose edge is drawn
-MOST_EDGES, MOST_FACES = 20_000, 5_000  # that are drawn
+MOST_EDGES, MOST_FACES, MOST_MARKS = 20_000, 5_000, 2_000  # that are drawn
 WAYS = ((0, 1), (0, 2), (1, 2))  # axes of the sections
 
 
@@ -31,7 +32,7 @@ def draw(document: Document, name: str) -> Figure:
     middle = (grid.position.min(axis=0) + grid.position.max(axis=0)) / 2
     for number, way in enumerate(WAYS):
         _section(figure.add_subplot(2, 2, number + 1, aspect="equal"), document, grid, way, middle, number == 0)
-    _outline(figure.add_subplot(2, 2, 4, projection="3d"), grid)
+    _outline(figure.add_subplot(2, 2, 4, projection="3d"), document, grid)
     figure.suptitle(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
     return figure
@@ -58,19 +59,24 @@ def _section(
         label = f"{spacing * 1e3:g} mm: {int(np.isclose(grid.delta, spacing).sum())} nodes" if named else None
         size = marker(spacing, points)
         axes.plot(*place[own].T, marker="o", markersize=size, color=shade, label=label, **plain)
-    entries: list[tuple[str, Any]] = [(str(c.__struct_config__.tag), c) for c in document.conditions]
-    entries += [("material", region) for region in document.regions]
-    for number, (kind, entry) in enumerate(entries):
-        rows = selection.selected(grid, entry.nodes, entry.box)
+    for said, colour, rows in _marked(document, grid):
         own = near[rows[near]]
         size = marker(float(np.median(grid.delta[rows])), points)
-        label = f"{kind} '{entry.name}': {int(rows.sum())} nodes" if named else None
-        colour = CONDITIONS[number % len(CONDITIONS)]
+        label = said if named else None
         axes.plot(*place[own].T, "s", fillstyle="none", color=colour, markersize=1.3 * size, label=label, zorder=3)
     lines = _crossed(grid.cracks.reshape(-1, 3, 3), across, float(middle[across]))[:, :, [a, b]] * 1e3
     axes.add_collection(LineCollection(list(lines), colors=CRACK, linewidths=1.4, zorder=5))
     if named and len(grid.cracks):
         axes.plot([], [], color=CRACK, label="crack")
+
+
+def _marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """What is done to which nodes (n,), and in which colour: conditions, and materials of regions."""
+    entries: list[tuple[str, Any]] = [(str(c.__struct_config__.tag), c) for c in document.conditions]
+    entries += [("material", region) for region in document.regions]
+    for number, (kind, entry) in enumerate(entries):
+        rows = selection.selected(grid, entry.nodes, entry.box)
+        yield f"{kind} '{entry.name}': {int(rows.sum())} nodes", CONDITIONS[number % len(CONDITIONS)], rows
 
 
 def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -93,16 +99,20 @@ def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[
     return np.array(found).reshape(-1, 2, 3)
 
 
-def _outline(axes: Any, grid: Grid) -> None:
-    """The surface, seen through, its sharp edges, and the cracks."""
+def _outline(axes: Any, document: Document, grid: Grid) -> None:
+    """The surface, seen through, its sharp edges, the cracks, and nodes that something is done to."""
     faces, cracks = grid.faces * 1e3, grid.cracks.reshape(-1, 3, 3) * 1e3
     low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
     edges = _edges(faces)
     axes.add_collection3d(Line3DCollection(edges[:: len(edges) // MOST_EDGES + 1], colors="#555555", linewidths=0.5))
     some = faces[:: len(faces) // MOST_FACES + 1]
-    axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.06))
+    axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
     if len(cracks):
         axes.add_collection3d(Poly3DCollection(cracks, facecolors=CRACK, alpha=0.5))
+    for _, colour, rows in _marked(document, grid):
+        own = np.flatnonzero(rows)
+        own = own[:: len(own) // MOST_MARKS + 1]
+        axes.scatter(*(grid.position[own] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)
     axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 1e-9))
