@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from pdmesh import commandline
 from pdpost.commands import crack, curves, export, line, moving, pictures, report, sif, sql, tradeoff
+
+OF_BODIES = ("export", "sql")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -22,7 +25,28 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdpost; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdpost", lambda: int(args.run(args)), _exits)
+
+    def command() -> int:
+        if args.command not in OF_BODIES:
+            _refuse_bodies(args)
+        return int(args.run(args))
+
+    return commandline.run("pdpost", command, _exits)
+
+
+def _refuse_bodies(args: argparse.Namespace) -> None:
+    """Raises ResultsError for results of bodies in space; what cannot be opened is the command's to say."""
+    from pdsolve.results import Results, ResultsError
+
+    found = getattr(args, "results", ())
+    for path in found if isinstance(found, list) else [found] if found else []:
+        dimension = 2
+        with suppress(ResultsError, OSError), Results.open(path) as results:
+            dimension = results.dimension
+        if dimension == 3:
+            raise ResultsError(
+                f"{path}: found a body in space, expected a plate; {' and '.join(OF_BODIES)} show bodies"
+            )
 
 
 def _exits() -> dict[type[Exception], int]:

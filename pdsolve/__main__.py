@@ -232,7 +232,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         f"wall time {summary['wall_time']:.2f} s on {threads},{how}",
-        f"broken bonds {summary['broken_bonds']}; energy, J/m:"
+        f"broken bonds {summary['broken_bonds']}; energy, {summary.get('energy_unit', 'J/m')}:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
     ]

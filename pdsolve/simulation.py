@@ -316,6 +316,7 @@ def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]
         "balance": notes.balance(books),
         "stopped": system.model.settings.run.until if stopped_early else None,
         **({"hybrid": system.hybrid.told()._asdict()} if system.hybrid is not None else {}),
+        **({"energy_unit": "J"} if system.model.grid.dimension == 3 else {}),
         **_rested(system.stepper),
     }
 

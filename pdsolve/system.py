@@ -37,7 +37,7 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.newton import Newton
+from pdsolve.steppers.newton import FACTORED_IN, Newton
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
@@ -275,8 +275,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
-        free = driven.force.size - len(driven.holds.node)
-        method = Newton(operator, area, static.tolerance, static.iterations, free)
+        free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most)
     breakable = lasting.breakable() if breaks and law_of(model) in PAIRS else None
     remember = {"remember": operator.remember} if isinstance(operator, Listed) else {}
     stepper = LoadSteps(model, operator, driven, area, method, breakable, **remember)

@@ -19,6 +19,8 @@ from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.drawing.sandbox.tokens import decoded
 from pdmesh.drawing.units import UNITS
+from pdmesh.drawing.volumes import body_of
+from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
 
@@ -28,8 +30,8 @@ OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capit
 CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
 
 
-def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene:
-    """The scene drawn in the .geo file at `path`, with ONELAB parameters set by name before it is read.
+def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
+    """The plate or the body drawn in the .geo file at `path`, with ONELAB parameters set by name before it is read.
 
     Parameter names may leave out ``Peridynamics/``; those that the drawing does not define may be set too. Raises
     SceneError naming the file, the place, what was found and what was expected. `trust` reads files that run commands
@@ -41,8 +43,10 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     return replace(_scene(path, found, _values(found), text), notes=_notes(copies))
 
 
-def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene:
+def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
     try:
+        if "points" in found:
+            return body_of(found, values, path.name, text)
         return scene_of(_groups(found), values, path.name, text)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
@@ -57,8 +61,9 @@ def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
     ]
 
 
-def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
-    """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file.
+def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene | Body:
+    """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file; or, where
+    it holds volumes, the body, of one zone ``body``.
 
     A STEP file names the unit of its coordinates; those of a BREP file are in the unit that the parameters are in.
     Raises SceneError.
@@ -68,7 +73,12 @@ def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene:
         unit_of(values)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    spacing, unit = values.get(f"{PREFIX}Zones/plate/Spacing"), str(values.get(f"{PREFIX}Units") or "m")
+    spacings = [
+        values[f"{PREFIX}Zones/{name}/Spacing"]
+        for name in ("plate", "body")
+        if f"{PREFIX}Zones/{name}/Spacing" in values
+    ]
+    spacing, unit = next(iter(spacings), None), str(values.get(f"{PREFIX}Units") or "m")
     found = _shapes(path, CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit)
     return _scene(path, found, values, path.read_text(encoding="utf-8", errors="replace"))
 
@@ -79,6 +89,8 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
     `unit` is that of a BREP file's coordinates; a STEP file names its own. Raises SceneError.
     """
     found = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
+    if "points" in found:
+        raise SceneError(f"{path}: found volumes, expected a plate")
     surfaces = [curves for group in _groups(found) for curves in in_metres(group, UNITS[unit]).surfaces]
     return shapely.union_all([face(curves, str(path)) for curves in surfaces])
 
@@ -116,7 +128,7 @@ def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
     limit = CAD_SECONDS + CAD_SECONDS_PER_BYTE * sum(len(copy.data) for copy in copies.values())
     found = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
     _refuse_messages(path, found)
-    if not any(group["surfaces"] for group in found["groups"]):
+    if "points" not in found and not any(group["surfaces"] for group in found["groups"]):
         raise SceneError(f"{path}: found no surface, expected a plate")
     return found
 

@@ -82,6 +82,7 @@ class Group:
 def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source: str, text: str = "") -> Scene:
     """The scene that groups and parameters describe. Raises SceneError naming the group or the parameter."""
     named.refuse_unknown(values, own=True)
+    named.refuse_space(values)
     parameters = Parameters(values, named.unit_of(values))
     named_groups = _sorted_out(in_metres(group, parameters.unit) for group in groups)
     _check_groups(named_groups, parameters)

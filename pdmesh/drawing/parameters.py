@@ -24,9 +24,9 @@ MOST = 1e9  # of any count
 ANY = "NAME"  # in the names below, the name of a group
 ZONE = ("Spacing", "Grown")
 SHARED = ("Rows", "Profile", "Breakable", "Box")  # of every condition
-LOAD = ("Traction x", "Traction y", "Body force x", "Body force y")
-FIX = ("Components", "Displacement x", "Displacement y")
-MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xy")
+LOAD = tuple(f"{kind} {axis}" for kind in ("Traction", "Body force") for axis in "xyz")
+FIX = ("Components", *(f"Displacement {axis}" for axis in "xyz"))
+MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
 WORDS = {"law": "Force law", "micromodulus": "Micromodulus", "plane": "Plane"} | {
     word: word.capitalize() for word in ("model", "influence", "failure", "solid", "form", "control")
 }  # of a material: in the model, and in drawings
@@ -107,6 +107,13 @@ def refuse_unknown(names: Iterable[str], own: bool) -> None:
             f"parameter '{name}': found a name that means nothing here,"
             f" expected{one_like(name, [PREFIX + known for known in likely])}{also}"
         )
+
+
+def refuse_space(names: Iterable[str]) -> None:
+    """Raises SceneError for a component that plates do not have."""
+    for name in names:
+        if name.endswith(" z") and not name.startswith(f"{PREFIX}{OWN}/"):
+            raise SceneError(f"parameter '{name}': found one, expected none in a plate (volumes make a body in space)")
 
 
 def _is(words: Sequence[str], known: str) -> bool:

@@ -28,6 +28,7 @@ LINES = 4  # along each side of a cube, that measure what is inside
 MOST_CUBES = 10**8  # of a level
 MISSED = 0.1  # of the volume of cut cubes: lines that miss more do not measure them
 THINNEST = 3  # nodes that a body is to have across
+WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin
 
 
 class Cubic(NamedTuple):
@@ -37,6 +38,7 @@ class Cubic(NamedTuple):
     at: NDArray[np.int64]  # (k, 3) which of the cubes are nodes
     volume: NDArray[np.float64]  # (k,) m^3
     border: NDArray[np.bool_]  # (k,) within a spacing of the surface
+    thin: NDArray[np.bool_]  # (k,) where the body is thinner than three spacings
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -65,12 +67,24 @@ def place_nodes(body: Body) -> list[Cubic]:
             there &= ~refined[step]
         if not there.any():
             continue
-        level, orphans = _level(body, *_trimmed(cubes, there))
+        level, orphans = _level(body, cubes, *_trimmed(cubes, there))
         levels.append(level)
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
         raise SceneError(f"spacing: found no node in the body, expected a spacing below {body.spacing:g} m")
+    _refuse_thin(levels)
     return _given(body, levels, lost)
+
+
+def _refuse_thin(levels: list[Cubic]) -> None:
+    """Raises SceneError for a place that is thinner than three spacings."""
+    for level in levels:
+        if level.thin.any():
+            place = ", ".join(f"{value:g}" for value in level.position[int(level.thin.argmax())])
+            raise SceneError(
+                f"spacing: found {int(level.thin.sum())} nodes {level.cubes.spacing:g} m apart where the body is"
+                f" thinner than {THINNEST} of them, the first at ({place}) m, expected finer ones there"
+            )
 
 
 def _cubes(body: Body, step: int) -> Cubes:
@@ -134,9 +148,10 @@ def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.
 
 
 def _level(
-    body: Body, cubes: Cubes, there: NDArray[np.bool_]
+    body: Body, every: Cubes, cubes: Cubes, there: NDArray[np.bool_]
 ) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """The nodes of those cubes, and the places (k, 3) and volumes (k,) of what is in cubes that are none."""
+    """The nodes of those cubes, some of `every` one, and the places (k, 3) and volumes (k,) of what is in cubes that
+    are none."""
     triangles = body.shell.triangles
     solid, share = inside(triangles, cubes, "body"), shares(triangles, cubes, LINES, "body")
     share = np.clip(share, 0.0, 1.0)
@@ -149,8 +164,25 @@ def _level(
         edge |= ~around[tuple(part)]
     cube = cubes.spacing**3
     at, out = np.argwhere(kept), np.argwhere(left)
-    level = Cubic(cubes, at, share[kept] * cube, (edge | (share <= FULL))[kept])
+    thin = _thin(solid, cubes, every)[kept]
+    level = Cubic(cubes, at, share[kept] * cube, (edge | (share <= FULL))[kept], thin)
     return level, (cubes.middles(out), share[left] * cube)
+
+
+def _thin(solid: NDArray[np.bool_], cubes: Cubes, every: Cubes) -> NDArray[np.bool_]:
+    """Which cubes of a body, `solid` on some of `every` cube, are not near to one with three of them across it."""
+    from scipy.ndimage import binary_dilation, binary_erosion
+
+    around = np.pad(solid, 1, mode="edge")
+    first = np.rint((cubes.corner - every.corner) / cubes.spacing)
+    for axis in range(3):  # beyond the box around the body there is none
+        for end, outer in ((0, first[axis] == 0), (-1, first[axis] + cubes.size[axis] == every.size[axis])):
+            if outer:
+                around[(slice(None),) * axis + (end,)] = False
+    block = np.ones((THINNEST,) * 3, dtype=bool)
+    core = binary_erosion(around, block, border_value=1)
+    near = binary_dilation(core, block, iterations=WEDGE)[1:-1, 1:-1, 1:-1]
+    return np.asarray(solid & ~near)
 
 
 def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> list[Cubic]:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -17,23 +16,27 @@ from numpy.typing import NDArray
 from pdmesh.files import write_atomically
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Document
+from pdmesh.model.document import SPACE_VERSION, Document
 from pdmesh.model.visibility import plate_of
+from pdmesh.say import sections
 from pdmesh.say.families import bonds
+from pdmesh.say.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 from pdmesh.scene.shapes import SceneError
 
-WIDTH, TALLEST, DPI = 8.0, 9.0, 200  # inches, inches, dots per inch
-MARGIN = 0.02  # of the plate
+WIDTH, TALLEST = 8.0, 9.0  # inches
 WINDOW = 2.6  # horizons to each side of a crack's tip, in a picture of bonds
-CRACK, CUT, HOLE = "#d62728", "#d62728", "#1f5fbf"
-CONDITIONS = ("#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
+CUT, HOLE = CRACK, "#1f5fbf"
 
 
 def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     """The grid of the model called `name`; with `with_bonds`, the bonds around the end of its first crack.
 
-    Raises GridError.
+    Raises GridError, and SceneError for the bonds of a body in space.
     """
+    if document.version == SPACE_VERSION:
+        if with_bonds:
+            raise SceneError(f"{name}: --bonds: found a body in space, expected a plate")
+        return sections.draw(document, name)
     grid = grid_of(document, name)
     selection.check(document, grid, name)
     plate_of(grid, name)
@@ -100,24 +103,19 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
         x, y = grid.position.T * 1e3
         axes.scatter(x, y, s=size, c=shade, cmap="viridis", linewidths=0, zorder=2)
         return
-    shades = colormaps["Greys_r"](np.linspace(0.15, 0.62, len(spacings)))
-    for spacing, shade in zip(spacings, shades, strict=True):
+    for spacing, shade in shades(grid.delta):
         at = grid.position[grid.delta == spacing] * 1e3
-        marker: dict[str, Any] = {
+        style: dict[str, Any] = {
             "marker": "o",
-            "markersize": _marker(spacing, points),
+            "markersize": marker(spacing, points),
             "linestyle": "",
             "markeredgewidth": 0,
         }
-        axes.plot(*at.T, color=shade, label=f"{spacing * 1e3:g} mm: {len(at)} nodes", zorder=2, **marker)
+        axes.plot(*at.T, color=shade, label=f"{spacing * 1e3:g} mm: {len(at)} nodes", zorder=2, **style)
         near = grid.position[(grid.delta == spacing) & (grid.hole_id >= 0)] * 1e3
-        axes.plot(*near.T, color=HOLE, zorder=2.5, **marker)
+        axes.plot(*near.T, color=HOLE, zorder=2.5, **style)
     if (grid.hole_id >= 0).any():
         axes.plot([], [], "o", color=HOLE, markersize=3, label=f"at a hole: {int((grid.hole_id >= 0).sum())} nodes")
-
-
-def _marker(spacing: float, points: float) -> float:
-    return float(np.clip(0.6 * spacing * points, 0.25, 5))
 
 
 def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> None:
@@ -126,7 +124,7 @@ def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> No
     for number, (kind, entry) in enumerate(entries):
         rows = selection.selected(grid, entry.nodes, entry.box)
         colour = CONDITIONS[number % len(CONDITIONS)]
-        size = _marker(float(np.median(grid.delta[rows])), points)
+        size = marker(float(np.median(grid.delta[rows])), points)
         label = f"{kind} '{entry.name}': {int(rows.sum())} nodes"
         style: dict[str, Any] = {
             "linestyle": "",

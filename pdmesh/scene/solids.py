@@ -79,6 +79,15 @@ class Shell(Solid):
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
+def brick(low: Place, high: Place) -> Shell:
+    """A box as a shell."""
+    ends = np.array([low, high], dtype=float)
+    corner = {at: np.array([ends[at >> axis & 1, axis] for axis in range(3)]) for at in range(8)}
+    faces = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    halves = [(a, b, c) for a, b, c, _ in faces] + [(a, c, d) for a, _, c, d in faces]
+    return Shell(np.array([[corner[at] for at in half] for half in halves]), float(np.prod(ends[1] - ends[0])))
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A part of a surface, or a crack, as triangles."""

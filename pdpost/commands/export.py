@@ -31,7 +31,9 @@ def add(commands: Commands) -> None:
     add_frame(export)
     add_every(export)
     export.add_argument("--also", type=_tensors, default=(), metavar="NAMES", help="fit these as well: strain,stress")
-    export.add_argument("--squares", action="store_true", help="a square for each node, not a point (not for .csv)")
+    export.add_argument(
+        "--squares", action="store_true", help="a square, of a body a cube, for each node, not a point (not for .csv)"
+    )
     export.set_defaults(run=_export)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdpost.measures import fields
 from pdpost.measures.pairs import Pairs
-from pdsolve.results import Results
+from pdsolve.results import Nodes, Results
 
 Columns = Mapping[str, NDArray[np.generic]]
 
@@ -29,21 +29,25 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
     """
     nodes = results.nodes(step)
     found = fields.components(results, name, step)
-    x, y = nodes.position.T
     named = {f"{name}_{part}" if part else name: values for part, values in found.items()}
     more = {"damage": fields.values(results, "damage", step)} if fields.FIELDS[name].fitted else {}
-    return {"node": nodes.ids, "x": x, "y": y, **more, **named}
+    return {"node": nodes.ids, **_places(nodes), **more, **named}
 
 
 def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
-    """Node, reference position, spacing, area, all fields a frame has stored, and those of `also`, in SI units."""
+    """Node, reference position, spacing, area (of a body volume), all fields a frame has stored, and those of `also`,
+    in SI units."""
     nodes = results.nodes(step)
-    x, y = nodes.position.T
     stored = {name: results.field(name, step) for name in results.stored(step)}
     more = {
         f"{name}_{part}": values for name in also for part, values in fields.components(results, name, step).items()
     }
-    return {"node": nodes.ids, "x": x, "y": y, "delta": nodes.delta, "area": nodes.area, **stored, **more}
+    extent = "area" if results.dimension == 2 else "volume"
+    return {"node": nodes.ids, **_places(nodes), "delta": nodes.delta, extent: nodes.area, **stored, **more}
+
+
+def _places(nodes: Nodes) -> dict[str, NDArray[np.generic]]:
+    return dict(zip("xyz", nodes.position.T, strict=False))
 
 
 def of_bonds(results: Results, step: int, found: Pairs) -> dict[str, NDArray[np.generic]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import meshio
@@ -18,7 +19,8 @@ from pdsolve.results import Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
 SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h"}
-CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of the square of a node
+SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of a node
+CUBE = np.vstack([np.column_stack([SQUARE, np.full(4, height)]) for height in (-0.5, 0.5)])
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
 
@@ -35,13 +37,19 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     stored = results.stored(step)
     data: dict[str, NDArray[np.generic]] = {}
     for name, letter in VECTORS.items():
-        if f"{letter}x" in stored and f"{letter}y" in stored:
-            x, y = results.field(f"{letter}x", step), results.field(f"{letter}y", step)
-            data[name] = np.column_stack([x, y, np.zeros_like(x)])
+        axes = [f"{letter}{axis}" for axis in "xyz"[: results.dimension]]
+        if set(axes) <= set(stored):
+            data[name] = _in_space(np.column_stack([results.field(axis, step) for axis in axes]))
     for name, column in SCALARS.items():
         if column in stored:
             data[name] = results.field(column, step)
     data["damage"] = fields.values(results, "damage", step).astype(np.float32)
+    if results.dimension == 3:
+        if also:
+            raise ExportError(f"--also: found {also[0]}, expected none of a body in space; stress is written if stored")
+        whole = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
+        if set(whole) <= set(stored):
+            data["stress"] = np.column_stack([results.field(part, step) for part in whole])
     for name in also:
         part = fields.components(results, name, step)
         zero = np.zeros_like(part["xx"])
@@ -53,13 +61,13 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
 def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
     """What is known at each node (n,) and the same in all frames until nodes change."""
     nodes = results.nodes(step)
-    return {"delta": nodes.delta, "area": nodes.area, "node": nodes.ids}
+    return {"delta": nodes.delta, "area" if results.dimension == 2 else "volume": nodes.area, "node": nodes.ids}
 
 
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
-    """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface."""
+    """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface; of a body a cube."""
     points, cells = _points(results, step, squares)
-    data = _each(point_data(results, step, also) | node_data(results, step), squares)
+    data = _each(point_data(results, step, also) | node_data(results, step), cells[1].shape[1])
     mesh = meshio.Mesh(points, [cells], point_data=data)
     with replacing(path) as part:
         meshio.write(part, mesh, file_format="vtu")
@@ -99,12 +107,14 @@ def xdmf(
     times = _times(results)
 
     def frames() -> Iterator[xdmf_file.Frame]:
-        epoch = None
+        epoch, corners = None, 1
         for step in progress(steps):
             cloud = None
             if epoch != (epoch := results.epoch(step)):
-                cloud = xdmf_file.Cloud(*_points(results, step, squares), _each(node_data(results, step), squares))
-            yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), squares), cloud)
+                points, cells = _points(results, step, squares)
+                corners = cells[1].shape[1]
+                cloud = xdmf_file.Cloud(points, cells, _each(node_data(results, step), corners))
+            yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), corners), cloud)
 
     xdmf_file.write(path, frames())
 
@@ -131,15 +141,19 @@ def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.floa
     nodes = results.nodes(step)
     count = len(nodes.ids)
     if squares:
-        corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * CORNERS).reshape(-1, 2)
-        return _flat(corners), ("quad", np.arange(4 * count).reshape(-1, 4))
-    return _flat(nodes.position), ("vertex", np.arange(count).reshape(-1, 1))
+        d = results.dimension
+        kind, shape = ("quad", SQUARE) if d == 2 else ("hexahedron", CUBE)
+        corners = (nodes.position[:, None, :] + nodes.delta[:, None, None] * shape).reshape(-1, d)
+        return _in_space(corners), (kind, np.arange(len(shape) * count).reshape(-1, len(shape)))
+    return _in_space(nodes.position), ("vertex", np.arange(count).reshape(-1, 1))
 
 
-def _flat(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([position, np.zeros(len(position))])
+def _in_space(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Vectors (n, 2 or 3) with their z."""
+    flat: NDArray[Any] = np.zeros((len(vectors), 3 - vectors.shape[1]), dtype=vectors.dtype)
+    return np.hstack([vectors, flat])
 
 
-def _each(data: dict[str, NDArray[np.generic]], squares: bool) -> dict[str, NDArray[np.generic]]:
-    """Data for each node, or for each corner of its square."""
-    return {name: np.repeat(values, 4, axis=0) for name, values in data.items()} if squares else data
+def _each(data: dict[str, NDArray[np.generic]], corners: int) -> dict[str, NDArray[np.generic]]:
+    """Data for each node, or for each corner of its square or cube."""
+    return {name: np.repeat(values, corners, axis=0) for name, values in data.items()} if corners > 1 else data

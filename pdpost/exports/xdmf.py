@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
 
-CELLS = {"vertex": "Polyvertex", "quad": "Quadrilateral"}  # meshio's word: XDMF's
+CELLS = {"vertex": "Polyvertex", "quad": "Quadrilateral", "hexahedron": "Hexahedron"}  # meshio's word: XDMF's
 RANKS = {1: "Scalar", 3: "Vector", 9: "Tensor"}  # by how many numbers there are
 KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
 

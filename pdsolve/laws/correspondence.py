@@ -137,7 +137,10 @@ def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, N
     """Fields (n,) of nodes whose gradients are in m from `at` on: stress, rotation in the plane, J, alpha."""
     H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
     found = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
-    found["rotation"] = np.arctan2(H[:, d] - H[:, 1], 2 + H[:, 0] + H[:, d + 1])
+    if d == 3:
+        found |= {"sxz": rest[:, 4], "syz": rest[:, 5]}
+    else:
+        found["rotation"] = np.arctan2(H[:, d] - H[:, 1], 2 + H[:, 0] + H[:, d + 1])
     found["J"] = rest[:, 4 if d == 2 else 6]
     if solid.history.shape[1] and (solid.kind == J2).any():
         found["plastic"] = solid.history[:, ALPHA_RATE if solid.rate else ALPHA_TOTAL].astype(float)

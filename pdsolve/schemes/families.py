@@ -20,15 +20,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.continuum import dimension_of
 from pdmesh.model.document import Material
-from pdmesh.model.full_lattice import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
+from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen, lengths
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
-from pdsolve.schemes.opening import cost, patch
+from pdsolve.schemes.opening import bonds_in_space, cost, patch, patch_in_space
 
 USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar": "constant"}
 
@@ -47,6 +48,21 @@ def influence(material: Material, q: NDArray[np.float64]) -> NDArray[np.float64]
 def whole_cells(material: Material) -> bool:
     """Whether a neighbour's cell counts in full."""
     return material.model == "correspondence" or (material.influence or USUAL[material.model]) == "cubic spline"
+
+
+def _counts(
+    material: Material,
+    length: NDArray[np.float64],
+    reach: NDArray[np.float64],
+    here: NDArray[np.float64],
+    there: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """How much (b,) neighbours so far away count, for ends with these spacings, m."""
+    if whole_cells(material):
+        beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
+    else:
+        beta = (hu_beta(length, reach, here) + hu_beta(length, reach, there)) / 2
+    return beta * influence(material, length / reach)
 
 
 Limit = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # of a horizon (b,), m
@@ -70,11 +86,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         pairs = neighbours.pairs(rows)
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
-        if whole:
-            beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
-        else:
-            beta = (hu_beta(length, reach, grid.delta[i]) + hu_beta(length, reach, grid.delta[j])) / 2
-        counts = beta * influence(first, length / reach)
+        counts = _counts(first, length, reach, grid.delta[i], grid.delta[j])
         kept = np.flatnonzero(counts > ROUND_OFF)
         pairs = type(pairs)(i[kept], j[kept], length[kept])
         inside = sight.inside(pairs)
@@ -102,15 +114,23 @@ def _limit(material: Material, ratio: float) -> Limit:
     spent = _cost(unit, ratio)
     if material.failure == "stretch":
         return lambda reach: np.sqrt(material.G0 / (spent * material.E * reach))
-    return lambda reach: material.G0 / (spent * reach**3)
+    return lambda reach: material.G0 / (spent * reach ** (dimension_of(material.plane) + 1))
 
 
 @lru_cache
 def _cost(material: Material, ratio: float) -> float:
-    """What a crack costs in units of E horizon s^2, for the stretch s that bonds fail at, or of w horizon^3, for the
-    energy w."""
+    """What a crack costs in units of E horizon s^2, for the stretch s that bonds fail at, or of w horizon^3, in space
+    horizon^4, for the energy w."""
     size = 1e-6 if material.failure == "stretch" else 1e-12
-    model = patch(material, ratio)
-    bonds = filled(model, [lambda reach: np.full_like(reach, size)]).whole().bonds
+    dimension = dimension_of(material.plane)
+    if dimension == 3:
+        model = patch_in_space(material, ratio)
+        xi = offsets(ratio + 0.5, 3)
+        weight = _counts(material, lengths(xi), np.full(len(xi), ratio), np.ones(len(xi)), np.ones(len(xi)))
+        kept = weight > ROUND_OFF
+        bonds = bonds_in_space(model, xi[kept], weight[kept], size)
+    else:
+        model = patch(material, ratio)
+        bonds = filled(model, [lambda reach: np.full_like(reach, size)]).whole().bonds
     spent = cost(law_of(model), model, bonds)
-    return spent / (ratio * size**2) if material.failure == "stretch" else spent / (ratio**3 * size)
+    return spent / (ratio * size**2) if material.failure == "stretch" else spent / (ratio ** (dimension + 1) * size)

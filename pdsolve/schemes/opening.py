@@ -9,6 +9,7 @@ from __future__ import annotations
 from types import ModuleType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Material, Settings
@@ -34,17 +35,44 @@ def patch(material: Material, ratio: float) -> Model:
     return Model(grid, Settings(material=material, horizon=Horizon(ratio)))
 
 
+def patch_in_space(material: Material, ratio: float) -> Model:
+    """The same of a cubic lattice, whose layers go on for ever: what leaves it on one side comes in on the other."""
+    side = int(ratio + 0.5)
+    wide, high = np.arange(-side, side + 1.0), np.arange(-2 * side, 2 * side) + 0.5
+    position = np.stack(np.meshgrid(wide, wide, high, indexing="ij"), axis=-1).reshape(-1, 3)
+    nowhere = np.full(len(position), -1)
+    grid = Grid(np.arange(len(position)), position, np.ones(len(position)), nowhere >= 0, nowhere, np.zeros((0, 9)))
+    return Model(grid, Settings(material=material, horizon=Horizon(ratio)))
+
+
+def bonds_in_space(model: Model, xi: NDArray[np.float64], weight: NDArray[np.float64], limit: float) -> Bonds:
+    """All bonds of such a patch, those of a family being `xi` (k, 3) with weights (k,)."""
+    position = model.grid.position
+    side, high = position[:, 0].max(), position[:, 2].max()
+    period, layers = int(2 * side + 1), int(2 * high + 1)
+    place = position[:, None, :] + xi
+    own, way = np.nonzero(np.abs(place[..., 2]) <= high)
+    x, y = ((place[own, way, axis] + side) % period for axis in (0, 1))
+    target = ((x * period + y) * layers + place[own, way, 2] + high).astype(np.int64)
+    order = np.lexsort((target, own))
+    own, way, target = own[order], way[order], target[order]
+    nothing, limits = np.zeros(len(own)), np.full(len(own), limit)
+    start = np.searchsorted(own, np.arange(len(position) + 1))
+    return Bonds(start, target.astype(np.int32), xi[way], nothing, limits, limits, weight[way])
+
+
 def cost(law: ModuleType, model: Model, bonds: Bonds) -> float:
-    """What a patch's bonds spend, for each length of the crack between its halves."""
+    """What a patch's bonds spend, for each length, or each area, of the crack between its halves."""
     operator = Listed(law, model, bonds, symmetric=True)
     position = model.grid.position
     count, width = len(position), sum(unknown.width for unknown in operator.unknowns)
     state = State(*np.zeros((3, count, width)), *np.zeros((2, count)))
-    upper, middle = position[:, 1] > 0, position[:, 0] == 0
+    across = position.shape[1] - 1  # the axis that the halves part along
+    upper, middle = position[:, across] > 0, (position[:, :across] == 0).all(axis=1)
     source, target = operator.bonds()
     crossing, opening = int((middle[source] & (upper[source] != upper[target])).sum()), FIRST
     for look in range(1, MOST):
-        state.value[upper, 1] = opening
+        state.value[upper, across] = opening
         operator.add(state, np.zeros_like(state.value), look, 0.0)
         broken = operator.broken()
         if int((middle[broken.source] & (upper[broken.source] != upper[broken.target])).sum()) == crossing:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 MOST = 300  # iterations
 FACTORED = 60_000  # free components
+FACTORED_IN = {2: FACTORED, 3: 3_000}  # by dimension: in space each has ten times as many neighbours
 PATIENCE = 20  # iterations in which a tangent must bring the residual down by FALL
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away

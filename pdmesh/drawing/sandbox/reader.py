@@ -51,13 +51,20 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
     gmsh.logger.start()
     if job["walls"]:
         os.environ.clear()
+        if hasattr(os, "sched_setaffinity"):  # Open CASCADE asks for as many threads as there are processors
+            os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
         found["walls"] = raise_walls(Path.cwd(), job["seconds"])
     try:
         if job["cad"]:
             gmsh.option.setString("Geometry.OCCTargetUnit", job["unit"])
             gmsh.model.occ.importShapes(job["path"])
             gmsh.model.occ.synchronize()
-            found["groups"] = _cad_groups(gmsh, job["tolerance"])
+            volumes = [tag for _, tag in gmsh.model.getEntities(3)]
+            if volumes:
+                gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
+                found |= spatial_groups(gmsh, job["tolerance"] or 1e-4 * _size(gmsh))
+            else:
+                found["groups"] = _cad_groups(gmsh, job["tolerance"])
         else:
             _open(gmsh, job, found)
     except Exception as error:  # gmsh raises bare Exception

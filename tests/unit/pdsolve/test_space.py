@@ -64,6 +64,42 @@ def test_a_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
             assert np.array_equal(first.field(name, 20), second.field(name, 20))
 
 
+def pulled(model: str, nu: float, method: str) -> tuple[float, float]:
+    """Strain of the middle of a bar four nodes thick at rest, over stress / E, and its Poisson's ratio."""
+    material = msgspec.structs.replace(RUBBER, model=model, nu=nu, failure="stretch" if model == "bond" else "none")
+    run = msgspec.convert({"solver": "static", "static": {"method": method}}, Run)
+    body = Body(Box((0, 0, 0), (2, 0.4, 0.4)), 0.1, material, run=run).fix("left").load("right", (1e3, 0, 0))
+    found = build(meshed(body))
+    results = simulate(Model(found.grid, found.settings), None, ONE)
+    x, step = found.grid.position, int(results.frames()[0][-1])
+    middle = np.abs(x[:, 0] - 1) < 0.5
+    along, across = (
+        np.polyfit(x[middle, axis], results.field(name, step)[middle], 1)[0] for axis, name in ((0, "ux"), (1, "uy"))
+    )
+    assert results.reactions()[-1]["force_x"] == pytest.approx(160)
+    return along / 1e-3, -across / along
+
+
+@pytest.mark.parametrize(
+    ("model", "nu", "strain", "ratio"),
+    [
+        ("bond", 0.25, 0.8747, 0.2641),  # all nodes are at an edge or next to one: too stiff there
+        ("ordinary", 0.3, 0.8235, 0.2573),  # likewise
+        ("correspondence", 0.3, 1.0, 0.3),  # measured 1.00002, 0.30003
+    ],
+)
+def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> None:
+    found = pulled(model, nu, "relaxation")
+    assert found == (pytest.approx(strain, abs=1e-3), pytest.approx(ratio, abs=1e-3))
+
+
+@pytest.mark.slow
+def test_both_ways_to_rest_meet() -> None:
+    assert pulled("bond", 0.25, "newton") == pytest.approx(
+        pulled("bond", 0.25, "relaxation"), rel=1e-6
+    )  # measured 3e-8
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -1,0 +1,25 @@
+"""What pictures of grids look like."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+DPI = 200  # dots per inch
+MARGIN = 0.02  # of what is drawn
+CRACK = "#d62728"
+CONDITIONS = ("#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
+
+
+def shades(delta: NDArray[np.float64]) -> list[tuple[float, Any]]:
+    """Each spacing, m, with a shade of grey."""
+    spacings = np.unique(delta)
+    return list(zip(spacings.tolist(), colormaps["Greys_r"](np.linspace(0.15, 0.62, len(spacings))), strict=True))
+
+
+def marker(spacing: float, points: float) -> float:
+    """Size of the mark of a node, in points, of which there are so many to a metre."""
+    return float(np.clip(0.6 * spacing * points, 0.25, 5))
