@@ -86,8 +86,9 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     )
     command.add_argument(
         "--adapt",
-        choices=("none", "hybrid"),
-        help="hybrid: the finest nodes everywhere, for peridynamics where bonds may break and a lattice elsewhere",
+        choices=("none", "hybrid", "collocation"),
+        help="hybrid, collocation: the finest nodes everywhere, for peridynamics where bonds may break and a lattice or"
+        " stencils elsewhere",
     )
     command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
 

@@ -40,8 +40,9 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument(
         "--adapt",
-        choices=("none", "hybrid"),
-        help="hybrid: peridynamics only where bonds may break, a compact lattice elsewhere (run.adapt; default: none)",
+        choices=("none", "hybrid", "collocation"),
+        help="peridynamics only where bonds may break, and elsewhere a compact lattice (hybrid) or stencils of the same"
+        " horizon (collocation); run.adapt, default: none",
     )
     program.add_argument(
         "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
@@ -238,9 +239,10 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     ]
     fine = summary.get("hybrid")
     if fine is not None:
+        coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"
         lines.append(
-            f"hybrid: {fine['fine_share']:.1%} of the plate is fine; clipped bonds were stretched to"
-            f" {fine['clipped_stretch']:.2f} of what breaks one; refining made {fine['refinement']:+.3g} J/m"
+            f"{summary['kernel']}: {fine['fine_share']:.1%} of the plate is fine; {coarse} were stretched to"
+            f" {fine['clipped_stretch']:.2f} of what breaks a bond; refining made {fine['refinement']:+.3g} J/m"
         )
     return lines
 

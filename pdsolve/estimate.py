@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.document import Absorb, Run, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.diffusion import system as diffusion
 from pdsolve.laws import PAIRS, law_of
@@ -73,7 +73,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
     if model.diffuses:
         return _diffusing(model, options)
     scheme, settings = scheme_of(model, options), model.settings
-    paired, moves = law_of(model) in PAIRS, settings.run.adapt == "hybrid"
+    paired, moves = law_of(model) in PAIRS, settings.run.adapt in ON_ONE_LATTICE
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     if prepared is not None and not moves:
         count, bound = prepared.count, prepared.bound

@@ -12,11 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
-from pdsolve.adaptive.energy import held
-from pdsolve.adaptive.march import march
-from pdsolve.adaptive.precracks import begin_coarse
-from pdsolve.adaptive.shown import Shown
-from pdsolve.adaptive.system import hybrid_of
+from pdsolve.adaptive.moving import Moving, moving_of
 from pdsolve.bonds import Filling, Part, listed, stiffest
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
@@ -92,9 +88,9 @@ class System:
         return self.whole or self.model
 
     @property
-    def hybrid(self) -> Shown | None:
+    def hybrid(self) -> Moving | None:
         """The operator, where it is one with a fine zone and books of its own."""
-        return self.operator if isinstance(self.operator, Shown) else None
+        return self.operator if isinstance(self.operator, Moving) else None
 
     @property
     def threads(self) -> int:
@@ -129,7 +125,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
         raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
-    if options.kernel not in (None, "blocks", "listed", "hybrid"):
+    if options.kernel not in (None, "blocks", "listed", "hybrid", "collocation"):
         raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
@@ -142,19 +138,18 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     scheme = scheme_of(model, options)
-    if model.settings.run.adapt == "hybrid":
-        return _hybrid(model, options, scheme)
+    if model.settings.run.adapt != "none":
+        return _moving(model, options, scheme)
     settle(*((advance_blocks, energy_densities) if model.grid.dimension == 2 else ()), add_rows)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
 
 
-def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
-    settle(march, held, begin_coarse)
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown, bound = hybrid_of(model, options.mode, options.precision, step_of, threads)
+    shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
     state = shown.state()
     system = System(
         model=shown.model,
@@ -166,7 +161,7 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=shown.hybrid.ground.dt,
+        time_step=float(shown.hybrid.ground.dt),
         bound=bound,
         initial_energy=shown.books()[0],
         whole=model,
@@ -174,7 +169,7 @@ def _hybrid(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
-def moved(system: System, shown: Shown) -> System:
+def moved(system: System, shown: Moving) -> System:
     """The system of other nodes of the same plate."""
     count, family = shown.counts
     return replace(

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import get_args
 
 from pdmesh.drawing.parameters import unit_of
 from pdmesh.drawing.units import Unit
+from pdmesh.model.document import Adapt
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -30,8 +32,8 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
         kept[REFINE + word] = word
     if adapt is not None:
-        if adapt not in ("none", "hybrid"):
-            raise SceneError(f"{ADAPT}: found '{adapt}', expected none or hybrid")
+        if adapt not in get_args(Adapt):
+            raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(get_args(Adapt))}")
         scene = scene.adapt(adapt)  # type: ignore[arg-type]
         kept[ADAPT] = adapt
     return replace(scene, parameters=tuple(kept.items()))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import msgspec
 import numpy as np
 
 from pdmesh.drawing.units import UNITS, Unit
-from pdmesh.model.document import Material, Run
+from pdmesh.model.document import Adapt, Material, Run
 from pdmesh.model.medium import Medium
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.shapes import SceneError
@@ -266,7 +266,7 @@ def run(parameters: Parameters) -> Run:
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
     given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
-    adapt = parameters.text("Run/Adapt", "none", ("none", "hybrid"))
+    adapt = parameters.text("Run/Adapt", "none", get_args(Adapt))
     given |= {"adapt": None if adapt == "none" else adapt}
     given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
     given = {name: value for name, value in given.items() if value is not None}

@@ -10,7 +10,7 @@ from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import Shift, build_grid
 from pdmesh.grid.nested import nested
 from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Document, Settings, write_file
+from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -40,7 +40,7 @@ def build(scene: Scene | Body) -> Built:
     if isinstance(scene, Body):
         return Built(*build_body(scene), scene.notes)
     notes = (*scene.notes, *checks.remarks(scene))
-    if scene.run.adapt == "hybrid":
+    if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)
         notes = (*notes, *more)
     lattice = whole.lattice_of(scene)

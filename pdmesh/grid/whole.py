@@ -14,7 +14,7 @@ import shapely
 
 from pdmesh.grid.lattice import build_grid, segments
 from pdmesh.model.cloud import Grid, places, whole_lattice
-from pdmesh.model.document import AnyCondition, Horizon, Lattice, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, AnyCondition, Horizon, Lattice, Settings
 from pdmesh.scene.conditions import PlacedCondition
 from pdmesh.scene.scene import Scene
 
@@ -25,7 +25,7 @@ ON = 1e-6  # of a spacing: what still counts as on the lattice
 
 def lattice_of(scene: Scene) -> Lattice | None:
     """The lattice of a scene whose file is to hold it; None: it lists its nodes."""
-    if scene.run.adapt != "hybrid" or scene.zones or scene.refinements or scene.regions:
+    if scene.run.adapt not in ON_ONE_LATTICE or scene.zones or scene.refinements or scene.regions:
         return None
     x0, y0, x1, y1 = scene.whole.bounds
     if shapely.symmetric_difference(scene.shape, shapely.box(x0, y0, x1, y1)).area > ON * scene.spacing**2:

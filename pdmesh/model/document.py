@@ -225,6 +225,18 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     floating: bool = False  # bodies that nothing supports are held softly, not refused
 
 
+Adapt = Literal["none", "hybrid", "collocation"]
+ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
+
+
+class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How a plate is solved where `adapt` is collocation."""
+
+    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
+    damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # sqrt(E / rho) / spacing, of nodes within a horizon of
+    # the seam; None: 0.02 where the horizon is less than 16 spacings, else 0
+
+
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How long the solver goes on and how often it writes."""
 
@@ -234,7 +246,8 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Vector, ...] = ()  # places whose nearest node is written down with the ledger, m
-    adapt: Literal["none", "hybrid"] = "none"  # hybrid: peridynamics where bonds may break, a compact lattice elsewhere
+    adapt: Adapt = "none"  # peridynamics where bonds may break; hybrid: a compact
+    # lattice elsewhere, collocation: stencils of the same horizon
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
     quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
     solver: Literal["explicit", "static", "implicit"] = "explicit"  # static: a load step is a step and a frame
@@ -242,6 +255,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
+    collocation: Collocation = Collocation()
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -22,7 +22,16 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.drawing.parameters import PREFIX, unit_of
-from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Material, Velocity
+from pdmesh.model.document import (
+    ON_ONE_LATTICE,
+    Absorb,
+    Acceleration,
+    Displacement,
+    InitialVelocity,
+    Load,
+    Material,
+    Velocity,
+)
 from pdmesh.say.families import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -288,7 +297,7 @@ def lines(found: Proposal) -> list[str]:
 
 def coarsest(scene: Scene) -> float:
     """The largest spacing there will be, m."""
-    return RATIO * scene.finest if scene.run.adapt == "hybrid" else scene.spacing
+    return RATIO * scene.finest if scene.run.adapt in ON_ONE_LATTICE else scene.spacing
 
 
 def described(found: Proposal) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import Document, Settings, settings_of
+from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, settings_of
 from pdmesh.model.triangles import volume
 from pdmesh.model.visibility import plate_of
 from pdmesh.say.families import count
@@ -179,7 +179,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
-    if scene.run.adapt == "hybrid" and isinstance(scene, Scene):
+    if scene.run.adapt in ON_ONE_LATTICE and isinstance(scene, Scene):
         return _moving(scene, mode)
     grid, settings = build_body(scene) if isinstance(scene, Body) else build_grid(scene)[:2]
     own = run_of(grid, settings, scene.source, mode)

@@ -23,6 +23,7 @@ from pdmesh.model.document import (
     LARGEST,
     Absorb,
     Acceleration,
+    Adapt,
     AnyCondition,
     Concentration,
     Displacement,
@@ -251,8 +252,8 @@ class Scene(Plate):
             return surface(where, self.finest, place)
         return polyline(where, place)
 
-    def adapt(self, how: Literal["none", "hybrid"] = "hybrid") -> Scene:
-        """To be solved with peridynamics where bonds may break and a compact lattice elsewhere, or everywhere alike."""
+    def adapt(self, how: Adapt = "hybrid") -> Scene:
+        """To be solved with peridynamics where bonds may break and something cheaper elsewhere, or everywhere alike."""
         return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
 
     def one_scale(self) -> Scene:

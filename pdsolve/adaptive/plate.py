@@ -34,6 +34,12 @@ class Plate(NamedTuple):
 
 def plate_of(model: Model, mode: str, precision: str) -> Plate:
     """The lattice of a model's nodes. Raises ModelError for what cannot be solved so, in one sentence."""
+    refuse(model, mode, precision, LARGEST)
+    return _on_lattice(model, float(model.grid.delta[0]), model.grid.position.min(axis=0))
+
+
+def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
+    """Raises ModelError for what a fine zone that moves cannot take; horizons are up to `largest` spacings."""
     grid, settings = model.grid, model.settings
     for place, found, expected in (
         ("mode", mode, "conservative"),
@@ -44,25 +50,27 @@ def plate_of(model: Model, mode: str, precision: str) -> Plate:
         ("$.run.damping", f"{settings.run.damping:g}", "0"),
     ):
         if found != expected:
-            raise _refused(model, place, f"{found}", f"{expected}")
-    if settings.horizon.ratio > LARGEST:
-        raise _refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {LARGEST:g}")
+            raise refused(model, place, f"{found}", f"{expected}")
+    if settings.horizon.ratio > largest:
+        raise refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest:g}")
     for number, material in enumerate(model.materials):
         place = "$.material" if number == 0 else f"$.regions[{number - 1}].material"
         if material.model != "bond":
-            raise _refused(model, f"{place}.model", material.model, "bond")
+            raise refused(model, f"{place}.model", material.model, "bond")
         if material.micromodulus != model.materials[0].micromodulus:
             place = f"{place}.micromodulus"
-            raise _refused(model, place, material.micromodulus, f"{model.materials[0].micromodulus}, as elsewhere")
+            raise refused(model, place, material.micromodulus, f"{model.materials[0].micromodulus}, as elsewhere")
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Acceleration | Absorb):
             kind = str(condition.__struct_config__.tag)
-            raise _refused(model, f"$.conditions[{number}]", kind, "a load, a displacement or a velocity")
+            raise refused(model, f"$.conditions[{number}]", kind, "a load, a displacement or a velocity")
     if (grid.delta != grid.delta[0]).any():
-        raise _refused(
-            model, "$.nodes", "several spacings", "one, the finest, as pdmesh build --adapt hybrid makes of its zones"
+        raise refused(
+            model,
+            "$.nodes",
+            "several spacings",
+            f"one, the finest, as pdmesh build --adapt {adapt_of(model)} makes of its zones",
         )
-    return _on_lattice(model, float(grid.delta[0]), grid.position.min(axis=0))
 
 
 def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
@@ -74,11 +82,11 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise _refused(model, "$.nodes", "nodes that are on no lattice", "those that pdmesh build makes of a drawing")
+        raise refused(model, "$.nodes", "nodes that are on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
     at = lattice_of(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
-    _clear(model, cracks, nx, ny)
+    clear(model, cracks, nx, ny)
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
@@ -153,7 +161,7 @@ def tips_of(plate: Plate) -> NDArray[np.float64]:
     return ends[inner & alone]
 
 
-def _clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
+def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
     """Raises ModelError where a pre-crack passes through a node."""
     for number, (x0, y0, x1, y1) in enumerate(cracks):
         long = float(np.hypot(x1 - x0, y1 - y0))
@@ -164,9 +172,16 @@ def _clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
         along = np.clip((near - (x0, y0)) @ way, 0, long)
         away = np.hypot(*(near - (x0, y0) - along[:, None] * way).T)
         if away.min(initial=1.0) < CLEARANCE:
-            raise _refused(model, f"$.notch[{number}]", "a node on it", "it between nodes, as pdmesh build moves it")
+            raise refused(model, f"$.notch[{number}]", "a node on it", "it between nodes, as pdmesh build moves it")
 
 
-def _refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+def adapt_of(model: Model) -> str:
+    """How its fine zone moves; one that does not is asked for the hybrid."""
+    how = model.settings.run.adapt
+    return how if how != "none" else "hybrid"
+
+
+def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+    """What says so."""
     name = place if place in ("mode", "precision") else f"{model.name}: {place}"
-    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is hybrid")
+    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {adapt_of(model)}")

@@ -100,7 +100,9 @@ class Theta:
 
     def _solve(self, liquid: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
         """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""
-        if self._medium.C_sat is None and self._operator.count.sum() <= FACTORED:  # then the same nodes are free in all steps
+        if (
+            self._medium.C_sat is None and self._operator.count.sum() <= FACTORED
+        ):  # the same nodes are free in all steps
             self._factors = self._factors or self._factored(liquid)
             return np.where(liquid, self._factors(right), 0.0)
         volume, weight = self._operator.volume, self._dt * self._theta

@@ -1,0 +1,209 @@
+"""A run with stencils on a coarse grid, as the rest of the solver sees it: the active nodes, fine and coarse.
+
+Bonds are those of fine nodes to active ones, and those of coarse nodes to the nodes of their stencils; bonds to
+fictitious nodes are left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.adaptive.collocation.engine import Engine
+from pdsolve.adaptive.collocation.ground import is_cut
+from pdsolve.adaptive.collocation.zone import COARSE, FINE, SWITCHES
+from pdsolve.adaptive.hybrid import Told
+from pdsolve.adaptive.irregular import part_of
+from pdsolve.model import Model
+from pdsolve.operators.operator import Kept
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class Collocated:
+    """An operator and a stepper; n nodes, in the order of their places.
+
+    The state is brought up to date when `energies` are asked for.
+    """
+
+    name = "collocation"
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
+    symmetric = False  # the coupling conserves neither momentum nor energy, but for what is sent on
+
+    def __init__(self, engine: Engine) -> None:
+        """The nodes that are active now."""
+        self.hybrid, self._strain = engine, 0.0
+        self.places, self._kind = engine.active(), engine.zone.node.copy()
+        self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
+        self._row_of[self.places] = np.arange(len(self.places))
+        self.area = engine.area[self.places]
+        self._switches = int(engine.zone.number[SWITCHES])
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+        found = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * found.grid.delta
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
+
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
+        own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
+        _, node, spring = self.hybrid.broken()
+        lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
+        count[fine] = _intact(ground, self.hybrid.zone.cut, self._kind, own) + lost[own]
+        family = count.copy()
+        family[fine] += plate.parted[own]
+        return count, family
+
+    @property
+    def signature(self) -> NDArray[np.int64]:
+        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """As in `Stepper`."""
+        self.hybrid.march(first, last)
+
+    def changed(self) -> Collocated | None:
+        """The nodes there are now, if they are others."""
+        return None if self.hybrid.zone.number[SWITCHES] == self._switches else Collocated(self.hybrid)
+
+    def state(self) -> State:
+        """The state of the nodes now."""
+        nodes = len(self.places)
+        found = State(*np.zeros((3, nodes, 2)), *np.zeros((2, nodes)))
+        self.energies(found)
+        return found
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As in `Operator`; brings the state up to date. What breaking has spent is in the books alone."""
+        zone = self.hybrid.zone
+        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
+            out[:] = field[:, self.places].T
+        held = self.hybrid.held()[self.places]
+        self._strain = float((held * self.area).sum())
+        return held, np.zeros_like(held)
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """As in `Operator`."""
+        return {}
+
+    def books(self) -> tuple[float, float, float, float, float, float]:
+        """Kinetic, strain and dissipated energy, work, J/m, and momentum, N s/m, when `energies` were asked for."""
+        kinetic, x, y = self.hybrid.motion()
+        return kinetic, self._strain, *self.hybrid.spent, x, y
+
+    def told(self) -> Told:
+        """What there is to say of the fine zone; of stretches, that of coarse pairs."""
+        return self.hybrid.told()
+
+    def pushes(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        loads, found = self.hybrid.drive.loads, np.zeros((profiles, 2))
+        np.add.at(found, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
+        return found
+
+    def pulls(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        drive, found = self.hybrid.drive, np.zeros((profiles, 2))
+        holds = drive.holds
+        np.add.at(found, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """As in `Operator`."""
+        ground, places = self.hybrid.ground, self.places[first:last]
+        sources, targets = [], []
+        some = places[self._kind[places] == FINE]
+        node, k = _listed(ground, self.hybrid.zone.cut, self._kind, some)
+        sources.append(some[node])
+        targets.append(some[node] + ground.ways[k])
+        if start:
+            _, node, k = self.hybrid.broken()
+            other = node + ground.ways[k]
+            for one, far in ((node, other), (other, node)):
+                own = (self._row_of[one] >= first) & (self._row_of[one] < first + len(places))
+                sources.append(one[own])
+                targets.append(far[own])
+        some = places[self._kind[places] == COARSE]
+        ways = ground.stencil_ways[ground.stencil_ways != 0]
+        sources.append(np.repeat(some, len(ways)))
+        targets.append((some[:, None] + ways).ravel())
+        source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    def broken(self, after: int = 0) -> Broken:
+        """As in `Operator`."""
+        step, node, spring = self.hybrid.broken()
+        new = np.flatnonzero(step > after)
+        ends = (self._row_of[one] for one in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
+        one, other = ends
+        steps = np.tile(step[new].astype(np.int64), 2)
+        return Broken(steps, np.concatenate([one, other]), np.concatenate([other, one]))
+
+    def keep(self) -> Kept:
+        """As in `Operator`."""
+        return self.hybrid.keep()
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """As in `Operator`; the nodes are those of the checkpoint."""
+
+    def place(self, state: State) -> State:
+        """As in `Operator`."""
+        return state
+
+    def stiffest(self) -> NDArray[np.float64]:
+        """Raises TypeError: the step is bounded by two lattices, of which these nodes are some."""
+        raise TypeError("collocation: found nodes of two lattices, expected those of one")
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Raises TypeError: forces are those of its own nodes, not of a state that is given."""
+        raise TypeError("collocation: found a state from outside, expected to march")
+
+    def tangent(self, state: State) -> csr_array:
+        """Raises TypeError, as `add`."""
+        raise TypeError("collocation: found a state from outside, expected to march")
+
+    def bytes(self) -> int:
+        """As in `Operator`."""
+        return self.hybrid.bytes()
+
+
+@njit(cache=True, error_model="numpy")
+def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """How many bonds to active nodes are neither cut nor broken, of each of these."""
+    found = np.zeros(len(places), dtype=np.int64)
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                found[n] += 1
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """The same bonds: the number of a place, and that of its bond."""
+    count = _intact(ground, cut, kind, places).sum()
+    node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                node[at], spring[at] = n, k
+                at += 1
+    return node, spring

@@ -1,0 +1,113 @@
+"""What a run with stencils on a coarse grid refuses, what it says of itself, and what a killed one goes on to."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from collocated import cracked, torn, with_material, with_run
+from plates import STEEL
+from whole import contents, kill_when
+
+from pdmesh import Scene, box
+from pdmesh.__main__ import main as build_command
+from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.drawing.units import UNITS
+from pdmesh.model.cloud import document_of
+from pdmesh.model.document import Collocation, Region, Run, write_file
+from pdsolve.__main__ import main as solve_command
+from pdsolve.model import Model, ModelError
+from pdsolve.results import Results
+from pdsolve.simulation import Options, resume, simulate
+from pdsolve.system import prepare
+
+TESTS = Path(__file__).parents[2]
+RUN = Run(adapt="collocation", steps=10)
+PLATE = cracked(41, 41, 4.0, 12.0, run=RUN)
+REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLATE.materials[0], E=2e11))
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (with_material(PLATE, law="bilinear", kr=2.0), r"material\.law: found bilinear, expected brittle"),
+        (cracked(41, 41, 4.0, 0.0, run=RUN, regions=(REGION,)), "found 2 materials, expected one"),
+        (cracked(41, 41, 2.0, 0.0, run=RUN), "ratio: found 2, expected at least 3"),
+        (cracked(91, 91, 40.0, 0.0, run=RUN), "ratio: found 40, expected at most 32"),
+        (with_run(PLATE, damping=10.0), r"run\.damping: found 10, expected 0"),
+        (
+            dataclasses.replace(PLATE, grid=dataclasses.replace(PLATE.grid, cracks=1e-3 * np.array([[0.0, 9, 9, 9]]))),
+            "found a node on it",
+        ),
+    ],
+)
+def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
+    """In one sentence that names the place."""
+    with pytest.raises(ModelError, match=words) as error:
+        prepare(model, Options(threads=1))
+    assert str(error.value).endswith("as run.adapt is collocation")
+
+
+def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene, a drawing and both programs may ask for it; bad input leaves one line and no file."""
+    assert Scene(box(0, 0, 0.04, 0.024), 1e-3, STEEL).adapt("collocation").run.adapt == "collocation"
+    assert run(Parameters({"Peridynamics/Run/Adapt": "collocation"}, UNITS["m"])).adapt == "collocation"
+    path, script = tmp_path / "plate.json", tmp_path / "plate.py"
+    script.write_text(
+        "from pdmesh import Material, Run, Scene, box\n"
+        "steel = Material(E=191e9, rho=8000, G0=42408, plane='strain')\n"
+        "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5))\n"
+    )
+    assert build_command(["build", str(script), "--adapt", "collocation", "-o", str(path), "-q"]) == 0
+    assert solve_command([str(path), "--dry-run", "--threads", "1", "--json"]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    assert planned["nodes"] < 61 * 61  # active ones
+    assert planned["finest"] < planned["nodes"]
+    assert solve_command([str(path), "--threads", "1", "-q", "--json", "-o", str(tmp_path / "plate.sqlite")]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["kernel"] == "collocation"
+    assert 0.1 < told["hybrid"]["fine_share"] < 0.6
+    (tmp_path / "plate.sqlite").unlink()
+    assert solve_command([str(path), "--set", "run.collocation.kappa=1.5", "-o", str(tmp_path / "x.sqlite")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert solve_command([str(path), "--set", "material.law=bilinear", "-o", str(tmp_path / "x.sqlite")]) == 2
+    words = "$.material.law: found bilinear, expected brittle, as run.adapt is collocation"
+    assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
+    assert sorted(file.name for file in tmp_path.glob("*.sqlite")) == []
+
+
+def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
+    """kill -9 after nodes were switched, and other numbers of steps and threads at a time: the same to the bit."""
+    whole, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
+    model = with_run(torn("collocation", steps=160), every=20, collocation=Collocation(damping=0.02))
+    simulate(model, whole, Options(threads=2)).close()
+    write_file(document_of(model.grid, model.settings), tmp_path / "plate.json")
+    program = f"""
+import sys, time
+from pathlib import Path
+from pdsolve.model import read_model
+from pdsolve.simulation import Options, simulate
+import pdsolve.simulation, pdsolve.notes
+pdsolve.simulation.PATIENCE, pdsolve.notes.KEPT = 1e6, 0.0
+watch = lambda progress: bool(time.sleep(0.02))
+simulate(read_model(Path({str(tmp_path / "plate.json")!r})), Path(sys.argv[1]), Options(threads=1), watch)
+"""
+    kill_when(lambda results: len(results.frames()[0]) >= 6, killed, ["-c", program, str(killed)])
+    with Results.open(killed) as results:
+        assert results.meta()["status"] == "running"
+        assert len(results.nodes(int(results.frames()[0].max())).ids) > len(results.nodes(0).ids)
+    resume(killed, 1).close()
+    assert contents(killed) == contents(whole)
+    with Results.open(whole) as results:
+        for step in results.frames()[0].tolist():
+            nodes = results.nodes(step)
+            assert nodes.area.sum() == pytest.approx(0.060 * 0.059, rel=1e-12)
+            assert len(results.field("ux", step)) == len(nodes.ids)
+        books = results.history()
+        assert np.all(np.diff(books["fine_share"]) >= 0)
+        assert 0 < books["clipped_stretch"][-1] < 1
+        assert len(results.breaks().step) > 500
