@@ -1,5 +1,9 @@
 // A magnesium screw in the liquid that dissolves it: fine nodes in a cylinder around it, coarse ones in the ball outside.
-// Sizes are those of the second example of the multi-adaptive paper; its slot is given nowhere.
+//
+// Source: sizes of screw, cylinder and ball as in the second example (corrosion of Mg-10Gd) of the paper on multi-adaptive
+// spatial discretization of bond-based peridynamics; the slot is not stated there.
+// Calibrated: nothing. The slot is as wide and as deep as half the radius.
+// All lengths in metres, SI units throughout.
 
 SetFactory("OpenCASCADE");
 

@@ -34,7 +34,11 @@ SHIPPED = {
     "disc.geo": (13040, {0.05: 13040}, [1264, 1736]),
     "strip.py": (12060, {0.5: 201 * 60}, [201, 201]),
     "figure_19.py": (5045, {0.5: 1635, 1: 1542, 2: 1868}, [58, 62]),
+    "penny.geo": (27_000, {1: 30**3}, [900, 900]),
+    "screw.geo": (11_576, {0.25: 4992, 0.5: 6584}, []),
 }
+BODIES = {"penny.geo": 0.03**3, "screw.geo": 4 / 3 * np.pi * 0.006**3}  # m^3
+PLATES = tuple(name for name in SHIPPED if name not in BODIES)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +65,14 @@ def test_nothing_is_to_be_warned_of(name: str, built: dict[str, Built]) -> None:
     assert built[name].notes == ()
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", BODIES)
+def test_cubes_fill_the_body(name: str, built: dict[str, Built]) -> None:
+    cells = built[name].grid.cells
+    assert cells.sum() == pytest.approx(BODIES[name], rel=1e-9)  # measured: 1e-14
+    assert cells.min() > 0
+
+
+@pytest.mark.parametrize("name", PLATES)
 def test_cells_tile_the_plate(name: str, built: dict[str, Built]) -> None:
     from pdmesh.model.visibility import plate_of
 
