@@ -56,10 +56,12 @@ class Collocated:
         every = np.concatenate([far, self._inner.at])
         self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
         fines = np.concatenate([near, self._outer.at]) / 2
-        self._links = _lattice(fines, spacing, steps, conductance, threads)
+        self._links = _lattice((fines, len(near)), spacing, steps, conductance, threads)
         pulls = found.xi[(found.xi != 0).any(axis=1)], found.theta[(found.xi != 0).any(axis=1), 0, 0]
         cell = (2 * spacing) ** linking.dimension
-        self._stencils = _lattice(every / 4, 2 * spacing, pulls[0], pulls[1] / (2 * spacing) ** 2 / cell, threads)
+        self._stencils = _lattice(
+            (every / 4, len(far)), 2 * spacing, pulls[0], pulls[1] / (2 * spacing) ** 2 / cell, threads
+        )
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
         self.count[fine], self.total[fine] = self._links.count[: len(fine)], self._links.total[: len(fine)]
         self.count[coarse] = self._stencils.count[: len(coarse)]
@@ -73,7 +75,8 @@ class Collocated:
         ]
         self._seam = np.concatenate(seam)
         self._seam_volume = float(volume[self._seam].sum())
-        self._rates = [np.zeros(len(one.volume)) for one in (self._links, self._stencils)]
+        self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._links, self._stencils)] for _ in "rv")
+        self._some = [_slice(rows) for rows in (fine, coarse)]
 
     @property
     def fictitious(self) -> tuple[int, int]:
@@ -101,12 +104,13 @@ class Collocated:
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
-        fine, coarse = potential[self._fine], potential[self._coarse]
-        every = np.concatenate([coarse, self._inner.values @ fine])
+        fine, every, own = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
+        fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
+        every[own[1] :] = self._inner.values @ fine[: own[0]]
+        fine[own[0] :] = self._outer.values @ every
+        self._links.rates(fine, self._rates[0])
         self._stencils.rates(every, self._rates[1])
-        self._links.rates(np.concatenate([fine, self._outer.values @ every]), self._rates[0])
-        out[self._fine] = self._rates[0][: len(fine)]
-        out[self._coarse] = self._rates[1][: len(coarse)]
+        out[self._some[0]], out[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
         out[self._seam] -= float((self.volume * out).sum()) / self._seam_volume
 
     def tangent(self) -> csr_array:
@@ -116,6 +120,12 @@ class Collocated:
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by; as in `Operator`."""
         return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
+
+
+def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
+    """The same rows, as a slice where they follow each other."""
+    first, last = int(rows[0]), int(rows[-1]) + 1
+    return slice(first, last) if last - first == len(rows) else rows
 
 
 def _two(linking: Linking) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -225,14 +235,15 @@ def _matrix(rows: NDArray[np.int64], weights: NDArray[np.float64], nodes: int) -
 
 
 def _lattice(
-    places: NDArray[np.float64],
+    nodes: tuple[NDArray[np.float64], int],
     spacing: float,
     steps: NDArray[np.int64],
     conductance: NDArray[np.float64],
     threads: int,
 ) -> OnLattice:
-    """Nodes at these places (n, d), in their spacing, m."""
-    box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()))
+    """`nodes` at places (n, d), in their spacing, m, of which so many are real."""
+    places, real = nodes
+    box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
     assert box is not None
     volume = np.full(len(places), spacing ** places.shape[1])
     return OnLattice(box, slots_of(steps, conductance, box), volume, threads)

@@ -46,13 +46,16 @@ class Box(NamedTuple):
 
     size: int  # cells
     cell: NDArray[np.int64]  # (n,) of each node
-    order: NDArray[np.int64]  # (n,) rows of the nodes, in the order of their cells
+    order: NDArray[np.int64]  # (w,) rows of the nodes whose sums are wanted, in the order of their cells
     runs: Runs
     strides: NDArray[np.int64]  # (d,) cells from one to the next along each axis
 
 
-def box_of(position: NDArray[np.float64], spacing: float, margin: int) -> Box | None:
-    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it."""
+def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: int | None = None) -> Box | None:
+    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it.
+
+    Sums are wanted of the first so many nodes, by default of all.
+    """
     at = (position - position[0]) / spacing
     whole = np.rint(at)
     if len(position) < LEAST_NODES or not (np.abs(at - whole) <= ON_LATTICE * (1 + np.abs(whole))).all():
@@ -63,12 +66,12 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int) -> Box | 
     side = (high - low + 1 + 2 * margin).astype(np.int64)
     strides = np.concatenate([[1], np.cumprod(side[:-1])])
     cell = ((whole - low).astype(np.int64) + margin) @ strides
-    order = np.argsort(cell, kind="stable")
-    step = np.diff(cell[order])
-    if (step == 0).any():
+    if len(np.unique(cell)) < len(cell):
         return None
+    order = np.argsort(cell[:wanted], kind="stable")
+    step = np.diff(cell[order])
     first = np.concatenate([[0], np.flatnonzero(step != 1) + 1])
-    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(cell))))
+    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(order))))
     return Box(int(np.prod(side)), cell, order, runs, strides)
 
 
@@ -117,7 +120,7 @@ class OnLattice:
         self._amount, self._whole = np.zeros((2, box.size))
         self._whole[box.cell] = volume
         runs = box.runs
-        ends = np.searchsorted(runs.node, np.linspace(0, len(volume), threads + 1)[1:-1])
+        ends = np.searchsorted(runs.node, np.linspace(0, len(box.order), threads + 1)[1:-1])
         self._ends = np.concatenate([[0], ends, [len(runs.cell)]]).tolist()
         nothing, one, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
         self._amount[box.cell] = 1.0
