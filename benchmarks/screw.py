@@ -4,7 +4,8 @@
 
 The screw of the multi-adaptive source, scaled (radius 1, height 4, a slot; held from a radius of 6 on), 240 steps by
 each in turns, one thread, CPU time. `plain` is a textbook loop over 8-byte numbers of neighbours and conductances; the
-bound of a list is how long it takes to read its bytes once, and nothing else, in the same run.
+bound of a list is how long it takes to read its bytes once, and nothing else, in the same run. `--collocation` measures
+slots everywhere beside slots in a cylinder around the screw and stencils of 123 nodes, twice as far apart, elsewhere.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -34,22 +35,35 @@ ROUNDS = 8
 END = 2.0  # radius^2 / D
 
 
-def screw(spacing: float, steps: int) -> Model:
-    """The screw in liquid, nodes at the middles of cubes around the origin."""
-    side = int((6 + 4 * spacing) / spacing) + 1
+def lattice(spacing: float, reach: float) -> NDArray[np.float64]:
+    """The middles (n, 3) of cubes around the origin that are within `reach` of it."""
+    side = int(reach / spacing) + 1
     along = (np.arange(-side, side) + 0.5) * spacing
     z, y, x = (axis.ravel() for axis in np.meshgrid(along, along, along, indexing="ij"))
-    there = np.sqrt(x**2 + y**2 + z**2) < 6 + 4 * spacing
-    x, y, z = x[there], y[there], z[there]
+    there = np.sqrt(x**2 + y**2 + z**2) < reach
+    return np.column_stack([x[there], y[there], z[there]])
+
+
+def screw(spacing: float, steps: int, coarse: bool = False) -> Model:
+    """The screw in liquid; `coarse`: outside of a cylinder around it nodes are twice as far apart, by collocation."""
+    widest = 2 * spacing if coarse else spacing
+    position = lattice(widest, 6 + 4 * widest)
+    delta = np.full(len(position), widest)
+    if coarse:
+        near = (np.hypot(*position[:, :2].T) < 2.1) & (np.abs(position[:, 2]) < 3.1)
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * spacing
+        fine = (position[near, None, :] + corners).reshape(-1, 3)
+        position = np.concatenate([fine[np.lexsort(fine.T)], position[~near]])
+        delta = np.concatenate([np.full(len(fine), spacing), delta[~near]])
+    x, y, z = position.T
     nodes = len(x)
     solid = (np.hypot(x, y) < 1) & (np.abs(z) < 2) & ~((np.abs(y) < 0.25) & (z > 1.5))
     held = np.sqrt(x**2 + y**2 + z**2) >= 6
     nowhere = np.full(nodes, -1)
-    position, delta = np.column_stack([x, y, z]), np.full(nodes, spacing)
     grid = Grid(np.arange(1, nodes + 1), position, delta, nowhere > 0, nowhere, np.empty((0, 9)))
     dissolves = Solid(nodes=tuple((np.flatnonzero(solid) + 1).tolist()))
     clean = Concentration(nodes=tuple((np.flatnonzero(held) + 1).tolist()), value=0.0)
-    run = Run(steps=steps, time_step=END / steps, every=steps)
+    run = Run(steps=steps, time_step=END / steps, every=steps, adapt="collocation" if coarse else "none")
     medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2)
     return Model(grid, Settings(physics="diffusion", medium=medium, conditions=(dissolves, clean), run=run))
 
@@ -153,14 +167,47 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
     }
 
 
+def collocated(spacing: float, steps: int) -> dict[str, Any]:
+    """The uniform screw beside the one with collocation outside a cylinder, in turns."""
+    systems = [prepare(screw(spacing, steps, coarse), 1) for coarse in (False, True)]
+    starts = [masses(system, state, 0, None) for system, state in systems]
+    spent, shares = np.zeros(2), np.zeros((2, 0))
+    for system, state in systems:
+        system.operator.rates(state.content, np.zeros(len(state.content)))
+    for part in range(ROUNDS):
+        first, last = steps * part // ROUNDS, steps * (part + 1) // ROUNDS
+        now = []
+        for number, (system, state) in enumerate(systems):
+            spent[number] += seconds(lambda s=system, o=state, a=first, b=last: s.stepper.march(o, a + 1, b + 1))
+            found = masses(system, state, last, starts[number].solid)
+            now.append(found.dissolved / starts[number].solid)
+        shares = np.column_stack([shares, now])
+    links = [int(system.operator.count.sum()) for system, _ in systems]
+    speed = float(spent[0] / spent[1])
+    return {
+        "spacing": spacing,
+        "steps": steps,
+        "nodes": [len(system.model.grid) for system, _ in systems],
+        "links": links,
+        "ms_per_step": (spent / steps * 1e3).tolist(),
+        "dissolved": shares.tolist(),
+        "largest_difference": float(np.abs(shares[0] - shares[1]).max()),
+        "balance": found.balance(starts[1]),
+        "speed_up": speed,
+        "fewer_links": links[0] / links[1],
+        "speed_up_over_fewer_links": speed / (links[0] / links[1]),
+    }
+
+
 def main() -> None:
     """Measure, print, write."""
     program = argparse.ArgumentParser(description=__doc__)
     program.add_argument("--spacing", type=float, default=0.125)
     program.add_argument("--steps", type=int, default=240)
+    program.add_argument("--collocation", action="store_true", help="beside collocation on a coarse lattice outside")
     program.add_argument("-o", "--output", type=Path)
     args = program.parse_args()
-    found = measure(args.spacing, args.steps)
+    found = collocated(args.spacing, args.steps) if args.collocation else measure(args.spacing, args.steps)
     text = json.dumps(found, indent=1)
     print(text)
     if args.output is not None:

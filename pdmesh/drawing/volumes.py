@@ -31,8 +31,14 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "fix": ((2, 3), "Fixes"),
     "move": ((2, 3), "Moves"),
     "material": ((3,), "Materials"),
+    "hold": ((2, 3), "Holds"),
+    "supply": ((2, 3), "Supplies"),
+    "exchange": ((2,), "Exchanges"),
+    "begin": ((3,), "Begins"),
+    "solid": ((3,), ""),
+    "medium": ((3,), "Media"),
 }
-PLACED = ("load", "fix", "move")
+PLACED = ("load", "fix", "move", "hold", "supply", "begin")
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 OF_PLATES = ("Refine/", "Absorbs/", "Area rule", "Run/Adapt")
 Placed = dict[str, tuple[Shell | Sheet, str]]  # by name: where, and the folder of its parameters
@@ -58,6 +64,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         _shell(found, whole, parameters),
         coarsest,
         material=named.material(parameters, "Material", None),
+        medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
         run=named.run(parameters),
         source=source,
@@ -85,6 +92,33 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         if material is None:
             raise SceneError(f"parameter '{PREFIX}Materials/{name}/E': found none, expected a number")
         body = body.region(_shell(found, group, parameters), material, name)
+    for name, group in groups["medium"].items():
+        body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
+    for name, group in groups["solid"].items():
+        body = body.dissolve(_shell(found, group, parameters), name)
+    return _diffusing(
+        body, places | {"exchange": _places(found, groups["exchange"], parameters, "exchange")}, parameters
+    )
+
+
+def _diffusing(body: Body, places: Mapping[str, Placed], parameters: Parameters) -> Body:
+    """With what is done to a substance that diffuses."""
+
+    def shared(folder: str) -> dict[str, Any]:
+        return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
+
+    for name, (where, folder) in places["begin"].items():
+        if isinstance(where, Shell):
+            body = body.begin(where, parameters.number(f"{folder}/Concentration"), name)
+    for name, (where, folder) in places["hold"].items():
+        body = body.hold(where, parameters.number(f"{folder}/Concentration"), name=name, **shared(folder))
+    for name, (where, folder) in places["supply"].items():
+        flux, rate = parameters.maybe(f"{folder}/Flux"), parameters.maybe(f"{folder}/Rate")
+        body = body.supply(where, flux, rate, name=name, **shared(folder))
+    for name, (where, folder) in places["exchange"].items():
+        assert isinstance(where, Sheet)
+        coefficient, outside = parameters.number(f"{folder}/Coefficient"), parameters.number(f"{folder}/Outside", 0.0)
+        body = body.exchange(where, coefficient, outside, name=name, **shared(folder))
     return body
 
 

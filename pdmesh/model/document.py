@@ -18,7 +18,23 @@ import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.fields import USUAL, Column
-from pdmesh.model.medium import Medium
+from pdmesh.model.medium import Concentration as Concentration
+from pdmesh.model.medium import Exchange as Exchange
+from pdmesh.model.medium import InitialConcentration as InitialConcentration
+from pdmesh.model.medium import Medium as Medium
+from pdmesh.model.medium import MediumRegion as MediumRegion
+from pdmesh.model.medium import OfDiffusion as OfDiffusion
+from pdmesh.model.medium import Solid as Solid
+from pdmesh.model.medium import Source as Source
+from pdmesh.model.some import MOST_STEPS as MOST_STEPS
+from pdmesh.model.some import Box as Box
+from pdmesh.model.some import Id as Id
+from pdmesh.model.some import Point as Point
+from pdmesh.model.some import Positive as Positive
+from pdmesh.model.some import PositiveInt as PositiveInt
+from pdmesh.model.some import Selection as Selection
+from pdmesh.model.some import Timed as Timed
+from pdmesh.model.some import Vector as Vector
 from pdmesh.model.wordings import explained
 
 FORMAT_VERSION = 1  # of plates
@@ -29,20 +45,12 @@ MOST = 1e30  # of any number; products of more than that leave what a number can
 MOST_LEVELS = 6  # how often a cell can be split
 USUAL_LAW = "brittle"
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
 # hybrid: peridynamics where bonds may break, a compact lattice elsewhere; collocation: stencils of the same horizon
 # there; split: cells split where energy is
 Adapt = Literal["none", "hybrid", "split", "collocation"]
 ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
 ADAPTS: tuple[str, ...] = get_args(Adapt)
-Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
-MOST_STEPS = 2**31 - 1  # what a broken bond can remember
 Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
-PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
-Amount = Annotated[float, msgspec.Meta(ge=0)]
-Point = tuple[float, float]
-Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]  # x, y and, in space, z
-Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m
 Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  # corners of a segment or a triangle, m
 
 
@@ -93,34 +101,10 @@ class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
 
 
-class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """Some of a grid's nodes: those listed by id, or those inside a box."""
-
-    name: str = ""
-    nodes: tuple[Id, ...] | None = None
-    box: Box | None = None  # x0, y0, x1, y1 or x0, y0, z0, x1, y1, z1, m
-
-
 class Region(Selection, frozen=True, kw_only=True):
     """Nodes of another material than the rest; of several regions with a node, the last one has it."""
 
     material: Material
-
-
-class MediumRegion(Selection, frozen=True, kw_only=True):
-    """Nodes where another diffusivity holds than in the rest; of several with a node, the last one has it."""
-
-    D: Positive  # m^2/s
-
-
-class Timed(Selection, frozen=True, kw_only=True):
-    """Something done to nodes. Its values are multiplied by a factor that follows time.
-
-    `profile` holds points (time in s, factor): linear between them, constant before the first and after the
-    last; none at all means 1 for ever.
-    """
-
-    profile: tuple[Point, ...] = ()
 
 
 class Condition(Timed, frozen=True, kw_only=True):
@@ -181,49 +165,7 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
 
 
-class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_field="kind"):
-    """A concentration that is held, mol/m^3."""
-
-    value: Amount
-
-
-class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
-    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m, or, of
-    a body, a ``surface``, m^2.
-
-    A flux is shared by its nodes' cells, so that the total is flux times length.
-    """
-
-    rate: float | None = None
-    flux: float | None = None
-    length: Positive | None = None
-    surface: Positive | None = None
-
-
-class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
-    """A flux through an edge of this ``length`` (m), or a ``surface`` (m^2), as what is outside differs from inside.
-
-    It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
-    """
-
-    coefficient: Positive
-    value: Amount = 0.0
-    length: Positive | None = None
-    surface: Positive | None = None
-
-
-class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):
-    """A concentration at time 0, mol/m^3."""
-
-    value: Amount
-
-
-class Solid(Selection, frozen=True, kw_only=True, tag="solid", tag_field="kind"):
-    """Nodes that are solid at time 0."""
-
-
 OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
-OfDiffusion = Concentration | Source | Exchange | InitialConcentration | Solid
 AnyCondition = OfMechanics | OfDiffusion
 
 

@@ -1,12 +1,12 @@
-"""What a substance diffuses through, and the solid that may dissolve into it."""
+"""What a substance diffuses through, the solid that may dissolve into it, and what is done to it."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import msgspec
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+from pdmesh.model.some import Amount, Positive, Selection, Timed
 
 
 class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -36,3 +36,53 @@ def contradiction(medium: Medium) -> str | None:
     if medium.dissolution == "kinetic" and C_solid is None:
         return "C_solid: found none, expected one, as the dissolution is kinetic"
     return None
+
+
+class MediumRegion(Selection, frozen=True, kw_only=True):
+    """Nodes where another diffusivity holds than in the rest; of several with a node, the last one has it."""
+
+    D: Positive  # m^2/s
+
+
+class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_field="kind"):
+    """A concentration that is held, mol/m^3."""
+
+    value: Amount
+
+
+class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
+    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m, or, of
+    a body, a ``surface``, m^2.
+
+    A flux is shared by its nodes' cells, so that the total is flux times length.
+    """
+
+    rate: float | None = None
+    flux: float | None = None
+    length: Positive | None = None
+    surface: Positive | None = None
+
+
+class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
+    """A flux through an edge of this ``length`` (m), or a ``surface`` (m^2), as what is outside differs from inside.
+
+    It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
+    """
+
+    coefficient: Positive
+    value: Amount = 0.0
+    length: Positive | None = None
+    surface: Positive | None = None
+
+
+class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):
+    """A concentration at time 0, mol/m^3."""
+
+    value: Amount
+
+
+class Solid(Selection, frozen=True, kw_only=True, tag="solid", tag_field="kind"):
+    """Nodes that are solid at time 0."""
+
+
+OfDiffusion = Concentration | Source | Exchange | InitialConcentration | Solid

@@ -14,6 +14,7 @@ from pdmesh.model.document import (
     AnyCondition,
     Concentration,
     Displacement,
+    Exchange,
     InitialConcentration,
     InitialVelocity,
     Load,
@@ -201,9 +202,35 @@ class Body:
         """With a concentration (mol/m^3) held; for the rest see `load`. It should be a layer of a horizon."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
-    def supply(self, where: Where, rate: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
-        """With a rate (mol/(m^3 s)) of what is supplied; see `load`."""
-        return self._with(Source, {"rate": rate}, where, rows, name, profile=profile)
+    def supply(
+        self,
+        where: Where,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Body:
+        """With a flux (mol/(m^2 s)) through a sheet, or a rate (mol/(m^3 s)) of what is supplied; see `load`."""
+        if (flux is None) == (rate is None):
+            raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
+        surface = None if flux is None else _area(where, f"source '{name}'")
+        values = {"flux": flux, "rate": rate, "surface": surface}
+        return self._with(Source, values, where, rows, name, profile=profile)
+
+    def exchange(
+        self,
+        where: Sheet,
+        coefficient: float,
+        outside: float = 0.0,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Body:
+        """With a flux through a sheet of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        surface = _area(where, f"exchange '{name}'")
+        values = {"coefficient": coefficient, "value": outside, "surface": surface}
+        return self._with(Exchange, values, where, rows, name, profile=profile)
 
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
         """With another diffusivity (m^2/s) in a solid's place."""
@@ -231,6 +258,12 @@ class Body:
             checked(where, place)
         condition = SolidCondition(where, rows, action)
         return replace(self, conditions=(*self.conditions, condition))
+
+
+def _area(where: Where, place: str) -> float:
+    if not isinstance(where, Sheet):
+        raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet, through which something goes")
+    return where.area
 
 
 def _triangles(found: Any, place: str) -> NDArray[np.float64]:

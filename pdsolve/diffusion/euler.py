@@ -19,6 +19,8 @@ class Euler:
 
     def __init__(self, operator: Operator, done: Deeds, medium: Medium, time_step: float) -> None:
         self._operator, self._done, self._medium, self._dt = operator, done, medium, time_step
+        self._held = np.flatnonzero(~done.free)
+        self._supplied = bool(done.supplied) or bool(done.exchange.any())
         self._kinetic = medium.dissolution == "kinetic"
         self._rate, self._supply = (np.zeros(len(operator.volume)) for _ in range(2))
 
@@ -28,15 +30,14 @@ class Euler:
         for step in range(first, last):
             even = potential(self._medium, state.content)
             self._rates(state, even)
-            if not done.free.all():
-                state.books[0] += self._dt * float((volume * rate)[~done.free].sum())
-            if done.supplied or done.exchange.any():
+            state.books[0] += self._dt * float((volume[self._held] * rate[self._held]).sum())
+            if self._supplied:
                 done.supply((step - 1) * self._dt, supply)
                 supply -= done.exchange * even
                 state.books[1] += self._dt * float((volume * supply).sum())
                 rate += supply
             rate *= self._dt
-            np.add(state.content, rate, out=state.content, where=done.free)
+            np.add(state.content, rate, out=state.content)
             done.hold(state.content, step * self._dt)
             if self._kinetic:
                 state.solid[state.content <= (self._medium.C_sat or 0.0)] = 0

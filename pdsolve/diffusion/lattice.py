@@ -46,13 +46,16 @@ class Box(NamedTuple):
 
     size: int  # cells
     cell: NDArray[np.int64]  # (n,) of each node
-    order: NDArray[np.int64]  # (n,) rows of the nodes, in the order of their cells
+    order: NDArray[np.int64]  # (w,) rows of the nodes whose sums are wanted, in the order of their cells
     runs: Runs
     strides: NDArray[np.int64]  # (d,) cells from one to the next along each axis
 
 
-def box_of(position: NDArray[np.float64], spacing: float, margin: int) -> Box | None:
-    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it."""
+def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: int | None = None) -> Box | None:
+    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it.
+
+    Sums are wanted of the first so many nodes, by default of all.
+    """
     at = (position - position[0]) / spacing
     whole = np.rint(at)
     if len(position) < LEAST_NODES or not (np.abs(at - whole) <= ON_LATTICE * (1 + np.abs(whole))).all():
@@ -63,32 +66,32 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int) -> Box | 
     side = (high - low + 1 + 2 * margin).astype(np.int64)
     strides = np.concatenate([[1], np.cumprod(side[:-1])])
     cell = ((whole - low).astype(np.int64) + margin) @ strides
-    order = np.argsort(cell, kind="stable")
-    step = np.diff(cell[order])
-    if (step == 0).any():
+    if len(np.unique(cell)) < len(cell):
         return None
+    order = np.argsort(cell[:wanted], kind="stable")
+    step = np.diff(cell[order])
     first = np.concatenate([[0], np.flatnonzero(step != 1) + 1])
-    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(cell))))
+    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(order))))
     return Box(int(np.prod(side)), cell, order, runs, strides)
 
 
-def slots_of(linking: Linking, box: Box) -> Slots:
-    """Those of the links of a node that has them all."""
-    spacing, horizon = float(linking.model.grid.delta[0]), float(linking.horizon[0])
-    side = int(linking.reach[0] / spacing) + 1
+def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
+    """Those of links (k,) to nodes so many `steps` (k, d) away, in the order of cells."""
+    order = np.argsort(steps @ box.strides)
+    left = -len(order) % TOGETHER
+    ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
+    return Slots(ahead, np.concatenate([conductance[order], np.zeros(left)]))
+
+
+def family(linking: Linking, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Steps (k, d) and conductances (k,) of the links of a node that has them all."""
+    ratio = linking.model.settings.horizon.ratio
+    side = int(ratio + 0.5) + 1
     steps = np.array([at for at in product(range(-side, side + 1), repeat=linking.dimension) if any(at)])
-    length = np.linalg.norm(steps, axis=1) * spacing
-    one = np.ones(len(length))
-    conductance = linking.even(float(linking.diffusivity[0])) * shape(
-        length, horizon * one, spacing * one, linking.dimension, linking.power
-    )
-    some = np.flatnonzero(conductance > ROUND_OFF * conductance.max())
-    some = some[np.argsort(steps[some] @ box.strides)]
-    left = -len(some) % TOGETHER
-    return Slots(
-        np.concatenate([steps[some] @ box.strides, np.zeros(left, dtype=np.int64)]),
-        np.concatenate([conductance[some], np.zeros(left)]),
-    )
+    length, one = np.linalg.norm(steps, axis=1) * spacing, np.ones(len(steps))
+    found = linking.even(D) * shape(length, ratio * spacing * one, spacing * one, linking.dimension, linking.power)
+    some = found > ROUND_OFF * found.max()
+    return steps[some], found[some]
 
 
 def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
@@ -97,8 +100,11 @@ def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> O
     alike = (linking.diffusivity == linking.diffusivity[0]).all() and (grid.delta == grid.delta[0]).all()
     if not alike or not linking.sight.clear or linking.dimension != grid.position.shape[1]:
         return None
-    box = box_of(grid.position, float(grid.delta[0]), int(linking.reach[0] / grid.delta[0]) + 1)
-    return None if box is None else OnLattice(linking, box, volume, threads)
+    steps, conductance = family(linking, float(grid.delta[0]), float(linking.diffusivity[0]))
+    box = box_of(grid.position, float(grid.delta[0]), int(np.abs(steps).max()))
+    if box is None:
+        return None
+    return OnLattice(box, slots_of(steps, conductance, box), volume, threads, linking)
 
 
 class OnLattice:
@@ -106,17 +112,19 @@ class OnLattice:
 
     name = "lattice"
 
-    def __init__(self, linking: Linking, box: Box, volume: NDArray[np.float64], threads: int) -> None:
+    def __init__(
+        self, box: Box, slots: Slots, volume: NDArray[np.float64], threads: int, linking: Linking | None = None
+    ) -> None:
         self.volume, self.threads = volume, threads
-        self._linking, self._box, self._slots = linking, box, slots_of(linking, box)
+        self._linking, self._box, self._slots = linking, box, slots
         self._amount, self._whole = np.zeros((2, box.size))
         self._whole[box.cell] = volume
         runs = box.runs
-        ends = np.searchsorted(runs.node, np.linspace(0, len(volume), threads + 1)[1:-1])
+        ends = np.searchsorted(runs.node, np.linspace(0, len(box.order), threads + 1)[1:-1])
         self._ends = np.concatenate([[0], ends, [len(runs.cell)]]).tolist()
         nothing, one, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
         self._amount[box.cell] = 1.0
-        some = self._slots._replace(conductance=np.sign(self._slots.conductance))
+        some = slots._replace(conductance=np.sign(np.abs(slots.conductance)))
         self._share(_pull, some, (self._amount, nothing, nothing, box.order), counts)
         self.count = np.rint(counts).astype(np.int64)
         self.total = nothing
@@ -133,7 +141,8 @@ class OnLattice:
         self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s."""
+        """The rates (n, n) by the potentials, 1/s; of a whole model."""
+        assert self._linking is not None
         return Listed(links_of(self._linking.parts(), len(self.volume))[0], self.volume, self.threads).tangent()
 
     def contrast(self, share: NDArray[np.float64]) -> float:

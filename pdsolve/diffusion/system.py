@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
+from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import Deeds, begin, deeds
 from pdsolve.diffusion.dissolution import State, check, crossing
 from pdsolve.diffusion.euler import Euler, bound
@@ -75,6 +76,8 @@ def _operator(
 ) -> tuple[Operator, NDArray[np.int64]]:
     """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
     linking, medium = Linking(model), model.settings.medium
+    if model.settings.run.adapt == "collocation":
+        return Collocated(linking, volume, threads), np.zeros(len(volume), dtype=np.int64)
     kinetic = medium is not None and medium.dissolution == "kinetic"  # a link asks both of its ends
     found = None if kinetic or listed else on_lattice(linking, volume, threads)
     if found is not None:
@@ -105,7 +108,7 @@ def _step(model: Model, most: float) -> float:
 def _refuse(model: Model) -> None:
     """Raises ModelError for settings that a model of diffusion would not listen to."""
     run = model.settings.run
-    heard = {"adapt": "none", "until": None, "start": "unloaded", "damping": 0.0, "probes": ()}
+    heard = {"until": None, "start": "unloaded", "damping": 0.0, "probes": ()}
     for name, usual in heard.items():
         if getattr(run, name) != usual:
             raise ModelError(
@@ -115,6 +118,12 @@ def _refuse(model: Model) -> None:
     medium = model.settings.medium
     if run.solver == "implicit" and medium is not None and medium.dissolution == "kinetic":
         raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
+    if run.adapt == "hybrid":
+        raise ModelError(f"{model.name}: $.run.adapt: found hybrid, expected none or collocation of diffusion")
+    if run.adapt == "collocation" and run.solver == "implicit":
+        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit with collocation")
+    if run.adapt == "collocation" and medium is not None and medium.dissolution == "kinetic":
+        raise ModelError(f"{model.name}: $.run.adapt: found collocation, expected none of a kinetic dissolution")
     if run.solver == "static":
         raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
     for name in run.fields if run.fields != USUAL else ():

@@ -102,7 +102,7 @@ class Theta:
         """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""
         if (
             self._medium.C_sat is None and self._operator.count.sum() <= FACTORED
-        ):  # then the same nodes are free in all steps
+        ):  # the same nodes are free in all steps
             self._factors = self._factors or self._factored(liquid)
             return np.where(liquid, self._factors(right), 0.0)
         volume, weight = self._operator.volume, self._dt * self._theta

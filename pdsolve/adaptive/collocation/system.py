@@ -21,8 +21,8 @@ from pdsolve.stencils import StencilError, elastic, longest, stencil_of
 
 LEAST, MOST = 3.0, 32.0  # horizon over spacing
 OFTEN = 8  # steps between two looks, at most
-# Horizons over spacing up to which the coupling grows fast enough to need damping, and how much stops free vibration from
-# growing within 4000 units of time, sqrt(E / rho) / spacing
+# Horizons over spacing up to which the coupling grows fast enough to need damping, and how much stops free vibration
+# from growing within 4000 units of time, sqrt(E / rho) / spacing
 DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 

@@ -1,0 +1,34 @@
+"""Some of a grid's nodes, and what is done to them in time; the words that grid files are made of."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
+MOST_STEPS = 2**31 - 1  # what a broken bond can remember
+PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
+Amount = Annotated[float, msgspec.Meta(ge=0)]
+Point = tuple[float, float]
+Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]  # x, y and, in space, z
+Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m
+
+
+class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+    """Some of a grid's nodes: those listed by id, or those inside a box."""
+
+    name: str = ""
+    nodes: tuple[Id, ...] | None = None
+    box: Box | None = None  # x0, y0, x1, y1 or x0, y0, z0, x1, y1, z1, m
+
+
+class Timed(Selection, frozen=True, kw_only=True):
+    """Something done to nodes. Its values are multiplied by a factor that follows time.
+
+    `profile` holds points (time in s, factor): linear between them, constant before the first and after the
+    last; none at all means 1 for ever.
+    """
+
+    profile: tuple[Point, ...] = ()

@@ -1,0 +1,249 @@
+"""Links on a fine lattice, second-order collocation on a coarse one of twice the spacing around it.
+
+Both lattices are whole where they meet: each has fictitious nodes in the other's place, as far as its sums reach. A
+coarse one is the mean of the fine nodes around it, a fine one is interpolated linearly between coarse ones, so that
+linear fields pass. That is not the transpose of each other: what one side gives, the other takes but for an error of
+the second order, which the balance of masses shows. Within each lattice nothing is lost.
+
+Source: as of `pdsolve.stencils`; a coarse node's stencil has 123 nodes in space, with weights for which its symbol is
+positive.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, row_chunks
+from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
+from pdsolve.diffusion.links import Linking
+from pdsolve.model import Model, ModelError
+from pdsolve.stencils import Stencil, diffusion, stencil_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class Between(NamedTuple):
+    """Fictitious nodes of one lattice from values on the other."""
+
+    at: NDArray[np.int64]  # (f, d) places of the fictitious nodes in their own lattice
+    values: csr_array  # (f, n) of the other lattice's nodes
+
+
+class Collocated:
+    """Exchange between fine nodes by links, between coarse ones by stencils."""
+
+    name = "collocation"
+
+    def __init__(self, linking: Linking, volume: NDArray[np.float64], threads: int) -> None:
+        self._model, self.volume = linking.model, volume
+        grid = linking.model.grid
+        self._fine, self._coarse = _two(linking)
+        fine, coarse = self._fine, self._coarse
+        spacing, D = float(grid.delta[fine[0]]), float(linking.diffusivity[0])
+        near, far = (
+            np.rint((grid.position[rows] - grid.position[fine[0]]) / spacing * 2).astype(np.int64)
+            for rows in (fine, coarse)
+        )  # in halves of the fine spacing
+        steps, conductance = family(linking, spacing, D)
+        found = stencil_of(3.0, diffusion(D, linking.dimension), linking.dimension)
+        self._look_whole(found, far, coarse, near)
+        self._inner = _means(_lacking(far, 4 * found.xi, near), near)
+        every = np.concatenate([far, self._inner.at])
+        self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
+        fines = np.concatenate([near, self._outer.at]) / 2
+        self._links = _lattice((fines, len(near)), spacing, steps, conductance, threads)
+        pulls = found.xi[(found.xi != 0).any(axis=1)], found.theta[(found.xi != 0).any(axis=1), 0, 0]
+        cell = (2 * spacing) ** linking.dimension
+        self._stencils = _lattice(
+            (every / 4, len(far)), 2 * spacing, pulls[0], pulls[1] / (2 * spacing) ** 2 / cell, threads
+        )
+        self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
+        self.count[fine], self.total[fine] = self._links.count[: len(fine)], self._links.total[: len(fine)]
+        self.count[coarse] = self._stencils.count[: len(coarse)]
+        self.total[coarse] = found.most / 2 / (2 * spacing) ** 2
+        seam = [
+            rows[_sees(own, reach, met)]
+            for rows, own, reach, met in (
+                (fine, near, 2 * steps, self._outer.at),
+                (coarse, far, 4 * found.xi, self._inner.at),
+            )
+        ]
+        self._seam = np.concatenate(seam)
+        self._seam_volume = float(volume[self._seam].sum())
+        self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._links, self._stencils)] for _ in "rv")
+        self._some = [_slice(rows) for rows in (fine, coarse)]
+
+    @property
+    def fictitious(self) -> tuple[int, int]:
+        """How many nodes are fictitious, fine and coarse ones."""
+        return len(self._outer.at), len(self._inner.at)
+
+    def _look_whole(
+        self, found: Stencil, far: NDArray[np.int64], coarse: NDArray[np.int64], near: NDArray[np.int64]
+    ) -> None:
+        """Raises ModelError for a coarse node without a whole stencil that nothing holds."""
+        from pdsolve.diffusion.conditions import deeds
+
+        free = deeds(self._model, self.volume).free[coarse]
+        keys = _Keys(np.concatenate([far, near - 1]))
+        whole = np.ones(len(far), dtype=bool)
+        for step in found.xi:
+            whole &= keys.rows(far + 4 * step) >= 0
+        lost = np.flatnonzero(free & ~whole)
+        if len(lost):
+            place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[coarse[lost[0]]])
+            raise ModelError(
+                f"{self._model.name}: $.run.adapt: found {len(lost)} coarse nodes near an edge that are not held, the"
+                f" first at ({place}) m, expected fine nodes or a held layer of {np.abs(found.xi).max()} there"
+            )
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        fine, every, own = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
+        fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
+        every[own[1] :] = self._inner.values @ fine[: own[0]]
+        fine[own[0] :] = self._outer.values @ every
+        self._links.rates(fine, self._rates[0])
+        self._stencils.rates(every, self._rates[1])
+        out[self._some[0]], out[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
+        out[self._seam] -= float((self.volume * out).sum()) / self._seam_volume
+
+    def tangent(self) -> csr_array:
+        """Nobody asks: implicit steps want symmetric links."""
+        raise ModelError(f"{self._model.name}: $.run.adapt: found collocation, expected none for implicit steps")
+
+    def contrast(self, share: NDArray[np.float64]) -> float:
+        """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by; as in `Operator`."""
+        return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
+
+
+def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
+    """The same rows, as a slice where they follow each other."""
+    first, last = int(rows[0]), int(rows[-1]) + 1
+    return slice(first, last) if last - first == len(rows) else rows
+
+
+def _two(linking: Linking) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The rows of the fine and of the coarse nodes. Raises ModelError where there are others."""
+    model, delta = linking.model, linking.model.grid.delta
+    levels = np.unique(delta)
+    place = f"{model.name}: $.run.adapt: found"
+    if len(levels) != 2 or abs(levels[1] / levels[0] - 2) > ON_LATTICE:
+        said = ", ".join(f"{level:g}" for level in levels[:4])
+        raise ModelError(f"{place} spacings of {said} m, expected two, one twice the other, for collocation")
+    fine, coarse = (np.flatnonzero(delta == level) for level in levels)
+    if not (linking.diffusivity == linking.diffusivity[0]).all() or len(model.grid.cracks) or _blocked(linking, fine):
+        raise ModelError(f"{place} several media, or what blocks links, expected one medium without, for collocation")
+    return fine, coarse
+
+
+def _blocked(linking: Linking, fine: NDArray[np.int64]) -> bool:
+    """Whether something stands between fine nodes."""
+    if linking.sight.clear:
+        return False
+    grid = linking.model.grid
+    around = Neighbours(grid.position[fine], grid.delta[fine], linking.reach[fine])
+    for rows in row_chunks(len(fine)):
+        i, j, length = around.pairs(rows)
+        if not linking.sight.inside(Pairs(fine[i], fine[j], length)).all():
+            return True
+    return False
+
+
+class _Keys:
+    """Finds places (n, d), whole numbers, by value."""
+
+    def __init__(self, places: NDArray[np.int64]) -> None:
+        self._low = places.min(axis=0) - 64
+        self._side = places.max(axis=0) + 64 - self._low
+        key = self._key(places)
+        self._order = np.argsort(key)
+        self._sorted = key[self._order]
+
+    def _key(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        key = np.zeros(len(places), dtype=np.int64)
+        for axis in range(places.shape[1]):
+            key = key * self._side[axis] + places[:, axis] - self._low[axis]
+        return key
+
+    def rows(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The rows (k,) of these places (k, d), -1 where there is none."""
+        key = self._key(places)
+        at = np.searchsorted(self._sorted, key).clip(max=len(self._sorted) - 1)
+        return np.where(self._sorted[at] == key, self._order[at], -1)
+
+
+def _lacking(own: NDArray[np.int64], steps: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places (f, d) of its own lattice that `own` nodes (n, d) look at, `steps` (k, d) away, and that have no node,
+    as far as the box of the `other` nodes (m, d) reaches."""
+    keys, found = _Keys(own), [np.zeros((0, own.shape[1]), dtype=np.int64)]
+    low, high = other.min(axis=0) - 1, other.max(axis=0) + 1
+    for step in steps:
+        seen = own + step
+        seen = seen[((seen >= low) & (seen <= high)).all(axis=1)]
+        found.append(seen[keys.rows(seen) < 0])
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _sees(own: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the `own` nodes (n, d) have one of the others (m, d) some of the `steps` (k, d) away."""
+    keys, seen = _Keys(own), np.zeros(len(own), dtype=bool)
+    for step in steps:
+        rows = keys.rows(others - step)
+        seen[rows[rows >= 0]] = True
+    return seen
+
+
+def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
+    """Coarse places, those in the middle of fine nodes `near` (n, d), as their means; others are left out."""
+    corners = np.array(list(product((-1, 1), repeat=at.shape[1])))
+    keys = _Keys(near)
+    rows = np.column_stack([keys.rows(at + corner) for corner in corners])
+    whole = (rows >= 0).all(axis=1)
+    return Between(at[whole], _matrix(rows[whole], np.full(rows[whole].shape, 1 / len(corners)), len(near)))
+
+
+def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Between:
+    """Fine places between coarse ones `every` (n, d), 4 apart. Raises ModelError where one of these is missing."""
+    d = at.shape[1]
+    keys = _Keys(every)
+    place = (at - every[0]) / 4
+    low = np.floor(place).astype(np.int64)
+    share = place - low
+    rows, weights = [], []
+    for corner in product((0, 1), repeat=d):
+        rows.append(keys.rows(every[0] + 4 * (low + np.array(corner))))
+        weights.append(np.prod(np.where(np.array(corner) == 1, share, 1 - share), axis=1))
+    found = np.column_stack(rows)
+    if (found < 0).any():
+        raise ModelError(
+            f"{model.name}: $.run.adapt: found fine nodes at an edge, expected coarse ones all around, for collocation"
+        )
+    return Between(at, _matrix(found, np.column_stack(weights), len(every)))
+
+
+def _matrix(rows: NDArray[np.int64], weights: NDArray[np.float64], nodes: int) -> csr_array:
+    from scipy.sparse import csr_array
+
+    start = np.arange(len(rows) + 1) * (rows.shape[1] if len(rows) else 0)
+    return csr_array((weights.ravel(), rows.ravel(), start), shape=(len(rows), nodes))
+
+
+def _lattice(
+    nodes: tuple[NDArray[np.float64], int],
+    spacing: float,
+    steps: NDArray[np.int64],
+    conductance: NDArray[np.float64],
+    threads: int,
+) -> OnLattice:
+    """`nodes` at places (n, d), in their spacing, m, of which so many are real."""
+    places, real = nodes
+    box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
+    assert box is not None
+    volume = np.full(len(places), spacing ** places.shape[1])
+    return OnLattice(box, slots_of(steps, conductance, box), volume, threads)
