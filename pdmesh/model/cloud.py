@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import LARGEST, Document, GridError, Lattice, NodeRecord, Point, Settings
+from pdmesh.model.picture import svg
 
 MOST_NODES = 10**8  # of a lattice
 
@@ -34,6 +35,11 @@ class Grid:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its nodes."""
+        rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
+        return svg(rings, cracks, self.position, self.delta, self.border)
 
 
 def grid_of(document: Document, name: str) -> Grid:

@@ -11,6 +11,7 @@ import shapely
 from shapely import MultiLineString, Polygon
 
 from pdmesh.model.document import Material, Run
+from pdmesh.model.picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
@@ -109,6 +110,11 @@ class Plate:
         """The holes of all parts, from left to right; a node's hole_id counts them from 0."""
         holes = [Polygon(ring) for part in self.parts for ring in part.interiors]
         return tuple(sorted(holes, key=lambda hole: hole.bounds))
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its pre-cracks."""
+        rings = [ring for part in self.parts for ring in (part.exterior, *part.interiors)]
+        return svg(map(shapely.get_coordinates, rings), (shapely.get_coordinates(slit.line) for slit in self.slits))
 
     @cached_property
     def slits(self) -> tuple[Slit, ...]:
