@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from pdsolve.simulation import resume, simulate
     from pdsolve.study.crew import solve_study
     from pdsolve.study.description import Study, StudyError, read_study
+    from pdsolve.study.watch import StudyWatch
     from pdsolve.system import Options
     from pdsolve.unstable import UnstableError
+    from pdsolve.watch import Watch
 else:
     __getattr__, __dir__ = lazily(
         __name__,
@@ -28,7 +30,9 @@ else:
             "ResultsError": "pdsolve.results",
             "Study": "pdsolve.study.description",
             "StudyError": "pdsolve.study.description",
+            "StudyWatch": "pdsolve.study.watch",
             "UnstableError": "pdsolve.unstable",
+            "Watch": "pdsolve.watch",
             "read_model": "pdsolve.model",
             "read_study": "pdsolve.study.description",
             "resume": "pdsolve.simulation",
@@ -46,7 +50,9 @@ __all__ = [
     "ResultsError",
     "Study",
     "StudyError",
+    "StudyWatch",
     "UnstableError",
+    "Watch",
     "read_model",
     "read_study",
     "resume",

@@ -5,24 +5,19 @@ from __future__ import annotations
 import argparse
 import gc
 import shlex
-import signal
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+from pdsolve.watch import Watch
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Run
     from pdsolve.estimate import Plan
-    from pdsolve.simulation import Progress
-
-LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
 
 def parser() -> argparse.ArgumentParser:
@@ -111,7 +106,7 @@ def _solve(args: argparse.Namespace) -> int:
         from pdsolve.results import ResultsWarning
         from pdsolve.simulation import Options, resume, simulate
 
-    with _Watch(args) as watch, warnings.catch_warnings():
+    with Watch(args.quiet) as watch, warnings.catch_warnings():
         for kind in (ModelWarning, ResultsWarning):
             warnings.simplefilter("always", kind)
         warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
@@ -263,55 +258,6 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
         lines.append(f"split: {cells['fine_share']:.1%} of the plate is fine; {made}")
     return lines
-
-
-class _Watch:
-    """Shows progress and turns Ctrl-C into a stop with a checkpoint."""
-
-    def __init__(self, args: argparse.Namespace) -> None:
-        self._quiet = args.quiet
-        self._stopped = False
-        self._bar: Any = None
-        self._said = time.monotonic()
-
-    def __enter__(self) -> Callable[[Progress], bool]:
-        self._before = signal.signal(signal.SIGINT, self._stop)
-        if not self._quiet and sys.stderr.isatty():
-            from tqdm import tqdm
-
-            self._bar = tqdm(desc="preparing (the first run compiles)", unit=" steps", dynamic_ncols=True, leave=False)
-        return self._show
-
-    def __exit__(self, *_: object) -> None:
-        signal.signal(signal.SIGINT, self._before)
-        if self._bar is not None:
-            self._bar.close()
-
-    def _stop(self, number: int, frame: FrameType | None) -> None:
-        if self._stopped:  # asked twice: at once
-            if callable(self._before):
-                self._before(number, frame)
-            raise KeyboardInterrupt
-        self._stopped = True
-
-    def _show(self, progress: Progress) -> bool:
-        told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
-        if progress.fine is not None:
-            told += f", fine {progress.fine.fine_share:.1%}"
-            told += f", clipped stretch {progress.fine.clipped_stretch:.2f}" if progress.fine.clipped_stretch else ""
-        if progress.masses:
-            told = progress.masses
-        if progress.going is not None:
-            told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
-        if self._bar is not None:
-            self._bar.total = progress.steps
-            self._bar.set_description_str("solving", refresh=False)
-            self._bar.set_postfix_str(told, refresh=False)
-            self._bar.update(progress.step - self._bar.n)
-        elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
-            self._said = time.monotonic()
-            print(f"step {progress.step} of {progress.steps}, {told}", file=sys.stderr, flush=True)
-        return self._stopped
 
 
 def main(argv: Sequence[str] | None = None) -> int:

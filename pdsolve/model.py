@@ -158,6 +158,10 @@ class Model:
         """The rows of the grid a condition or a region acts on."""
         return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
 
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its nodes."""
+        return self.grid._repr_svg_()
+
     def to_json(self) -> str:
         """The model as one document; `model_of` reads it back."""
         return encode(document_of(self.grid, self.settings)).decode()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pdmesh.model.trees import tree_of
 from pdsolve.adapt import Change
 from pdsolve.conditions import put_loads
+from pdsolve.lookout import Lookout
 from pdsolve.measures import Ledger, ask, books, fields
 from pdsolve.reactions import Reaction, grips, reactions
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
@@ -22,7 +23,6 @@ from pdsolve.stability import check_physics
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
-from pdsolve.watch import Watch
 
 KEPT = 1.0  # s between checkpoints in full precision
 
@@ -136,7 +136,7 @@ class Notes:
         self._reactions: list[Reaction] = []
         self._breaks: list[Breaks] = []  # of clouds that are no more
         self._epochs: list[Epoch] = []
-        self._watch: Watch | None = None
+        self._watch: Lookout | None = None
         self._look_around()
         self.written = past.step
         self._kept = clock.perf_counter()
@@ -188,7 +188,7 @@ class Notes:
         self._probed = (
             tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
         )
-        watch = Watch(model, partial(self.system.operator.bonds, start=True))
+        watch = Lookout(model, partial(self.system.operator.bonds, start=True))
         self._watch = watch if self._watch is None else self._watch.moved_to(watch)
         self._looked = True
 

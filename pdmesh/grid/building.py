@@ -30,6 +30,10 @@ class Built:
         """What is written."""
         return document_of(self.grid, self.settings)
 
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its nodes."""
+        return self.grid._repr_svg_()
+
     def write(self, path: Path) -> None:
         """Write the grid file at `path` in one atomic step, over one that is there. Raises OSError."""
         write_file(self.document, path)

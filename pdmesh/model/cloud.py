@@ -20,6 +20,7 @@ from pdmesh.model.document import (
     Settings,
     Vector,
 )
+from pdmesh.model.picture import svg
 
 MOST_NODES = 10**8  # of a lattice
 
@@ -59,6 +60,11 @@ class Grid:
     def faces(self) -> NDArray[np.float64]:
         """Triangles (t, 3, 3) of a body's surface, m."""
         return np.array(self.outline).reshape(-1, 3, 3)
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its nodes."""
+        rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
+        return svg(rings, cracks, self.position, self.delta, self.border)
 
 
 def grid_of(document: Document, name: str) -> Grid:

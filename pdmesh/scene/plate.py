@@ -12,6 +12,7 @@ from shapely import MultiLineString, Polygon
 
 from pdmesh.model.document import Material, MediumRegion, Run
 from pdmesh.model.medium import Medium
+from pdmesh.model.picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
@@ -112,6 +113,11 @@ class Plate:
         """The holes of all parts, from left to right; a node's hole_id counts them from 0."""
         holes = [Polygon(ring) for part in self.parts for ring in part.interiors]
         return tuple(sorted(holes, key=lambda hole: hole.bounds))
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows: the plate and its pre-cracks."""
+        rings = [ring for part in self.parts for ring in (part.exterior, *part.interiors)]
+        return svg(map(shapely.get_coordinates, rings), (shapely.get_coordinates(slit.line) for slit in self.slits))
 
     @cached_property
     def slits(self) -> tuple[Slit, ...]:

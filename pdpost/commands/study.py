@@ -51,7 +51,7 @@ def _study(args: argparse.Namespace) -> int:
         if path is not None:
             from pdpost.figures import study_figure, style
 
-            style.save(study_figure.study(found, measured, over), path)
+            style.save(study_figure.panels_of(found, measured, over), path)
     rows = [
         (measure, spread.series, spread.value, spread.median, *spread.ends, len(spread.known), len(spread.measured))
         for measure, spreads in measured.items()

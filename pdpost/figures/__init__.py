@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdpost.figures.frames_figure import frames
     from pdpost.figures.level_figure import nodes
     from pdpost.figures.page import report
+    from pdpost.figures.study_figure import study
     from pdpost.figures.style import FigureError, save, styled
     from pdpost.figures.tradeoff_figure import tradeoff
 else:
@@ -34,6 +35,7 @@ else:
         "reactions": "charts",
         "report": "page",
         "save": "style",
+        "study": "study_figure",
         "styled": "style",
         "tradeoff": "tradeoff_figure",
     }
@@ -54,6 +56,7 @@ __all__ = [
     "reactions",
     "report",
     "save",
+    "study",
     "styled",
     "tradeoff",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +16,9 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked import damage_at
 from pdpost.measures.paths import Polyline
-from pdpost.measures.scatter import Spread
+from pdpost.measures.scatter import Spread, chosen, spreads
 from pdpost.reading.frames import last_step
-from pdpost.reading.studies import Read, short, value_of
+from pdpost.reading.studies import Read, read, short, value_of
 from pdsolve.results import Results
 
 WIDE = 0.15  # of the room between two values: how far the dots of several series are set apart
@@ -25,14 +26,22 @@ FEW = 6  # values that are all written at the axis
 LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powers
 
 
-def study(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
-    """Measures, a panel each, against the parameter `over`: every run a dot, with the median and the range."""
+def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> Figure:
+    """Measures of the study whose table is at `path`, against the parameter `over`: every run a dot, with the median
+    and the range; by default those that say most, against the first that was varied. Raises StudyError."""
+    found = read(path)
+    names, against = chosen(found, measures, over)
+    return panels_of(found, {name: spreads(found, name, against) for name in names}, against)
+
+
+def panels_of(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
+    """The same of measures that are read already, a panel each."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
     figure = Figure(figsize=(WIDTH * (0.7 if columns == 1 else 1), 2.7 * rows + 0.3), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for panel, (name, spreads) in zip(panels, measured.items(), strict=False):
-        _panel(panel, found, name, spreads, over)
+    for panel, (name, some) in zip(panels, measured.items(), strict=False):
+        _panel(panel, found, name, some, over)
     for panel in panels[len(measured) :]:
         panel.remove()
     handles, labels = panels[0].get_legend_handles_labels()
@@ -41,15 +50,15 @@ def study(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | Non
     return figure
 
 
-def _panel(axes: Axes, found: Read, name: str, spreads: Sequence[Spread], over: str | None) -> None:
+def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str | None) -> None:
     plain(axes)
-    series = list(dict.fromkeys(spread.series for spread in spreads))
-    places = _places(axes, found, spreads, over)
-    factor, unit = scaled([spread.known for spread in spreads], spelled(found.columns[name].unit))
+    series = list(dict.fromkeys(spread.series for spread in some))
+    places = _places(axes, found, some, over)
+    factor, unit = scaled([spread.known for spread in some], spelled(found.columns[name].unit))
     if found.columns[name].unit in ("", "degrees"):
         factor, unit = 1.0, found.columns[name].unit
     for number, which in enumerate(series):
-        mine = [spread for spread in spreads if spread.series == which]
+        mine = [spread for spread in some if spread.series == which]
         at = np.array([places[spread.value] for spread in mine])
         if axes.get_xscale() == "linear":
             at += _aside(number, len(series), places)
@@ -62,15 +71,15 @@ def _panel(axes: Axes, found: Read, name: str, spreads: Sequence[Spread], over: 
         axes.vlines(at, low, high, color=colour, lw=1.0)
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=which or None)
-    missing = sum(len(spread.measured) - len(spread.known) for spread in spreads)
+    missing = sum(len(spread.measured) - len(spread.known) for spread in some)
     axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
     if missing:
         axes.set_title(f"did not happen in {missing} of {len(found.rows)} runs", fontsize="small")
 
 
-def _places(axes: Axes, found: Read, spreads: Sequence[Spread], over: str | None) -> dict[object, float]:
+def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -> dict[object, float]:
     """Where the values of the parameter are on the axis: numbers in their unit, words one after the other."""
-    values = list(dict.fromkeys(spread.value for spread in spreads))
+    values = list(dict.fromkeys(spread.value for spread in some))
     column = None if over is None else found.columns[over]
     if column is not None and all(isinstance(value, int | float) for value in values):
         numbers = np.array(values, dtype=float)

@@ -16,6 +16,7 @@ from pdpost.measures.release import Release, release
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
+from pdpost.reading.columns import Columns, columns_of
 from pdpost.reading.embedded import at_rest
 from pdpost.reading.frames import last_step
 from pdpost.reading.times import told
@@ -119,6 +120,11 @@ def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
     ways = ("direction x", "direction y", "line")
     return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, *ways, "dD/da, J/m^2"), rows
+
+
+def crack_table(results: Results) -> Columns:
+    """Every point of the paths of a run's cracks, as columns: time, place, length, speed. Raises ResultsError."""
+    return columns_of(*table(crack(results)))
 
 
 def sentences(found: Summary) -> list[str]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.fields import UNITS
 from pdmesh.model.particles import Particles
+from pdsolve.results import shown
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.lives import NEVER, Lives
@@ -67,6 +68,13 @@ class Results:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def __repr__(self) -> str:
+        return shown.words(self)
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows: the last damage."""
+        return shown.png(self)
 
     def close(self) -> None:
         """Let go of the file."""

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 
 if TYPE_CHECKING:
-    from pdsolve.study.crew import Going
     from pdsolve.study.table import Row
 
-LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 LISTED = 10  # runs that failed, in lines
 
 
@@ -66,6 +62,7 @@ def _study(args: argparse.Namespace) -> int:
         )
     from pdsolve.study.crew import Crew, solve_study
     from pdsolve.study.description import read_study
+    from pdsolve.study.watch import StudyWatch
 
     if args.scheduler and args.workers:
         raise commandline.UsageError("--workers: found --scheduler as well, whose workers there are, expected one")
@@ -73,9 +70,9 @@ def _study(args: argparse.Namespace) -> int:
     path = args.output or Path(args.study.stem + ".sqlite")
     commandline.output_path(path, args.study, ".sqlite", force=True)  # what is there is gone on with
     crew = Crew(args.workers, args.threads, args.scheduler, args.trust)
-    with _Watch(args) as watch:
+    with StudyWatch(args.quiet) as watch:
         try:
-            rows = solve_study(study, path, crew, watch.show, args.again, args.force)
+            rows = solve_study(study, path, crew, watch, args.again, args.force)
         except KeyboardInterrupt:
             commandline.note("pdsolve study: interrupted; the same command goes on", args)
             raise
@@ -95,40 +92,6 @@ def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     ]
     commandline.report({"output": str(path), "runs": found}, lines, args)
     return commandline.FAILURE if failed else commandline.OK
-
-
-class _Watch:
-    """One bar of progress over all runs."""
-
-    def __init__(self, args: argparse.Namespace) -> None:
-        self._quiet, self._said = args.quiet, time.monotonic()
-        self._bar: Any = None
-
-    def __enter__(self) -> _Watch:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-    def show(self, going: Going) -> None:
-        """Show how far the study is."""
-        done, told = going.finished + going.failed, f"{going.failed} failed"
-        if self._quiet:
-            return
-        if sys.stderr.isatty():
-            self._bar = self._bar or _bar(going.runs, done)
-            self._bar.set_postfix_str(told, refresh=False)
-            self._bar.update(done - self._bar.n)
-        elif time.monotonic() - self._said > LINE_EVERY:
-            self._said = time.monotonic()
-            print(f"run {done} of {going.runs}, {told}", file=sys.stderr, flush=True)
-
-
-def _bar(total: int, done: int) -> Any:
-    from tqdm import tqdm
-
-    return tqdm(total=total, initial=done, desc="solving", unit=" runs", dynamic_ncols=True, leave=False)
 
 
 def _exits() -> dict[type[Exception], int]:

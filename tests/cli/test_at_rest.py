@@ -10,8 +10,9 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load
 from pdpost.__main__ import main as pdpost
-from pdsolve.__main__ import _Watch, main
+from pdsolve.__main__ import main
 from pdsolve.results import Results
+from pdsolve.watch import Watch
 
 FOOT = Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=0.0, y=0.0)
 PULL = Load(box=(9.9e-3, -1.0, 1.0, 1.0), body_force=(1e9, 0.0), profile=((0.0, 0.0), (2.0, 1.0)))
@@ -89,7 +90,7 @@ def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, caps
 def test_a_run_stopped_within_a_load_step_says_how_to_go_on(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(_Watch, "_show", lambda _, progress: progress.going is not None)
+    monkeypatch.setattr(Watch, "_show", lambda _, progress: progress.going is not None)
     assert main(["held.json", "--static", "--threads", "1"]) == 130
     said, last = capsys.readouterr().err.splitlines()
     assert said.endswith("which is lost; to go on: pdsolve --resume held.sqlite")

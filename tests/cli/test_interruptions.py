@@ -36,7 +36,7 @@ def _listens() -> Iterator[None]:
 def model(here: Path, probed: Model, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A plate in a folder, looked at after every step, without a word of progress."""
     monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
-    monkeypatch.setattr("pdsolve.__main__.LINE_EVERY", 1e9)
+    monkeypatch.setattr("pdsolve.watch.LINE_EVERY", 1e9)
     (here / "plate.json").write_text(probed.to_json())
     return here / "plate.json"
 

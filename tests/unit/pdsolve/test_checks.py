@@ -18,7 +18,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.simulation import simulate
 from pdsolve.state import Broken
 from pdsolve.system import Options, Prepared, prepare
-from pdsolve.watch import Watch
+from pdsolve.lookout import Lookout
 
 
 def bonds(model: Model) -> np.ndarray:
@@ -92,7 +92,7 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
 def seen(problem: Prepared, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
     operator = problem.system.operator
-    watch = Watch(problem.system.model, partial(operator.bonds, start=True))
+    watch = Lookout(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
             watch.look(problem.state.value, operator.broken(), step)
