@@ -9,18 +9,16 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from pdmesh import VERSION
 from pdsolve.adapt import Adapt, zone_back, zone_moved
 from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.diffusion import run as diffusion
-from pdsolve.measures import Ledger, books, pieces
+from pdsolve.measures import books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
@@ -29,7 +27,8 @@ from pdsolve.starts import started
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps
-from pdsolve.system import Options, Stepper, System, prepare
+from pdsolve.system import Options, System, prepare
+from pdsolve.told import meta, summary
 from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
@@ -110,7 +109,7 @@ def _run(
 
     def new() -> Writer:
         cracks = system.model.grid.cracks
-        return Writer.create(output, nodes(system), partial(families, system), cracks, _meta(system, provenance))
+        return Writer.create(output, nodes(system), partial(families, system), cracks, meta(system, provenance))
 
     return _finish(Notes(system, state, None, _changes(system, adapt)), new, output, watch, adapt)
 
@@ -254,7 +253,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
     system = notes.system
     found = notes.last if notes.last.step == step else books(system, notes.state, step)
-    writer.done().tell({"summary": json.dumps(_summary(notes, found, done))})
+    writer.done().tell({"summary": json.dumps(summary(notes, found, done))})
     closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
     return "finished" if done or step == run.steps else "interrupted"
 
@@ -289,67 +288,6 @@ def _is_enough(system: System, latest: int, step: int) -> bool:
     if run.until == "quiet":
         return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False
-
-
-def _meta(system: System, provenance: str) -> dict[str, Any]:
-    return {
-        "program": f"pdsolve {VERSION}",
-        "provenance": provenance,
-        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
-        "dimension": system.model.grid.dimension,
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "mode": system.options.mode,
-        "precision": system.options.precision,
-        "threads": system.threads,
-        "kernel": system.operator.name,
-        "time_step": system.time_step,
-        "stable_time_step": system.bound,
-        "initial_energy": system.initial_energy,
-        "model": system.asked.to_json(),
-    }
-
-
-def _summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]:
-    system, wall = notes.system, notes.wall()
-    return {
-        "nodes": len(system.model.grid),
-        "bonds": system.bonds,
-        "steps": books.step,
-        "time": books.time,
-        "time_step": system.time_step,
-        "stable_time_step": system.bound if np.isfinite(system.bound) else None,
-        "mode": system.options.mode,
-        "precision": system.options.precision,
-        "threads": system.threads,
-        "kernel": system.operator.name,
-        "wall_time": wall,
-        "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
-        "broken_bonds": books.broken,
-        "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "work")},
-        "balance": notes.balance(books),
-        "stopped": system.model.settings.run.until if stopped_early else None,
-        **({"particles": len(system.growth.particles.place)} if system.growth is not None else {}),
-        **_finer(system),
-        **({"energy_unit": "J"} if system.model.grid.dimension == 3 else {}),
-        **_rested(system.stepper),
-    }
-
-
-def _finer(system: System) -> dict[str, Any]:
-    """What finer nodes that come and go were like."""
-    told, how = system.told, system.asked.settings.run.adapt
-    if told is None:
-        return {}
-    found = told._asdict()
-    return {how: found if system.hybrid is not None else {name: found[name] for name in ("refinement", "fine_share")}}
-
-
-def _rested(stepper: Stepper) -> dict[str, Any]:
-    """How each load step came to rest."""
-    if not isinstance(stepper, LoadSteps):
-        return {}
-    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}
 
 
 __all__ = [

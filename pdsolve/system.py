@@ -6,7 +6,6 @@ import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,7 @@ from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.moving import Moving, moving_of
 from pdsolve.adaptive.split.filling import filled
 from pdsolve.adaptive.split.leaves import SURE, Leaves, tree_over
-from pdsolve.bonds import Counted, Filling, listed
+from pdsolve.bonds import Counted, Filling
 from pdsolve.checks import refuse
 from pdsolve.compiled import settle
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
@@ -24,13 +23,15 @@ from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.operators.blocks import families
+from pdsolve.operated import operator_of
+from pdsolve.operated import stable as stable
 from pdsolve.operators.blocks.kernel import energy_densities
-from pdsolve.operators.blocks.layout import blocks_of
 from pdsolve.operators.blocks.operator import InBlocks
 from pdsolve.operators.listed import Listed
 from pdsolve.operators.operator import Operator
 from pdsolve.operators.rows import add_rows
+from pdsolve.options import Options as Options
+from pdsolve.options import threads_of as threads_of
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -40,7 +41,6 @@ from pdsolve.steppers.newton import FACTORED_IN, Newton
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks, advance_blocks
-from pdsolve.survey import Survey
 from pdsolve.threads import cores, crew
 
 if TYPE_CHECKING:
@@ -54,20 +54,8 @@ class Stepper(Protocol):
         """Take the steps `first` to `last` - 1, in place."""
 
 
-# Nodes in blocks that are worth a thread. On two cores all shipped scenes, of 2700 to 13 000 nodes, took 1.0 to 2 times
-# as long on two threads, which wait for each other at each step and leave no core to what writes their frames.
-WORTH = 10_000
 # Nodes of a plate with a fine zone that moves, were they all there
 WORTH_HYBRID = 25_000
-
-
-class Options(NamedTuple):
-    """How to solve, as opposed to what."""
-
-    mode: str = "conservative"
-    precision: str = "float64"
-    threads: int | None = None  # None: as many as there are and the nodes are worth
-    kernel: str | None = None  # "blocks" or "listed"; None: blocks where nodes are a lattice and the law can
 
 
 @dataclass(frozen=True)
@@ -125,11 +113,6 @@ class Prepared(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         self.system.stepper.march(self.state, first, last)
-
-
-def threads_of(options: Options, nodes: int, fast: bool) -> int:
-    """How many threads share the work on so many nodes; `fast`: of blocks, whose steps are over sooner."""
-    return options.threads or (crew(nodes, WORTH) if fast else crew(nodes))
 
 
 def scheme_of(model: Model, options: Options) -> Scheme:
@@ -244,7 +227,7 @@ def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, e
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The same, its bonds filled by this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
-    operator, survey = _operator(model, options, scheme, filling)
+    operator, survey = operator_of(model, options, scheme, filling)
     bound = stable(operator.stiffest(), model.rho)
     filled = Counted(filling.area, survey.family, survey.count)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
@@ -308,7 +291,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     followed_at_rest(model, breaks)
     lasting, static = Lasting(scheme.fill(model)), model.settings.run.static
     filling = lasting.filling()
-    operator, survey = _operator(model, options, scheme, filling)
+    operator, survey = operator_of(model, options, scheme, filling)
     area, nodes = filling.area, len(model.grid)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
@@ -328,32 +311,3 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     numbers = step, bound, 0.0
     found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
     return Prepared(found, state)
-
-
-def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
-    """The longest step that is surely stable, s, of an operator's `stiffest` (n,); infinite without bonds."""
-    largest = float((resistance / rho).max(initial=0.0))
-    return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")
-
-
-def _operator(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, Survey]:
-    """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
-    law, kind = law_of(model), np.dtype(options.precision).type
-    blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
-    if law in PAIRS and options.kernel != "listed" and blocked:
-        survey = Survey(filling, scheme.symmetric)
-        blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
-        if blocks is not None:
-            return InBlocks(blocks, survey.stiffest, scheme.symmetric, survey.softens), survey
-    survey, threads = Survey(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
-    bonds = listed(survey.parts(), filling.area).bonds
-    where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
-    if where is not None:
-        of = law, model, bonds, scheme.symmetric, options.precision, threads
-        return families.Families(*of, where), survey
-    if options.kernel == "blocks":
-        raise ModelError(
-            "kernel: found nodes without a lattice in the plane, a law that blocks do not know, or code that is not"
-            " compiled, expected others for blocks"
-        )
-    return Listed(law, model, bonds, scheme.symmetric, options.precision, threads), survey

@@ -14,11 +14,11 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Region, Run
 from pdsolve.checks import advise, closing, nearest, refuse
+from pdsolve.lookout import Lookout
 from pdsolve.model import Model, ModelError
 from pdsolve.simulation import simulate
 from pdsolve.state import Broken
 from pdsolve.system import Options, Prepared, prepare
-from pdsolve.lookout import Lookout
 
 
 def bonds(model: Model) -> np.ndarray:
