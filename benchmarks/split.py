@@ -230,7 +230,7 @@ def pictures(folder: Path) -> list[Path]:
 HEAD = f"""{TITLE}
 
 `--adapt split` is the thesis's adaptive refinement (pp. 97-103), for comparison; keys in the
-[README](../README.md#adaptivity). Every cell, a node with its square, may split into four at a quarter of its spacing
+[guide](guide/adaptivity.md). Every cell, a node with its square, may split into four at a quarter of its spacing
 from its middle, each with the horizon of its own spacing, in both modes. At each look a node is flagged whose energy
 density is above a share of the plate's largest (nodes with conditions aside) and above a floor, or whose bonds are
 stretched beyond a share of the critical stretch; all within its horizon splits, after the visibility principle of F.

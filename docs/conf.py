@@ -9,10 +9,12 @@ from pdmesh import VERSION
 from pdmesh.model.document import schema
 
 project, author, release = "pdsuite", "the authors of pdsuite", VERSION
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinxarg.ext"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinxarg.ext"]
 exclude_patterns = ["schema"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
+nb_execution_mode = "auto"
+nb_execution_timeout = 300
 html_theme, html_title = "furo", f"pdsuite {release}"
 html_copy_source = False
 autodoc_typehints, autodoc_member_order = "description", "bysource"

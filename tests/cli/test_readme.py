@@ -1,4 +1,4 @@
-"""What the README shows works as it stands."""
+"""What the README and the guide show works as it stands."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from pages import GUIDE, TOLD
 from plates import ROOT
 
 from pdsolve.__main__ import main
 from pdsolve.results import Results
-
-README = (ROOT / "README.md").read_text()
 
 
 def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene(
@@ -23,7 +22,7 @@ def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene
     monkeypatch.chdir(tmp_path)
     full = json.loads(duran_json.read_text())
     Path("bare.json").write_text(json.dumps({"notch": full["notch"], "nodes": full["nodes"]}))
-    (settings,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    (settings,) = re.findall(r"```toml\n(.*?)```", GUIDE["grid_file"], re.DOTALL)
     Path("settings.toml").write_text(settings)
     common = ["--mode", "thesis", "--set", "run.steps=450", "--every", "450", "-q"]
     assert main(["bare.json", "--settings", "settings.toml", *common]) == 0
@@ -35,9 +34,9 @@ def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene
 
 
 def test_every_scene_and_option_it_names_exists() -> None:
-    for scene in re.findall(r"geometries/\w+\.geo", README):
+    for scene in re.findall(r"geometries/\w+\.geo", TOLD):
         assert (ROOT / scene).is_file()
-    for word in re.findall(r"pdsolve [^\n`]*?(--[a-z-]+)", README):
+    for word in re.findall(r"pdsolve [^\n`]*?(--[a-z-]+)", TOLD):
         assert word in (
             "--mode",
             "--set",
@@ -61,11 +60,11 @@ def test_the_python_it_shows_runs(
     """Every block as it stands, in a folder with the database of the Duran plate."""
     monkeypatch.chdir(tmp_path)
     Path("duran50.sqlite").symlink_to(solved("conservative"))
-    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", TOLD, re.DOTALL)
     for program in ("pdmesh", "pdsolve", "pdpost"):
         assert any(f"from {program} import" in block for block in blocks)
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
+        exec(compile(block, "guide", "exec"), {})
     assert Path("damage.png").stat().st_size > 10_000
     broken, speed = capsys.readouterr().out.splitlines()
     assert int(broken.removesuffix(" bonds broken")) > 100  # measured 1414

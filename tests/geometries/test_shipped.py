@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plates import GEOMETRIES, ROOT
+from pages import GUIDE
+from plates import GEOMETRIES
 
 from pdmesh.drawing.sources import Built, build
 from pdmesh.model.document import Displacement, Load, Velocity
@@ -157,9 +158,8 @@ def test_loads_of_both_edges_balance(built: dict[str, Built]) -> None:
         assert np.add(first.traction, second.traction).tolist() == [0, 0]
 
 
-def test_the_scene_in_the_readme_builds(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    code = next(block for block in text.split("```python\n")[1:] if "scene = (" in block).split("```")[0]
+def test_the_scene_of_the_guide_builds(tmp_path: Path) -> None:
+    code = next(block for block in GUIDE["drawings"].split("```python\n")[1:] if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"
     path.write_text(code, encoding="utf-8")
     grid = build(path).grid

@@ -75,7 +75,7 @@ def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Calla
         fails=f"Thesis mode, m = {RATIO}, tension on 1, 4 and 8 rows: the middle of the plate gets {lost[1]:.2f}, "
         f"{lost[4]:.2f} and {lost[8]:.2f} of traction times width.",
         noticed="By the balance of energy that a run ends with, work that arrived nowhere; no warning, as the thesis "
-        "mode is there to reproduce this, and the README says so.",
+        "mode is there to reproduce this, and [Modes](guide/modes.md) says so.",
         says=thesis.out[2:],
         cure="The conservative mode corrects surfaces by a factor of the bond, the same for both ends, and gives the "
         f"rows traction times length: {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}; the balance of the same run is "

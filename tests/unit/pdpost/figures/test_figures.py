@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from pages import TOLD
 from plates import ROOT
 
 from pdpost.figures import bond_figure, field_figure, level_figure, sheets, style, tradeoff_figure
@@ -225,17 +226,16 @@ def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Pat
     assert "x, mm" in texts
 
 
-def test_the_readme_names_the_colours_that_are_drawn() -> None:
-    """Bonds in README's table, and the chart of speed against accuracy, in the words of Okabe and Ito's palette."""
-    readme = (ROOT / "README.md").read_text()
+def test_the_guide_names_the_colours_that_are_drawn() -> None:
+    """Bonds in the guide's table, and the chart of speed against accuracy, in the words of Okabe and Ito's palette."""
     assert (bond_figure.INTACT, bond_figure.BROKEN) == (style.SKY_BLUE, style.VERMILION)
-    assert "intact bonds sky blue, broken ones vermilion" in readme
-    assert "the defaults in the vermilion ring, what none beats in blue" in readme
+    assert "intact bonds sky blue, broken ones vermilion" in TOLD
+    assert "the defaults in the vermilion ring, what none beats in blue" in TOLD
     chart = (ROOT / "benchmarks" / "accuracy.py").read_text()
     assert style.VERMILION in chart
     best = tradeoff_figure.BLUE
     assert best == style.BLUE
-    assert "light grey, and dark grey" in readme
+    assert "light grey, and dark grey" in TOLD
     assert (style.TORN, style.UNKNOWN) == ("#c8c8c8", "#707070")
 
 
