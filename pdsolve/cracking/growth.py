@@ -80,7 +80,7 @@ class Growth:
         if rules.criterion == "stress":
             sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
             young = tip.forked and tip.length < FORK * horizon
-            found = by_stress(sampled, tip.place, tip.way(horizon), horizon, rules, not young)
+            found = by_stress(sampled, tip.place, self._way(tip), horizon, rules, not young)
             return found._replace(angles=(0.0,)) if young and found.angles else found
         refused = self._too_small(tip, tips)
         if refused:
@@ -91,12 +91,12 @@ class Growth:
         plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
         toughness = rules.toughness or float(np.sqrt(plate.effective * G0))
         sampled = self._near.sampled(state, self._near.rows(tip.place, ring.outer))
-        return by_intensity(sampled, tip.place, tip.way(ring.inner), ring, plate, toughness)
+        return by_intensity(sampled, tip.place, self._way(tip), ring, plate, toughness)
 
     def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
         """Set particles ahead of a tip."""
         rules, grid = self.rules, self._model.grid
-        way = tip.way(self._looked_back(tip))
+        way = self._way(tip)
         length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
@@ -161,9 +161,9 @@ class Growth:
         """That of the node nearest to a tip, m."""
         return float(self._model.horizons[self._near.nearest(tip.place)])
 
-    def _looked_back(self, tip: Tip) -> float:
-        """How far behind it a tip's way begins, m: where what it was judged by does."""
-        return (BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip)
+    def _way(self, tip: Tip) -> NDArray[np.float64]:
+        """The unit vector (2,) a tip points along, from where the ring around it begins, or from a horizon behind."""
+        return tip.way((BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip))
 
     def _room(self, tip: Tip, tips: list[Tip]) -> tuple[float, str]:
         other = [np.tile(one.place, 2) for one in tips if one is not tip]

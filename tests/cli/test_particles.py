@@ -9,6 +9,7 @@ import pytest
 from strips import pulled
 from whole import contents, kill_when
 
+from pdmesh.drawing import parameters
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
@@ -93,6 +94,17 @@ def test_bad_input_is_one_line(strip: Path, capsys: pytest.CaptureFixture[str], 
     assert error.count("\n") == 1
     assert said in error
     assert not Path("bad.sqlite").exists()
+
+
+def test_drawings_say_it_too() -> None:
+    own = {"E": 65e9, "rho": 2235.0, "G0": 204.0, "Sight": "diffraction", "Gamma": 2.0}
+    values: dict[str, float | str] = {f"Peridynamics/Material/{name}": value for name, value in own.items()}
+    values["Peridynamics/Run/Cracks"] = "particles"
+    parameters.refuse_unknown(values, own=False)
+    said = parameters.Parameters(values, parameters.UNITS["m"])
+    material = parameters.material(said, "Material", None)
+    assert material is not None
+    assert (material.detour, parameters.run(said).cracks) == (2.0, "particles")
 
 
 def test_a_run_of_bonds_has_no_particles(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
