@@ -82,6 +82,24 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
     assert of.areas(cells).sum() == pytest.approx(441e-6, rel=1e-14)
 
 
+def test_energy_is_measured_by_the_largest_between_floor_and_ceiling() -> None:
+    """Nodes with conditions do not count; what is crushed counts as the ceiling, of finer cells a higher one."""
+    of = tree(conditions=(Load(box=(-1.0, 19.9e-3, 1.0, 1.0), body_force=(0.0, 1.0)),))
+    cells, critical = of.roots(), marks.criticals(of)
+    material, horizon = of.model.materials[0], 3e-3
+    squared = 5 * np.pi * material.G0 / (9 * material.E * horizon)  # of the conical critical stretch
+    assert critical == pytest.approx(np.full(441, 1.125 * material.E / 2 * squared), rel=1e-12)
+    energy = np.zeros(441)
+    energy[[0, 1, 2, 440]] = critical[0] * np.array([0.5, 0.2, 0.05, 9.0])
+    found = marks.heights(of, cells, energy, critical)
+    assert found[[0, 1, 2, 440]] == pytest.approx([1.0, 0.4, 0.0, 0.0])
+    energy[3] = 50 * critical[0]
+    assert marks.heights(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
+    finer = cells._replace(level=np.ones(441, dtype=np.int64))
+    assert marks.heights(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
+    assert not marks.heights(of, cells, np.zeros(441), critical).any()
+
+
 def test_ids_say_which_cells_they_are() -> None:
     """Of all levels, with nodes whose ids are in no order."""
     of = tree(5, 4, levels=3)
