@@ -247,12 +247,11 @@ branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apa
 
 ![Start, branching and cost against the threshold, in both modes, for each interval between two looks](split.png)
 
-In the conservative mode every share follows the uniform plate of 1 mm, in the median by no more than its own runs
-differ from those of 2 mm; looks 40 steps apart cost more and scatter more, and above 0.6 a run of them branches far
-too late. In the thesis mode the thesis's 0.6 loses the branch: too narrow a strip is refined. 0.3 has it, in nearly
-all runs; 0.15 puts it too far ahead. The crack starts late there whatever the share, as bonds between cells of two
-sizes, each pushing without being pushed, make and lose energy (see the balance). A floor of 0.25 instead of 0.1 loses
-the branch with 0.3 too in that mode, as cells then split only when the tip is loaded.
+In the conservative mode every share follows the uniform plate of 1 mm, nearer than that of 2 mm does; looks 40 steps
+apart cost more and scatter more. In the thesis mode the thesis's 0.6 loses the branch: too narrow a strip is refined.
+0.3 has it, in nearly all runs; 0.15 puts it too far ahead. The crack starts late there whatever the share, and the
+balance says how much energy bonds between cells of two sizes make or lose, which push without being pushed. A floor
+of 0.25 instead of 0.1 loses the branch with 0.3 too in that mode, as cells then split only when the tip is loaded.
 
 **When to take it**: to compare with the thesis, or where waves are to be followed by finer nodes, which the hybrid
 does not do. For a crack the hybrid is cheaper: its bonds are summed in blocks, those of cells that split one by one,
