@@ -103,9 +103,21 @@ MUTANTS = (
         "tests/unit/pdpost/measures/test_tradeoff.py::test_large_cells_weigh_more",
     ),
     Mutant(
+        "pdsolve/adaptive/split/motion.py",
+        "split, merged = (heirs.away, heirs.apart, heirs.apart)",
+        "split, merged = (heirs.away, heirs.away, heirs.away)",
+        "tests/unit/pdsolve/test_split.py::test_cells_that_an_edge_cuts_keep_their_area",
+    ),
+    Mutant(
+        "pdsolve/adaptive/split/cracks.py",
+        "(ways > 0).sum(axis=1) == 1",
+        "(ways > 0).sum(axis=1) == 3",
+        "tests/unit/pdsolve/test_split.py::test_no_bond_heals",
+    ),
+    Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "return Candidates(pairs, ~sight.cut(pairs),",
-        "return Candidates(pairs, sight.cut(pairs) | True,",
+        "return Paired(pairs, ~self._sight.cut(pairs),",
+        "return Paired(pairs, self._sight.cut(pairs) | True,",
         f"{UNIT}/test_average_horizon.py",
     ),
     Mutant(

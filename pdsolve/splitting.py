@@ -31,7 +31,7 @@ class Splitting:
         self.tree = leaves(system).tree
         self.settings = self.tree.model.settings.run.split
         self.every = self.settings.every
-        self._floor = marks.floors(self.tree)
+        self._critical = marks.criticals(self.tree)
 
     def epoch(self, system: System, state: State, step: int) -> Change | None:
         """As in `Adapt`."""
@@ -50,7 +50,7 @@ class Splitting:
         """What there is to know of nodes that hold `energy` (n,), J/m^3."""
         own, model = leaves(system), system.model
         if self.settings.by == "energy":
-            height = marks.heights(self.tree, own.cells, energy, self._floor)
+            height = marks.heights(self.tree, own.cells, energy, self._critical)
         else:
             height = marks.stretches(self.tree, own.cells, own.list, before.broken, state.value)
         return marks.Look(own.cells, model.grid.position, model.horizons, height, before.hurt)

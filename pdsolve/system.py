@@ -172,6 +172,7 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model whose cells split, none of which has. Raises ModelError for what cannot be solved so."""
+    settle(add_rows)
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)

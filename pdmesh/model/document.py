@@ -202,6 +202,7 @@ class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     by: Literal["energy", "stretch"] = "energy"  # of nodes, over the plate's largest; of bonds, over the critical one
     threshold: Share = 0.3  # of that: what is above is split, with all within its horizon
     floor: Annotated[float, msgspec.Meta(ge=0)] = 0.1  # of the energy density at the critical stretch: none below it
+    ceiling: Positive = 1.0  # of the same: what is more counts as that much, so that what is crushed hides no tip
     merge: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1  # as the threshold: what stays below merges; 0: nothing
     hold: PositiveInt = 10  # looks that it must stay below
     every: PositiveInt = 10  # steps between two looks

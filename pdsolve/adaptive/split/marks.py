@@ -32,25 +32,31 @@ class Look(NamedTuple):
     hurt: NDArray[np.bool_]  # (n,) whether a bond has broken
 
 
-def floors(tree: Tree) -> NDArray[np.float64]:
-    """The energy density (roots,), J/m^3, below which no cell is flagged, as a node of that root's horizon has it: a
-    share of what uniform extension to the critical stretch takes."""
+def criticals(tree: Tree) -> NDArray[np.float64]:
+    """The energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
+
+    That of a finer cell is higher, as the square of its critical stretch is.
+    """
     model, found = tree.model, np.zeros(tree.count)
     for number, material in enumerate(model.materials):
         own = model.material_of == number
         stretch = critical_stretch(material, model.horizons[own])
         found[own] = C11[material.plane] * material.E / 2 * stretch**2
-    return model.settings.run.split.floor * found
+    return found
 
 
-def heights(tree: Tree, cells: Cells, energy: NDArray[np.float64], floor: NDArray[np.float64]) -> NDArray[np.float64]:
+def heights(
+    tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Energy densities `energy` (n,), J/m^3, over the largest of nodes that carry no condition; 0 below the floor.
 
-    A finer cell's bonds break at a larger stretch, as the square root of the horizon has it, and its floor is higher.
+    The largest counts as no more than the ceiling: else one node that is crushed would hide the tip of a crack.
     """
-    free, own = ~tree.pinned[cells.root], floor[cells.root] * 2.0**cells.level
-    largest = float(energy[free].max(initial=0.0))
-    return np.where(free & (energy > own), energy / (largest or 1.0), 0.0)
+    wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root]
+    own = critical[cells.root] * 2.0**cells.level
+    largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * own)
+    counts = free & (energy > wanted.floor * own) & (energy > 0)
+    return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
 
 
 def stretches(

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from plates import GEOMETRIES, GLASS, plate, square_grid
+from plates import GLASS, plate, square_grid
 
-from pdmesh.__main__ import main as build_command
-from pdmesh.drawing.parameters import Parameters, run
-from pdmesh.drawing.units import UNITS
-from pdmesh.model.cloud import Grid, document_of
-from pdmesh.model.document import Absorb, Acceleration, Load, Region, Run, Split, read_file, write_file
-from pdsolve.__main__ import main as solve_command
+from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptive.split import marks
 from pdsolve.adaptive.split.cells import Cells, Tree
 from pdsolve.adaptive.split.cracks import Before, healed, inherited
 from pdsolve.adaptive.split.filling import filled, refilled
 from pdsolve.adaptive.split.heirs import Heirs, heirs_of
-from pdsolve.adaptive.split.leaves import named, tree_over
+from pdsolve.adaptive.split.leaves import named
 from pdsolve.adaptive.split.motion import kinetic, moved
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 
@@ -80,6 +74,24 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
     assert np.abs(cells.level[:, None] - cells.level)[touch].max() == 1
     assert cells.level[of.pinned[cells.root]].max() == 0
     assert of.areas(cells).sum() == pytest.approx(441e-6, rel=1e-14)
+
+
+def test_energy_is_measured_by_the_largest_between_floor_and_ceiling() -> None:
+    """Nodes with conditions do not count; what is crushed counts as the ceiling, of finer cells a higher one."""
+    of = tree(conditions=(Load(box=(-1.0, 19.9e-3, 1.0, 1.0), body_force=(0.0, 1.0)),))
+    cells, critical = of.roots(), marks.criticals(of)
+    material, horizon = of.model.materials[0], 3e-3
+    squared = 5 * np.pi * material.G0 / (9 * material.E * horizon)  # of the conical critical stretch
+    assert critical == pytest.approx(np.full(441, 1.125 * material.E / 2 * squared), rel=1e-12)
+    energy = np.zeros(441)
+    energy[[0, 1, 2, 440]] = critical[0] * np.array([0.5, 0.2, 0.05, 9.0])
+    found = marks.heights(of, cells, energy, critical)
+    assert found[[0, 1, 2, 440]] == pytest.approx([1.0, 0.4, 0.0, 0.0])
+    energy[3] = 50 * critical[0]
+    assert marks.heights(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
+    finer = cells._replace(level=np.ones(441, dtype=np.int64))
+    assert marks.heights(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
+    assert not marks.heights(of, cells, np.zeros(441), critical).any()
 
 
 def test_ids_say_which_cells_they_are() -> None:
@@ -246,89 +258,3 @@ def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
     upper = of.place(cells)[:, 1] > 9.5e-3
     source = np.repeat(np.arange(len(upper)), np.diff(bonds.start))
     return np.where(upper[source] != upper[bonds.neighbour], 7, 0).astype(np.int32)
-
-
-def off_lattice() -> Grid:
-    """Nodes of two spacings."""
-    grid = square_grid(9, 9)
-    return dataclasses.replace(grid, delta=np.where(grid.position[:, 0] > 4e-3, 2e-3, 1e-3))
-
-
-SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
-BOX = (0.0, 0.0, 1e-3, 1e-3)
-NOTCH = 1e-3 * np.array([[0.0, 4.25, 4.0, 4.25]])
-
-
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        (plate(square_grid(9, 9), material=SOFT), r"material\.law: found bilinear, expected brittle"),
-        (plate(square_grid(9, 9), regions=(Region(box=BOX, material=SOFT),)), r"regions\[0\]\.material\.law"),
-        (plate(square_grid(9, 9), conditions=(Absorb(box=BOX),)), r"conditions\[0\]: found absorb"),
-        (plate(square_grid(9, 9), conditions=(Acceleration(box=BOX, x=1.0),)), r"conditions\[0\]: found acceleration"),
-        (plate(square_grid(9, 9), run=Run(solver="static")), r"run\.solver: found static, expected explicit"),
-        (plate(square_grid(9, 9), run=Run(start="static")), r"run\.start: found static, expected unloaded"),
-        (plate(square_grid(9, 9), area_rule="eq19"), r"area_rule: found eq19, expected cells"),
-        (plate(off_lattice()), "found several spacings, expected one"),
-        (
-            plate(square_grid(9, 9), run=Run(split=Split(merge=0.5))),
-            r"split\.merge: found 0\.5, expected less than the",
-        ),
-        (
-            plate(dataclasses.replace(square_grid(9, 9), cracks=NOTCH)),
-            r"notch\[0\]: found it through \(.*, 0\.00425\) m",
-        ),
-    ],
-)
-def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
-    """In one sentence that names the place."""
-    with pytest.raises(ModelError, match=words) as error:
-        tree_over(model, "conservative", "float64", None)
-    assert str(error.value).endswith("as run.adapt is split")
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (
-            ("--adapt", "split", "--set", "run.split.threshold=1.5"),
-            "Expected `float` <= 1.0 - at `$.run.split.threshold`",
-        ),
-        (("--adapt", "split", "--set", "run.split.threshold=0"), "Expected `float` > 0.0 - at `$.run.split.threshold`"),
-        (("--adapt", "split", "--set", "run.split.levels=9"), "Expected `int` <= 6 - at `$.run.split.levels`"),
-        (("--adapt", "split", "--set", "run.split.treshold=0.5"), "Object contains unknown field `treshold`"),
-        (("--adapt", "split", "--precision", "float32"), "precision: found float32, expected float64, as run.adapt is"),
-        (("--set", "run.split.levels=2"), "run.split.levels: found it given for run.adapt none, expected split"),
-    ],
-)
-def test_bad_settings_get_one_line(
-    words: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """And exit code 2, before anything is written."""
-    model, path = plate(square_grid(9, 9)), tmp_path / "plate.json"
-    write_file(document_of(model.grid, model.settings), path)
-    assert solve_command([str(path), *words, "-o", str(tmp_path / "plate.sqlite")]) == 2
-    err = capsys.readouterr().err
-    assert said in err
-    assert err.count("\n") == 1
-    assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
-
-
-def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The coarsest spacing everywhere; its zones say how often cells split; plans and dry runs say it is the start."""
-    path = tmp_path / "plate.json"
-    assert run(Parameters({"Peridynamics/Run/Adapt": "split"}, UNITS["m"])).adapt == "split"
-    assert build_command(["build", str(GEOMETRIES / "duran50.geo"), "--adapt", "split", "-o", str(path), "-q"]) == 0
-    document = read_file(path)
-    assert (document.run.adapt, document.run.split.levels, len(document.nodes)) == ("split", 1, 1020)
-    capsys.readouterr()
-    assert solve_command([str(path), "--dry-run"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("1020 nodes, 38084 bonds, 1700 steps of 2.5e-08 s")
-    assert "cells that split add to it, up to 4080 nodes if all of them do" in said
-    assert build_command(["plan", str(GEOMETRIES / "duran50.geo"), "--set", "Run/Adapt=split"]) == 0
-    planned = capsys.readouterr().out
-    assert "nodes                           1020          4040" in planned
-    assert planned.endswith("are those of the start; cells may split into 4080 nodes at most\n")
-    assert build_command(["info", str(path)]) == 0
-    assert "are those of the start; cells may split into 4080 nodes at most\n" in capsys.readouterr().out
