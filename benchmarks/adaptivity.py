@@ -31,6 +31,7 @@ ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
 PAGE = ROOT / "docs" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
+KINDS_BEGIN = "## Fine zones of all kinds on the same scenes"  # where what benchmarks/kinds.py writes begins
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
 
@@ -267,7 +268,8 @@ def main(arguments: list[str]) -> int:
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore", ModelWarning)
     sections = [compared(case, args.repeat) for case in CASES if args.finer or not case.finer]
-    PAGE.write_text("\n".join([HEAD, *sections, scenes()]), encoding="utf-8")
+    _, begin, kinds = PAGE.read_text(encoding="utf-8").partition(KINDS_BEGIN)
+    PAGE.write_text("\n".join([HEAD, *sections, scenes()]) + "\n" * bool(begin) + begin + kinds, encoding="utf-8")
     print(PAGE)
     return 0
 
