@@ -54,7 +54,7 @@ def collocation_of(
     how = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
     manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
-    zone = begun(ground, plate, eligible(ground, plate, round(how.margin * ratio)), manner.band)
+    zone = begun(ground, plate, eligible(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band)
     engine = Engine(plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner)
     engine.start(initial_velocity(model))
     return Collocated(engine), bound
