@@ -15,7 +15,7 @@ from pdmesh.model.cloud import Grid
 from pdmesh.model.document import GridError
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
-from pdmesh.model.triangles import facing, met
+from pdmesh.model.triangles import Screen, facing
 
 if TYPE_CHECKING:
     import shapely
@@ -46,16 +46,16 @@ class SightInSpace:
     """What stands between the nodes of a body: its surface where it is not convex, and the triangles of its cracks."""
 
     def __init__(self, grid: Grid) -> None:
-        self._position, self._surface = grid.position, facing(grid.faces)
-        self._cracks = grid.cracks.reshape(-1, 3, 3)
+        every = facing(grid.faces), grid.cracks.reshape(-1, 3, 3)
+        self._surface, self._cracks = (Screen(some, grid.position, grid.delta) for some in every)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) see each other without touching the surface."""
-        return ~met(self._position, pairs, self._surface)
+        return ~self._surface.met(pairs)
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) a pre-crack separates; touching its edge counts."""
-        return met(self._position, pairs, self._cracks)
+        return self._cracks.met(pairs)
 
 
 class Sight:
