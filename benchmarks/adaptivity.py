@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import pages, split
+from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.drawing.sources import build
 from pdsolve.adapt import zone_moved
@@ -202,9 +203,7 @@ def scenes() -> str:
         " loop, s | balance, % of the work | clipped bonds |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for path in sorted(GEOMETRIES.iterdir()):
-        if path.suffix not in (".geo", ".py"):
-            continue
+    for path in PLATES:
         plate = model(path.name)
         run = plate.settings.run
         if any(material.model != "bond" for material in plate.materials) or "static" in (run.solver, run.start):

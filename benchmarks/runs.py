@@ -14,6 +14,8 @@ from pdsolve.model import Model, read_model
 from pdsolve.simulation import Options, simulate
 
 GEOMETRIES = Path(__file__).parent.parent / "geometries"
+BODIES = ("penny.geo", "screw.geo")  # in space
+PLATES = sorted(path for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py") and path.name not in BODIES)
 
 
 def built(case: Case, folder: Path) -> Model:

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, get_args
 
 Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
 Along = Literal["uz", "vz", "az"]  # of every model in space
-Own = Literal["sxx", "syy", "sxy", "szz", "plastic", "rotation", "J", "sxz", "syz", "c", "h", "solid"]  # of some
+Own = Literal["sxx", "syy", "sxy", "szz", "sxz", "syz", "plastic", "rotation", "J", "c", "h", "solid"]  # of some
 Column = Usual | Along | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
 ALONG: tuple[Column, ...] = get_args(Along)

@@ -6,10 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.trees import tree_of
 
 EDGE = 1e-12  # of a triangle: how far beside its edge a segment still meets it
 OUTER = 1e-9  # of the size of a body: a corner this little in front of a triangle's plane is on it
 AT_ONCE = 2**22  # products of corners and triangles
+SMALL = 2.0  # spacings from its middle: what a triangle that is found by a tree reaches at most
+FEW = 64  # triangles that are looked at one by one, small or not
+SEGMENTS = 2**16  # looked at together
 
 
 def volume(triangles: NDArray[np.float64]) -> float:
@@ -45,34 +49,77 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(triangles[kept & (length > 0)])
 
 
-def met(position: NDArray[np.float64], pairs: Pairs, triangles: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which pairs (b,) of nodes at `position` (n, 3), m, have a segment that meets one of the triangles (t, 3, 3), m.
+class Screen:
+    """Triangles (t, 3, 3) between nodes at `position` (n, 3) with spacings `delta` (n,), m.
 
-    Edges and corners belong to a triangle. (i, j) and (j, i) give the same answer.
+    Large ones are looked at one by one; of small ones a segment is asked about those near its middle, and only one that
+    is longer than its ends are away from all of them, taken together.
     """
-    found = np.zeros(len(pairs.source), dtype=bool)
-    if not len(found) or not len(triangles):
+
+    def __init__(
+        self, triangles: NDArray[np.float64], position: NDArray[np.float64], delta: NDArray[np.float64]
+    ) -> None:
+        self._position = position
+        normal = _normals(triangles)
+        whole = (normal != 0).any(axis=1)
+        triangles, normal = triangles[whole], normal[whole]
+        middle = triangles.mean(axis=1)
+        radius = np.sqrt(((triangles - middle[:, None]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+        small = radius <= SMALL * float(delta.max(initial=0.0))
+        small &= small.sum() > FEW
+        self._large, self._large_normal = triangles[~small], normal[~small]
+        self._small, self._small_normal = triangles[small], normal[small]
+        if small.any():
+            self._reach = float(radius[small].max())
+            self._tree = tree_of(middle[small])
+            self._away = np.maximum(self._tree.query(position)[0] - self._reach, 0.0)  # at least
+
+    def met(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) of nodes have a segment that meets one of the triangles.
+
+        Edges and corners belong to a triangle. (i, j) and (j, i) give the same answer.
+        """
+        found = np.zeros(len(pairs.source), dtype=bool)
+        if len(found):
+            self._look_at_large(pairs, found)
+            if len(self._small):
+                self._look_at_small(pairs, found)
         return found
-    far = float(pairs.length.max()) * (1 + ROUND_OFF)
-    start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(found))
-    place = position[pairs.source[start[:-1]]]
-    low, high, normal = triangles.min(axis=1) - far, triangles.max(axis=1) + far, _normals(triangles)
-    near = ((low <= place.max(axis=0)) & (high >= place.min(axis=0))).all(axis=1)
-    for t in np.flatnonzero(near).tolist():
-        length = float(np.sqrt((normal[t] ** 2).sum()))
-        if length == 0:
-            continue
-        beside = ((place >= low[t]) & (place <= high[t])).all(axis=1)
-        beside &= np.abs((place - triangles[t, 0]) @ normal[t]) <= far * length
-        own = np.flatnonzero(beside)
-        if not len(own):
-            continue
-        count = start[own + 1] - start[own]
-        which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
-        which = which[~found[which]]
-        ends = np.sort(np.column_stack([pairs.source[which], pairs.target[which]]), axis=1)
-        found[which] = _meets(position[ends[:, 0]], position[ends[:, 1]], triangles[t], normal[t])
-    return found
+
+    def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where segments (k, 3) begin and end: at the first row of both, so that both ways are one."""
+        i, j = pairs.source[which], pairs.target[which]
+        return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
+
+    def _look_at_large(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+        far = float(pairs.length.max()) * (1 + ROUND_OFF)
+        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(found))
+        place = self._position[pairs.source[start[:-1]]]
+        for triangle, normal in zip(self._large, self._large_normal, strict=True):
+            beside = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
+            beside &= np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))
+            own = np.flatnonzero(beside)
+            if not len(own):
+                continue
+            count = start[own + 1] - start[own]
+            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
+            which = which[~found[which]]
+            found[which] = _meets(*self._ends(pairs, which), triangle[None], normal[None])
+
+    def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+        longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
+        asked = np.flatnonzero(longer & ~found)
+        for which in np.array_split(asked, len(asked) // SEGMENTS + 1):
+            if not len(which):
+                continue
+            p, q = self._ends(pairs, which)
+            near = float(pairs.length[which].max()) / 2 + self._reach
+            both = tree_of((p + q) / 2).sparse_distance_matrix(
+                self._tree, near * (1 + ROUND_OFF), output_type="ndarray"
+            )
+            own, number = both["i"], both["j"]
+            meets = _meets(p[own], q[own], self._small[number], self._small_normal[number])
+            found[which[own[meets]]] = True
 
 
 def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -81,29 +128,34 @@ def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _meets(
-    p: NDArray[np.float64], q: NDArray[np.float64], triangle: NDArray[np.float64], normal: NDArray[np.float64]
+    p: NDArray[np.float64], q: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which segments from p to q (k, 3) meet a triangle (3, 3)."""
-    squared = float((normal**2).sum())
-    above, below = (((end - triangle[0]) @ normal) / squared**0.75 for end in (p, q))  # in sizes of the triangle
+    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3)."""
+    size = (normal**2).sum(axis=1) ** 0.75
+    above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
     above, below = (np.where(np.abs(side) <= EDGE, 0.0, side) for side in (above, below))
-    crossing = above * below <= 0
+    found = np.zeros(len(p), dtype=bool)
+    which = np.flatnonzero(above * below <= 0)
+    if not len(which):
+        return found
+    if len(triangles) > 1:
+        triangles, normal = triangles[which], normal[which]
+    p, q, above, below = p[which], q[which], above[which], below[which]
     flat = (above == 0) & (below == 0)
-    share = np.divide(above, above - below, out=np.full(len(p), 0.5), where=crossing & ~flat)
-    found = crossing & _within(p + share[:, None] * (q - p), triangle, normal, squared)
+    share = np.divide(above, above - below, out=np.full(len(p), 0.5), where=~flat)
+    crossing = _within(p + share[:, None] * (q - p), triangles, normal)
     for end in (p, q) if flat.any() else ():
-        found |= flat & _within(end, triangle, normal, squared)
-    return np.asarray(found)
+        crossing |= flat & _within(end, triangles, normal)
+    found[which] = crossing
+    return found
 
 
-def _within(
-    x: NDArray[np.float64], triangle: NDArray[np.float64], normal: NDArray[np.float64], squared: float
-) -> NDArray[np.bool_]:
-    """Which points x (k, 3) of a triangle's plane are in it."""
-    inside = np.ones(len(x), dtype=bool)
+def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points x (k, 3) of the planes of triangles, as in `_meets`, are in them."""
+    inside, least = np.ones(len(x), dtype=bool), -EDGE * (normal**2).sum(axis=1)
     for corner in range(3):
-        a, b = triangle[corner], triangle[(corner + 1) % 3]
-        inside &= np.cross(b - a, x - a) @ normal >= -EDGE * squared
+        a, b = triangles[:, corner], triangles[:, (corner + 1) % 3]
+        inside &= (np.cross(b - a, x - a) * normal).sum(axis=1) >= least
     return inside
 
 
@@ -127,7 +179,7 @@ def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.f
     if squared > 0:
         above = (x - triangle[0]) @ normal
         foot = x - (above / squared)[:, None] * normal
-        found = np.where(_within(foot, triangle, normal, squared), np.abs(above) / np.sqrt(squared), np.inf)
+        found = np.where(_within(foot, triangle[None], normal[None]), np.abs(above) / np.sqrt(squared), np.inf)
     for corner in range(3):
         a, way = triangle[corner], triangle[(corner + 1) % 3] - triangle[corner]
         share = np.clip((x - a) @ way / max(float(way @ way), 1e-300), 0.0, 1.0)

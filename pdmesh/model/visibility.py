@@ -20,7 +20,7 @@ from pdmesh.model.document import GridError
 from pdmesh.model.faces import apart, front
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
-from pdmesh.model.triangles import distances, facing, met
+from pdmesh.model.triangles import Screen, distances, facing
 
 if TYPE_CHECKING:
     import shapely
@@ -59,21 +59,23 @@ class SightInSpace:
 
     def __init__(self, grid: Grid) -> None:
         self._position, self._delta, self._faces = grid.position, grid.delta, grid.faces
-        self._surface = facing(grid.faces)
-        self._cracks = grid.cracks.reshape(-1, 3, 3)
+        self._triangles = grid.cracks.reshape(-1, 3, 3)
+        every = facing(grid.faces), self._triangles
+        self._surface, self._cracks = (Screen(some, grid.position, grid.delta) for some in every)
+        self._convex = not len(every[0])
 
     @property
     def clear(self) -> bool:
         """Whether it is known that nothing does: the body is convex, without a crack."""
-        return not len(self._surface) and not len(self._cracks)
+        return self._convex and not len(self._triangles)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) see each other without touching the surface."""
-        return ~met(self._position, pairs, self._surface)
+        return ~self._surface.met(pairs)
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Which pairs (b,) a pre-crack separates; touching its edge counts."""
-        return met(self._position, pairs, self._cracks)
+        return self._cracks.met(pairs)
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
         """As `Sight.apart`, round the edges of cracks that are inside the body."""
@@ -81,13 +83,13 @@ class SightInSpace:
         found = np.where(cut, 2 * farthest, pairs.length)
         if gamma is not None and cut.any():
             a, b = (self._position[nodes[cut]] for nodes in (pairs.source, pairs.target))
-            found[cut] = apart(a, b, self._cracks, self._front, gamma, farthest)
+            found[cut] = apart(a, b, self._triangles, self._front, gamma, farthest)
         return found
 
     @cached_property
     def _front(self) -> NDArray[np.float64]:
         """The edges (e, 2, 3) of cracks that are inside the body."""
-        edges = front(self._cracks)
+        edges = front(self._triangles)
         smallest = float(self._delta.min())
         return edges[distances(edges.mean(axis=1), self._faces, smallest) > SLACK * smallest]
 

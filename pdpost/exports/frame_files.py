@@ -46,8 +46,6 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
             data[name] = results.field(column, step)
     data["damage"] = fields.values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
-        if also:
-            raise ExportError(f"--also: found {also[0]}, expected none of a body in space; stress is written if stored")
         whole = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
         if set(whole) <= set(stored):
             data["stress"] = np.column_stack([results.field(part, step) for part in whole])
@@ -57,6 +55,12 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         xx, yy, xy, zz = (part[which] for which in ("xx", "yy", "xy", "zz"))
         data[name] = np.column_stack([xx, xy, zero, xy, yy, zero, zero, zero, zz])
     return data
+
+
+def check_also(results: Results, also: Sequence[str]) -> None:
+    """Raises ExportError for what cannot be fitted."""
+    if also and results.dimension == 3:
+        raise ExportError(f"--also: found {also[0]}, expected none of a body in space; stress is written if stored")
 
 
 def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:

@@ -93,6 +93,19 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
     assert found == (pytest.approx(strain, abs=1e-3), pytest.approx(ratio, abs=1e-3))
 
 
+@pytest.mark.parametrize("model", ["bond", "correspondence"])
+def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
+    from pdsolve.estimate import plan
+    from pdsolve.system import prepare
+
+    found = bar(Run(steps=20))
+    material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")
+    found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
+    said, system = plan(found, ONE), prepare(found, ONE).system
+    assert (said.bonds, said.time_step, said.stable_time_step) == (system.bonds, system.time_step, system.bound)
+    assert not said.in_blocks
+
+
 @pytest.mark.slow
 def test_both_ways_to_rest_meet() -> None:
     assert pulled("bond", 0.25, "newton") == pytest.approx(

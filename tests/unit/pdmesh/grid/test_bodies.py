@@ -133,3 +133,57 @@ def test_what_makes_no_body_is_refused() -> None:
         meshed(Body(Box((0, 0, 0), (1, 1, 1)) & Box((2, 2, 2), (3, 3, 3)), 0.1))
     with pytest.raises(SceneError, match="expected one of left, right"):
         Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")
+
+
+def test_zones_part_cubes_and_volumes_stay() -> None:
+    """Two steps finer in the middle: spacings change by one step, and no node sees two."""
+    body = Body(Box((0, 0, 0), (3.2, 2, 2)), 0.2, GLASS).zone(Box((1.5, 0.9, 0.9), (1.7, 1.1, 1.1)), 0.05)
+    grid = build(meshed(body)).grid
+    assert np.unique(grid.delta) == pytest.approx([0.05, 0.1, 0.2])
+    assert grid.cells.sum() == pytest.approx(12.8, rel=1e-9)
+    assert grid.cells == pytest.approx(grid.delta**3, rel=1e-9)
+    finest, coarsest = (np.isclose(grid.delta, size) for size in (0.05, 0.2))
+    apart = np.sqrt(((grid.position[finest][:, None] - grid.position[coarsest]) ** 2).sum(axis=2))
+    assert apart.min() > 3 * 0.1  # as far as a node of the step between sees
+    inner = np.abs(grid.position - [1.6, 1, 1]).max(axis=1) < 0.1
+    assert finest[inner].all()
+
+
+def test_a_segment_is_cut_by_small_triangles_as_by_large_ones() -> None:
+    """A square in 2 and in 800 triangles; both against what arithmetic says, edges included."""
+    from pdmesh.model.neighbours import Pairs, lengths
+    from pdmesh.model.triangles import Screen
+
+    random = np.random.default_rng(3)
+    position = np.vstack(
+        [random.uniform(-1, 1, (400, 3)), [[0.25, 0.25, 0.5], [0.25, 0.25, -0.5], [0.5, 0, 1], [0.5, 0, -1]]]
+    )
+    i, j = (side.ravel() for side in np.indices((len(position),) * 2))
+    kept = i != j
+    i, j = i[kept], j[kept]
+    pairs = Pairs(i, j, lengths(position[j] - position[i]))
+    along = np.linspace(-0.5, 0.5, 21)
+    x, y = (side.ravel() for side in np.meshgrid(along[:-1], along[:-1]))
+
+    def square(x: object, y: object, side: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        corners = [
+            np.stack(np.broadcast_arrays(x + a * side, y + b * side, 0.0), axis=-1)
+            for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))
+        ]  # type: ignore[operator]
+        return np.concatenate(
+            [
+                np.stack([corners[0], corners[1], corners[2]], axis=1),
+                np.stack([corners[0], corners[2], corners[3]], axis=1),
+            ]
+        )
+
+    delta = np.full(len(position), 0.1)
+    few = Screen(square(np.array([-0.5]), np.array([-0.5]), 1.0), position, delta).met(pairs)
+    many = Screen(square(x, y, 0.05), position, delta).met(pairs)
+    p, q = position[i], position[j]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = p + (p[:, 2] / (p[:, 2] - q[:, 2]))[:, None] * (q - p)
+    expected = (p[:, 2] * q[:, 2] < 0) & (np.abs(crossing[:, :2]) <= 0.5).all(axis=1)
+    assert np.array_equal(few, expected)
+    assert np.array_equal(many, expected)
+    assert few.sum() > 1000

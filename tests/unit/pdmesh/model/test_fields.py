@@ -5,15 +5,19 @@ from __future__ import annotations
 from typing import get_args
 
 from pdmesh.model.document import Run
-from pdmesh.model.fields import FIELDS, UNITS, Column
+from pdmesh.model.fields import FIELDS, IN_SPACE, UNITS, Column
+from pdmesh.model.fields import usual as usual_of
 
 
 def test_every_column_is_of_one_field_and_the_usual_ones_are_stored() -> None:
-    """In the order of the view `node_state`, which is that of the fields."""
-    usual, own = (get_args(some) for some in get_args(Column))
-    assert (*usual, *own) == tuple(UNITS)
+    """In the order of the view `node_state`, which is that of the fields; those along z behind their field's."""
+    usual, along, own = (get_args(some) for some in get_args(Column))
+    assert [name for name in UNITS if name not in along] == [*usual, *own]
     assert usual == Run().fields
-    assert sum(len(field.columns) for field in FIELDS.values()) == len(UNITS)
+    assert usual_of(2) == usual
+    assert usual_of(3) == (*usual, *along)
+    in_space = sum(len(columns) for columns in IN_SPACE.values())
+    assert sum(len(field.columns) for field in FIELDS.values()) + in_space == len(UNITS)
 
 
 def test_the_letters_of_vectors() -> None:

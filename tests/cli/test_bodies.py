@@ -1,0 +1,108 @@
+"""The three programs on a body in space."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from pdmesh.__main__ import main as pdmesh
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
+
+SCENE = """
+from pdmesh import Body, Box, Material
+h = 0.1  # m: between nodes
+thin = 0.4  # m
+scene = (
+    Body(Box((0, 0, 0), (1, 0.4, thin)), h, Material(E=1e6, rho=1000.0, G0=1e9))
+    .crack([[[0.5, -1, 0.2], [0.5, 3, 0.2], [0.5, -1, 3]]]).fix("left").load("right", (1e3, 0, 10))
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A body that is built and solved, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("body")
+    (folder / "body.py").write_text(SCENE)
+    model, results = str(folder / "body.json"), str(folder / "body.sqlite")
+    assert pdmesh(["build", str(folder / "body.py"), "-o", model, "-q"]) == 0
+    assert (
+        pdsolve([model, "-o", results, "--set", "run.steps=20", "--set", "run.every=10", "--threads", "1", "-q"]) == 0
+    )
+    return folder
+
+
+def test_a_body_is_told_of(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdmesh(["info", str(solved / "body.json"), "--json"]) == 0
+    info = json.loads(capsys.readouterr().out)
+    assert info["nodes"] == 160
+    assert info["volume_of_nodes"] == pytest.approx(0.16)
+    assert info["volume_of_shape"] == pytest.approx(0.16)
+    assert (info["crack_segments"], info["bonds_cut_by_cracks"] > 0) == (1, True)
+    assert pdmesh(["plan", str(solved / "body.py"), "--json"]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    assert plan["scene"]["bonds"] == info["bonds"]
+    assert plan["one_scale"]["nodes"] == 160
+
+
+def test_a_body_is_drawn(solved: Path) -> None:
+    assert pdmesh(["preview", str(solved / "body.json"), "-o", str(solved / "body.png"), "-q"]) == 0
+    assert (solved / "body.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("cubes", [False, True])
+def test_a_body_is_exported(solved: Path, cubes: bool) -> None:
+    path = solved / f"body{cubes}.vtu"
+    assert pdpost(["export", str(solved / "body.sqlite"), "-o", str(path), "-q", *["--squares"] * cubes]) == 0
+    mesh = meshio.read(path)
+    (cells,) = mesh.cells
+    assert (cells.type, len(cells.data)) == ("hexahedron" if cubes else "vertex", 160)
+    with Results.open(solved / "body.sqlite") as results:
+        uz = results.field("uz", 20)
+    assert np.array_equal(mesh.point_data["displacement"][:: 8 if cubes else 1, 2], uz)
+    assert mesh.points[:, 2].max() == pytest.approx(0.4 if cubes else 0.35)
+    assert np.unique(mesh.point_data["volume"]) == pytest.approx([1e-3])
+
+
+def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
+    for suffix in (".xdmf", ".csv"):
+        assert pdpost(["export", str(solved / "body.sqlite"), "-o", str(solved / f"all{suffix}"), "-q"]) == 0
+    assert (solved / "all.csv").read_text().splitlines()[0].startswith("node,x,y,z,delta,volume,ux,uy,uz,vx")
+    assert "Polyvertex" in (solved / "all.xdmf").read_text()
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "said"),
+    [
+        (pdmesh, ["build", "body.py", "--set", "thin=0.2"], "where the body is thinner than 3 of them"),
+        (pdmesh, ["build", "body.py", "--refine", "crack:1"], "--refine: found a body in space"),
+        (pdmesh, ["plan", "body.py", "--within", "2%"], "--within: found a body in space"),
+        (pdmesh, ["preview", "body.json", "--bonds"], "--bonds: found a body in space"),
+        (pdsolve, ["body.json", "--mode", "thesis"], "found a body in space in the thesis mode"),
+        (pdsolve, ["body.json", "--adapt", "hybrid"], "found 'hybrid', expected none in a body"),
+        (pdpost, ["damage", "body.sqlite"], "found a body in space, expected a plate"),
+        (pdpost, ["crack", "body.sqlite"], "found a body in space, expected a plate"),
+        (pdpost, ["export", "body.sqlite", "--also", "strain"], "--also: found strain, expected none of a body"),
+    ],
+)
+def test_what_is_of_plates_is_refused_in_one_line(
+    solved: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    program: object,
+    words: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(solved)
+    before = sorted(path.name for path in solved.iterdir())
+    assert program([*words, "-o", "refused.pvd" if words[0] == "export" else "refused.png"]) == 2  # type: ignore[operator]
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert sorted(path.name for path in solved.iterdir()) == before
