@@ -53,6 +53,7 @@ def render(
         if part.n_points:
             seen += part.n_points
             colours = {"color": STONE, "specular": 0.3, "smooth_shading": True} if level is not None else {}
+            colours |= {"ambient": 0.35}
             shown = {"scalars": "value", "cmap": "viridis", "show_scalar_bar": False} if level is None else {}
             high = float(np.nanmax(values)) or 1.0
             plotter.add_mesh(part, **colours, **shown, **({"clim": (0.0, high)} if level is None else {}))
