@@ -8,16 +8,30 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from pdmesh import commandline
-from pdpost.commands import crack, curves, export, line, moving, notch, pictures, report, sif, sql, study, tradeoff
+from pdpost.commands import (
+    bodies,
+    crack,
+    curves,
+    export,
+    line,
+    moving,
+    notch,
+    pictures,
+    report,
+    sif,
+    sql,
+    study,
+    tradeoff,
+)
 
-OF_BODIES = ("export", "sql")
+OF_BODIES = ("export", "history", "render", "slice", "sql")
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, curves, line, crack, sif, study, tradeoff, report, export, notch, sql):
+    for group in (pictures, moving, bodies, curves, line, crack, sif, study, tradeoff, report, export, notch, sql):
         group.add(commands)
     return program
 
@@ -44,9 +58,7 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
         with suppress(ResultsError, OSError), Results.open(path) as results:
             dimension = results.dimension
         if dimension == 3:
-            raise ResultsError(
-                f"{path}: found a body in space, expected a plate; {' and '.join(OF_BODIES)} show bodies"
-            )
+            raise ResultsError(f"{path}: found a body in space, expected a plate; {', '.join(OF_BODIES)} show bodies")
 
 
 def _exits() -> dict[type[Exception], int]:

@@ -52,14 +52,3 @@ def disc(spacing: float, steps: int, medium: Medium = CORRODING, end: float = 2.
     conditions = Solid(nodes=ids(radius < 1)), Concentration(nodes=ids(radius >= 3), value=0.0)
     run = Run(steps=steps, time_step=end / steps, every=steps // every)
     return model(position, spacing, medium, conditions=conditions, run=run)
-
-
-def screw(spacing: float, steps: int) -> Model:
-    """A screw of radius 1 and height 4, slotted, that dissolves; from a radius of 6 on nothing is dissolved."""
-    position = lattice(spacing, 6 + 4 * spacing, 3)
-    x, y, z = position.T
-    solid = (np.hypot(x, y) < 1) & (np.abs(z) < 2) & ~((np.abs(y) < 0.25) & (z > 1.5))
-    held = np.linalg.norm(position, axis=1) >= 6
-    conditions = Solid(nodes=ids(solid)), Concentration(nodes=ids(held), value=0.0)
-    run = Run(steps=steps, time_step=2.0 / steps, every=steps)
-    return model(position, spacing, CORRODING, conditions=conditions, run=run)

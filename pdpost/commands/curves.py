@@ -83,12 +83,14 @@ def _place(name: str, count: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.fields import FIELDS
+    from pdpost.measures.slices import expect_plate
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         if len(results.masses()):
             return _masses(args, results, path)
+        expect_plate(results)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]

@@ -137,7 +137,7 @@ class OnLattice:
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
-        self._amount[self._box.cell] = potential * self.volume
+        _put(self._box.cell, potential, self.volume, self._amount)
         self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
 
     def tangent(self) -> csr_array:
@@ -151,6 +151,12 @@ class OnLattice:
         out = np.zeros(len(share))
         self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)
         return float((out * self.volume).sum())
+
+
+@compiled()
+def _put(cell, potential, volume, amount):  # type: ignore[no-untyped-def]
+    for i in range(len(cell)):
+        amount[cell[i]] = potential[i] * volume[i]
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -187,3 +193,6 @@ def _differ(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
                 other = cell + slots.ahead[k]
                 s += slots.conductance[k] * whole[other] * abs(amount[other] - share[i])
             out[i] = s
+
+
+KERNELS = (_put, _pull, _differ)

@@ -119,3 +119,6 @@ def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
                 s += factor * volume[j] * (other - mine)
             t += links.conductance[k] * s
         out[i] = t
+
+
+KERNELS = (_pull, _differ, _dissolve)

@@ -72,7 +72,8 @@ def _meta(system: System, provenance: str) -> dict[str, Any]:
     return {
         "program": f"pdsolve {VERSION}",
         "provenance": provenance,
-        "units": "SI" if system.model.grid.position.shape[1] == 3 else "SI, per unit thickness",
+        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
+        "dimension": system.model.grid.dimension,
         "numpy": np.__version__,
         "numba": numba.__version__,
         "physics": "diffusion",

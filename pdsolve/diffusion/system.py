@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import USUAL
+from pdsolve.compiled import settle
+from pdsolve.diffusion import lattice
+from pdsolve.diffusion import listed as listed_links
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import Deeds, begin, deeds
 from pdsolve.diffusion.dissolution import State, check, crossing
@@ -21,6 +24,7 @@ from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError
 from pdsolve.threads import crew
 
+KERNELS = (*listed_links.KERNELS, *lattice.KERNELS)
 OWN = ("c", "h", "solid")  # fields of a frame
 SLACK = 1e-9  # of a step: what is typed
 
@@ -53,6 +57,7 @@ class System:
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[System, State]:
     """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    settle(*KERNELS)
     check(model)
     _refuse(model)
     medium, run = model.settings.medium, model.settings.run

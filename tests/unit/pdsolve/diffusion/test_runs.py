@@ -133,6 +133,11 @@ REFUSED = {
     "an end of cracks": (lambda: small(until="split"), r"run.until: found 'split', expected None, as the physics is"),
     "rest": (lambda: small(solver="static"), r"run.solver: found static, expected explicit or implicit"),
     "an implicit kinetic rule": (lambda: small(KINETIC, solver="implicit"), "expected explicit of a kinetic"),
+    "collocation on one lattice": (
+        lambda: small(adapt="collocation"),
+        r"run.adapt: found spacings of 0.2 m, expected two, one twice the other, for collocation",
+    ),
+    "a zone that moves": (lambda: small(adapt="hybrid"), "run.adapt: found hybrid, expected none or collocation"),
     "a field of mechanics": (lambda: small(fields=("ux",)), "run.fields: found 'ux', expected one of c, h, solid"),
     "an implicit step of no length": (
         lambda: small(solver="implicit", time_step=None),

@@ -1,0 +1,116 @@
+"""Pictures of bodies in space: a plane through one, and how it looks."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, positive, write_csv
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+Plane = tuple[str, float]
+
+
+def add(commands: Commands) -> None:
+    """Put `slice` and `render` on the command line."""
+    about = "draw a field of a body on a plane through it"
+    command = commands.add_parser("slice", help=about, description=f"{about[0].upper()}{about[1:]}.")
+    add_results(command)
+    commandline.add_common_options(
+        command,
+        output="the picture, in the format of its suffix (default: the results' name with .slice.png)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300",
+    )
+    _add_shared(command)
+    command.add_argument("--largest", type=positive, metavar="N", help="where the colours end, in SI units")
+    command.add_argument("--plane", type=_plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
+    add_csv(command)
+    command.set_defaults(run=_slice)
+    about = "draw a body as it looks, without a window (needs the extra render: pip install 'pdsuite[render]')"
+    command = commands.add_parser("render", help=about, description=f"{about[0].upper()}{about[1:]}.")
+    add_results(command)
+    commandline.add_common_options(
+        command,
+        output="the picture, .png (default: the results' name with .render.png)",
+        assignment="refused: no setting is heard",
+    )
+    _add_shared(command)
+    command.add_argument("--level", type=float, metavar="N", help="draw the surface where the field is that, SI units")
+    command.add_argument("--plane", type=_plane, metavar="AXIS=M", help="cut away what is in front of a plane")
+    command.set_defaults(run=_render)
+
+
+def _add_shared(command: argparse.ArgumentParser) -> None:
+    add_frame(command)
+    command.add_argument("--field", metavar="NAME", help="which field (default: content, or damage of mechanics)")
+    command.add_argument("--component", metavar="NAME", help="of a vector: magnitude (default), x, y, z")
+
+
+def _plane(text: str) -> Plane:
+    axis, _, number = text.partition("=")
+    try:
+        at = float(number)
+    except ValueError:
+        at = float("inf")
+    if axis not in ("x", "y", "z") or not abs(at) < float("inf"):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a plane such as z=1e-3, in metres")
+    return axis, at
+
+
+def _slice(args: argparse.Namespace) -> int:
+    from pdpost.exports import columns
+    from pdpost.figures import slice_figure, style
+    from pdpost.measures import slices
+    from pdpost.reading.times import told
+    from pdsolve.results import Results
+
+    path = commandline.output_path(args.output, args.results, ".slice.png", args.force)
+    style.check_format(path)
+    check_csv(args, path)
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
+        slices.expect_body(results)
+        step, time = chosen_frame(results, args)
+        name = args.field or slices.usual(results, step)
+        shown = slices.values(results, name, step, args.component)
+        found = slices.cut(results, shown, step, *args.plane)
+        part = args.component or ""
+        style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
+        nodes = results.nodes(step)
+        x, y, z = nodes.position[found.rows].T
+        table = {"node": nodes.ids[found.rows], "x": x, "y": y, "z": z, name: found.values}
+        if args.csv is not None:
+            write_csv(args, columns.csv(table))
+    if args.csv != "-":
+        smallest, largest = float(found.values.min()), float(found.values.max())
+        result = {"output": str(path), "step": step, "time": time, "field": name, "nodes": len(found.rows)}
+        line = f"{path}: {name} at {told(time)}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
+    return commandline.OK
+
+
+def _render(args: argparse.Namespace) -> int:
+    from pdmesh.files import write_atomically
+    from pdpost.figures import render
+    from pdpost.measures import slices
+    from pdpost.reading.times import told
+    from pdsolve.results import Results
+
+    if args.assignments:
+        raise commandline.UsageError(f"--set: found {args.assignments[0][0]}, expected none: no setting is heard")
+    path = commandline.output_path(args.output, args.results, ".render.png", args.force)
+    if path.suffix.lower() != ".png":
+        raise commandline.UsageError(f"--output: found {path}, expected a .png")
+    with Results.open(args.results) as results:
+        slices.expect_body(results)
+        step, time = chosen_frame(results, args)
+        name = args.field or slices.usual(results, step)
+        shown = slices.values(results, name, step, args.component)
+        picture = render.render(results.nodes(step), shown, name, args.level, args.plane)
+    write_atomically(path, picture)
+    commandline.report(
+        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {told(time)}"], args
+    )
+    return commandline.OK

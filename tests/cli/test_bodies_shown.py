@@ -1,0 +1,86 @@
+"""A screw that dissolves: built, solved, shown on a plane and as it looks."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from plates import GEOMETRIES
+
+from pdmesh.__main__ import main as pdmesh
+from pdpost.__main__ import main as pdpost
+from pdsolve.__main__ import main as pdsolve
+
+
+@pytest.fixture(scope="module")
+def screw(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped screw, coarse, with collocation outside its cylinder."""
+    path = tmp_path_factory.mktemp("screw") / "screw.json"
+    words = ["--set", "Zones/near/Spacing=5e-4", "--set", "Zones/far/Spacing=1e-3", "--set", "Run/Duration=500"]
+    assert pdmesh(["build", str(GEOMETRIES / "screw.geo"), *words, "-q", "-o", str(path)]) == 0
+    results = path.with_suffix(".sqlite")
+    assert pdsolve([str(path), "--adapt", "collocation", "--threads", "1", "-q", "-o", str(results)]) == 0
+    return results
+
+
+def test_masses_of_a_body(screw: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert pdpost(["history", str(screw), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["units"] == "SI"
+    assert 0.3 < found["last"]["left"] < 0.7
+    assert abs(found["last"]["error"]) < 1e-12
+
+
+def test_a_plane_through_a_body(screw: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, table = tmp_path / "plane.png", tmp_path / "plane.csv"
+    words = ["slice", str(screw), "--plane", "z=1e-4", "--frame", "0", "--json", "--csv", str(table), "-o", str(path)]
+    assert pdpost(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["field"], found["largest"]) == ("content", pytest.approx(71600))
+    rows = np.genfromtxt(table, delimiter=",", names=True)
+    assert len(rows) == found["nodes"]
+    assert (np.abs(rows["z"] - 1e-4) <= 5e-4).all()
+    assert (rows["content"] > 1).sum() == 12  # of a circle two spacings in radius
+    assert path.stat().st_size > 5000
+
+
+def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyvista")
+    path = tmp_path / "look.png"
+    words = ["render", str(screw), "--frame", "0", "--field", "solid", "--level", "0.5", "-q", "-o", str(path)]
+    assert pdpost(words) == 0
+    seen = np.asarray(Image.open(path).convert("L")) < 250
+    high, wide = np.ptp(np.flatnonzero(seen.any(axis=1))), np.ptp(np.flatnonzero(seen.any(axis=0)))
+    assert 1.3 < high / wide < 3
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["slice", "--plane", "z=1"], "found no node at z = 1 m, expected -0.0"),
+        (["slice", "--field", "stress"], "found no field 'stress', expected, of a body, one of content, concentration"),
+        (["slice", "--component", "x"], "content: found no component 'x', expected none, it is a scalar"),
+        (["concentration"], "found a body in space, expected a plate; export, history, render, slice, sql show bodies"),
+        (["history", "--node", "7"], "found a node or a component, expected none: masses are of the whole"),
+    ],
+)
+def test_bad_input_gets_one_line(screw: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdpost([words[0], str(screw), *words[1:]]) == 2
+    found = capsys.readouterr().err
+    assert said in found
+    assert found.count("\n") == 1
+
+
+def test_without_pyvista_a_body_is_not_drawn(
+    screw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    path = tmp_path / "never.png"
+    assert pdpost(["render", str(screw), "-o", str(path)]) == 2
+    assert "found no PyVista, expected it: pip install 'pdsuite[render]'" in capsys.readouterr().err
+    assert not path.exists()
