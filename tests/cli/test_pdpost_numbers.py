@@ -241,7 +241,7 @@ LOCKS: list[sqlite3.Connection] = []
     [
         (lambda path: path.unlink() or other_file(path), "found a database of another program"),
         (lambda path: path.write_text("no database, just text " * 100), "file is not a database"),
-        (older_file, "found schema version 1, expected 5"),
+        (older_file, "found schema version 1, expected 6"),
         (half_file, "malformed"),
         (Path.unlink, "found no such file"),
     ],
