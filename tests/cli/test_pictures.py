@@ -209,7 +209,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
         return path, "malformed, expected a whole one (was the file cut short?)"
     if what == "older":
         path.write_bytes(data[:63] + b"\x01" + data[64:])
-        return path, "found schema version 1, expected 5"
+        return path, "found schema version 1, expected 6"
     if what == "no frame":
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
