@@ -50,7 +50,8 @@ class Tables:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
             if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
                 raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
-            if self.checked != ("checksum" in there) or self.epochs != ("epoch" in there):
+            newer = {"checksum": self.checked, "epoch": self.epochs, "crack_particle": self.particles}
+            if any(expected != (name in there) for name, expected in newer.items()):
                 self.damaged("schema")
             self.compare("schema", self.rows(select_schema()))
 

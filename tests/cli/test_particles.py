@@ -48,6 +48,7 @@ def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFi
     assert len(capsys.readouterr().out.splitlines()) > 2
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_tables(strip: Path) -> None:
     words = ["strip.json", *RULES, "--threads", "1", "-q", "--set", "run.steps=2400", "--set", "run.time_step=1e-8"]
     words += ["--set", "run.every=20"]
