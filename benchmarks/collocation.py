@@ -199,14 +199,14 @@ def chart(founds: list[Found]) -> None:
     figure.savefig(CHART, dpi=110)
 
 
-HEAD = """Written by `python -m benchmarks.collocation`. Kalthoff and Winkler's plate of steel as G. Ongaro et al.
-(Int. J. Fract. 244 (2023)) solve it, plane strain, struck edge held at 16.5 m/s, G0 = 42408 J/m^2, kappa
-0.95; its spacings are not stated, these have its numbers of neighbours, 441 and 1793. Bonds of both grids
-have the same horizon, so that coarse ones are stencils of 49 nodes, and 12 of a compact one that ties their
-sublattices together. Uniform runs are of the same kernel with all nodes fine. "As in the source" is fine
-within one horizon of edges and notches; stencils then reach into the surface layer that bonds have there,
-and energy is lost along all edges: so half a horizon more is the default. A bond is one bit
-here, and its stiffness the lattice's own, corrected at edges where it is needed: no list would fit.
+HEAD = """Written by `python -m benchmarks.collocation`. Kalthoff and Winkler's plate of steel as G. Ongaro et al. (Int.
+J. Fract. 244 (2023)) solve it, plane strain, struck edge held at 16.5 m/s, G0 = 42408 J/m^2, kappa 0.95; its
+spacings are not stated; 0.5 and 0.25 mm have its numbers of neighbours, 441 and 1793. Both grids have the
+same horizon; coarse nodes have stencils of few nodes, tied together by those of a compact one (49 and 12 of
+them at 12 spacings). Uniform runs are of the same kernel with all nodes fine. "As in the source" is fine
+within one horizon of edges and notches; stencils then reach into the surface layer that bonds have there, and
+energy is lost along all edges: so half a horizon more is the default. A bond is one bit here, and its
+stiffness the lattice's own, corrected at edges where it is needed: no list would fit.
 """
 
 

@@ -35,6 +35,7 @@ NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
 SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
+COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
 LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
 BEGIN, BEGIN_NODE = 0.06, 3e-6
@@ -126,6 +127,8 @@ def priced(
     update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if in_blocks else bonds * LISTED_BOND
     if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
         update *= DAMPED
+    if run.adapt == "collocation":
+        update *= COLLOCATED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
     seconds = run.steps * update / (1 + SHARED * (threads - 1))
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)

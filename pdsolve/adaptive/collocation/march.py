@@ -98,8 +98,8 @@ def add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
     for n in range(first, last):
         row = zone.rows[n]
         found = add_row(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
-        zone.flags[n] = found
-        if found:
+        zone.flags[n] = found & 1
+        if found & 2:
             add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
 
 

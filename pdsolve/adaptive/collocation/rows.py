@@ -14,7 +14,7 @@ from pdsolve.adaptive.collocation.ground import CUT, EDGE, WHOLE, do_cut, is_cut
 from pdsolve.operators.blocks.kernel import INNER, across
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.packed import Lanes, any_above, beside, keep, same, unless_none
-from pdsolve.operators.blocks.pull import coefficients
+from pdsolve.operators.blocks.pull import WIDE, coefficients
 
 PLANE, ONE = (0, 0), (0,)
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
@@ -65,9 +65,9 @@ def _g(e):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def add_row(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row; returns whether one of its bonds needs care."""
-    found, none = False, same(u, 0.0)
-    near = same(u, ground.careful * ground.careful)
+    """Forces (2, places), N/m, on the nodes of a row; returns 1 where a bond may break, 2 more if not exact."""
+    found, none = 0, same(u, 0.0)
+    near, wide = same(u, ground.careful * ground.careful), same(u, WIDE * WIDE)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
         own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
@@ -80,7 +80,7 @@ def add_row(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
             if kind != WHOLE:
                 e = unless_none(w, e, none)
             if any_above(e * e, near):
-                found = True
+                found |= 3 if any_above(e * e, wide) else 1
             pull = w * (e * _g(e))
             fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
         keep((fx, fy), f, p)
@@ -168,10 +168,10 @@ def break_bond(ground, zone, p, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def is_over(ground, zone, u, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of node p is to break."""
+    if not e_of_bond(ground, u, p, k) > ground.limit:
+        return False  # as nearly all
     j = p + ground.ways[k]
-    if ground.there[0, j] == 0 or is_cut(zone.cut, p, k) or ground.lasting[p] or ground.lasting[j]:
-        return False
-    return e_of_bond(ground, u, p, k) > ground.limit
+    return not (ground.there[0, j] == 0 or is_cut(zone.cut, p, k) or ground.lasting[p] or ground.lasting[j])
 
 
 @njit(cache=True, error_model="numpy")
