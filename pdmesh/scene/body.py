@@ -20,7 +20,7 @@ from pdmesh.model.document import (
     Run,
     Velocity,
 )
-from pdmesh.scene.conditions import Profile, checked_profile, describe
+from pdmesh.scene.conditions import Profile, checked_profile
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked
 
@@ -204,6 +204,3 @@ def _triangles(found: Any, place: str) -> NDArray[np.float64]:
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
         raise SceneError(f"{place}: found {found!r:.80}, expected triangles of three places (x, y, z) in metres")
     return triangles
-
-
-__all__ = ["Body", "CrackFace", "SolidCondition", "SolidRegion", "SolidZone", "describe"]
