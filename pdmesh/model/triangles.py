@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.graphs import connected
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.trees import tree_of
 
@@ -17,9 +18,31 @@ SEGMENTS = 2**16  # looked at together
 
 
 def volume(triangles: NDArray[np.float64]) -> float:
-    """What a closed surface of triangles (t, 3, 3), m, encloses, m^3."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    return abs(float((a * np.cross(b, c)).sum())) / 6
+    """What a closed surface of triangles (t, 3, 3), m, encloses, m^3; parts within others are voids, or bodies in them.
+
+    The triangles of a part all turn one way, whichever.
+    """
+    corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    part = connected(len(corners), number[:, :2].ravel(), number[:, 1:].ravel())[number[:, 0]]
+    parts = [triangles[part == one] for one in np.unique(part)]
+    total = 0.0
+    for one in parts:
+        a, b, c = one.transpose(1, 0, 2)
+        depth = sum(_encloses(other, one[0, 0]) for other in parts if other is not one)
+        total += (-1) ** depth * abs(float((a * np.cross(b, c)).sum())) / 6
+    return total
+
+
+def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:
+    """Whether a closed surface does a place (3,): by the solid angle (A. van Oosterom, J. Strackee, IEEE Trans. Biomed.
+    Eng. 30 (1983) 125-126)."""
+    way = triangles - place
+    far = np.sqrt((way**2).sum(axis=2))
+    a, b, c = way.transpose(1, 0, 2)
+    x, y, z = far.T
+    below = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
+    return abs(float(np.arctan2((a * np.cross(b, c)).sum(axis=1), below).sum())) > np.pi
 
 
 def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -37,7 +60,14 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """The triangles (t, 3, 3) of a surface without those on its convex hull: no segment inside meets these."""
     if not len(triangles):
         return triangles
+    from scipy.spatial import ConvexHull, QhullError  # here, as a plate needs none
+
     corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    try:
+        hull = ConvexHull(corners)
+    except QhullError:  # of a surface in one plane, which is no body's
+        return triangles
+    corners = corners[hull.vertices]
     size = float(np.ptp(corners, axis=0).max())
     normal = _normals(triangles)
     length = np.sqrt((normal**2).sum(axis=1))

@@ -27,7 +27,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.medium import Medium, contradiction
-from pdmesh.scene.conditions import Profile, checked_profile, describe
+from pdmesh.scene.conditions import Profile, checked_profile
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked
 
@@ -274,6 +274,3 @@ def _triangles(found: Any, place: str) -> NDArray[np.float64]:
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
         raise SceneError(f"{place}: found {found!r:.80}, expected triangles of three places (x, y, z) in metres")
     return triangles
-
-
-__all__ = ["Body", "CrackFace", "SolidCondition", "SolidRegion", "SolidZone", "describe"]

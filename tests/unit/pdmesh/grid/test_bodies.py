@@ -16,7 +16,7 @@ from pdmesh.grid.building import Built, build
 from pdmesh.grid.filling import Cubes, inside, shares
 from pdmesh.model.cloud import grid_of
 from pdmesh.model.document import GridError, encode, read_document
-from pdmesh.model.triangles import volume
+from pdmesh.model.triangles import facing, volume
 from pdmesh.scene.solids import Shell, Solid
 
 GLASS = Material(E=1e9, rho=1000.0, G0=100.0)
@@ -61,6 +61,18 @@ def test_volumes_are_measured_before_they_are_scaled() -> None:
         found = shares(body.shell.triangles, cubes, 4, "body").sum() * 1e-3
         assert found == pytest.approx(volume(body.shell.triangles), rel=error)  # measured 2.8e-3, 2.3e-4
         assert inside(body.shell.triangles, cubes, "body").sum() * 1e-3 == pytest.approx(body.shell.volume, rel=0.1)
+
+
+def test_a_void_is_left_out_of_a_volume() -> None:
+    """Whichever way its triangles turn; the hull of the body is not all that bonds may not cross."""
+    shell = meshed(Body(Box((0, 0, 0), (1, 1, 1)) - Sphere((0.5, 0.5, 0.5), 0.25), 0.1)).shell
+    exact = 1 - np.pi / 48
+    assert shell.volume == pytest.approx(exact, rel=1e-9)
+    assert volume(shell.triangles) == pytest.approx(exact, rel=2e-3)
+    assert volume(shell.triangles[:, ::-1]) == pytest.approx(exact, rel=2e-3)
+    seen = facing(shell.triangles)
+    assert np.abs(seen - 0.5).max() < 0.26
+    assert len(seen) > len(shell.triangles) - 12 - 4  # two have no area
 
 
 def test_a_difference_has_a_hole_that_no_bond_crosses() -> None:
@@ -127,6 +139,12 @@ def test_what_makes_no_body_is_refused() -> None:
     whole = meshed(Body(Box((0, 0, 0), (1, 1, 1)), 0.1)).shell
     with pytest.raises(SceneError, match="found a surface open at"):
         build(Body(Shell(whole.triangles[1:], 1.0), 0.1))
+    other = meshed(Body(Box((0.5, 0.5, 0.5), (1.5, 1.5, 1.5)), 0.1)).shell
+    crossing = np.concatenate([whole.triangles, other.triangles])
+    with pytest.raises(SceneError, match="its surface crosses itself"):
+        build(Body(Shell(crossing, volume(crossing)), 0.1))
+    with pytest.raises(SceneError, match="crack 'flat': found through 100 nodes"):
+        build(Body(whole, 0.1).crack([[[-9, -9, 0.55], [9, -9, 0.55], [0, 20, 0.55]]], "flat"))
     with pytest.raises(SceneError, match="radius: found -1 m"):
         Body(Sphere((0, 0, 0), -1), 0.1)
     with pytest.raises(SceneError, match="found nothing left"):
