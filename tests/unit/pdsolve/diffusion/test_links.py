@@ -97,9 +97,10 @@ def test_collocation_passes_what_is_linear() -> None:
 
 
 def test_two_media_in_a_row_share_the_fall() -> None:
-    """At rest the flux is the same in both: the slopes are as 1 to 4, and the flux that of two resistances in a row.
+    """At rest the flux is the same in both: the slopes are as 4 to 1, and the flux that of two resistances in a row.
 
-    0.5 % at 100 nodes of the bar, all of it from the layers at the ends and at the interface.
+    To 1.6 % at 100 nodes of the bar, which is the layers that are held; where they meet concentrations differ by 0.09
+    of what they do from node to node (by 0.61 with the mean of both diffusivities).
     """
     from pdmesh.model.document import Concentration, Run
 
@@ -111,9 +112,11 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     system, state = prepare(model(position, spacing, Medium(D=1.0), conditions=ends, run=run, media=parts), 1)
     system.stepper.march(state, 1, 6)
     x, C = position[:, 0], state.content
-    slopes = [np.polyfit(x[some], C[some], 1)[0] for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
-    assert slopes[0] / slopes[1] == pytest.approx(4.0, rel=2e-3)
-    assert slopes[0] == pytest.approx(-1 / (0.5 + 0.5 / 4), rel=0.02)
+    lines = [np.polyfit(x[some], C[some], 1) for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
+    slope = lines[0][0]
+    assert slope / lines[1][0] == pytest.approx(4.0, rel=1e-6)
+    assert slope == pytest.approx(-1 / (0.5 + 0.5 / 4), rel=0.02)
+    assert abs(np.polyval(lines[0] - lines[1], 0.5)) < 0.15 * abs(slope) * spacing
 
 
 @pytest.mark.parametrize(("dimension", "reach"), [(2, 9.0), (3, 5.0)])
