@@ -1,6 +1,7 @@
 # make demo    set up, build a fine grid of the Duran plate, solve it, draw its crack and the film of it
 # make film    the same, for README.md and the pages
 # make test    set up, run the quick tests
+# make docs    the site, in site/
 # make package   build wheel and source, install the wheel into an empty environment, use it there
 # make pythons   the same with every Python from 3.12 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
@@ -22,7 +23,7 @@ BIN := $(VENV)/bin
 SCENE := duran50
 
 .PHONY: demo film test slow thesis sources failures handbook check bench bench-speed bench-quick compare mutants install \
-	package pythons gmsh-libraries clean
+	docs package pythons gmsh-libraries clean
 
 # A thousand nodes across, fine where the crack runs: less than a minute of solving
 demo: gmsh-libraries
@@ -63,6 +64,10 @@ check: $(VENV)/check.done
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/limits.py
+
+docs: $(VENV)/docs.done
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "The site: $(CURDIR)/site/index.html"
 
 package:
 	.ci/package $(PYTHON)
