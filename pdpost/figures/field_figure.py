@@ -145,7 +145,7 @@ def caption(name: str, part: str) -> str:
 
 def title(results: Results, name: str, part: str, step: int, scale: float) -> str:
     """What is written above a picture."""
-    return f"{caption(name, part)} {at(results, step, scale)}"
+    return ("\n" if narrow() else " ").join([caption(name, part), at(results, step, scale)])
 
 
 def at(results: Results, step: int, scale: float = 0.0) -> str:

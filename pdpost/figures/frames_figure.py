@@ -43,8 +43,6 @@ def frames(
     shapes = [shape(results, step, scale) for step in steps]
     box = window or box_of(shapes)
     known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
-    if largest is None and name != "damage":
-        largest = max((field_figure.usual(values[np.isfinite(values)]) for values in known), default=0.0) or None
     range_of = field_figure.colours(name, part, np.concatenate(known), largest)
     low, high = range_of.low * range_of.factor, range_of.high * range_of.factor
     cmap = colormaps[range_of.cmap].with_extremes(bad=UNKNOWN)

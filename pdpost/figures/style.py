@@ -45,8 +45,8 @@ GROWN = BLUE  # cracks that have grown
 THIN, THICK = 0.6, 1.2  # points: an edge, a pre-crack
 
 FLATTER = 0.7  # power of its width that the height of a figure goes with, as words stay as high
-EDGING = 0.03  # inches above and below a figure of a journal
-TRIALS = 4
+EDGING = 0.03  # inches around a figure of a journal
+TRIALS = 8
 NARROW = 5.0  # inches
 
 _ARIAL = ("Arial", "Helvetica", "Liberation Sans", "Nimbus Sans")
@@ -158,13 +158,13 @@ def _as_wide(figure: Figure, width: float) -> Bbox:
     wide, tall = figure.get_size_inches()
     if figure.get_layout_engine() is not None:  # which finds room for words of any size
         figure.set_size_inches(width, tall * (width / wide) ** FLATTER)
-    canvas = FigureCanvasAgg(figure)
+    canvas, room = FigureCanvasAgg(figure), width - 2 * EDGING
     for _ in range(TRIALS):
         figure.draw_without_rendering()
         drawn = figure.get_tightbbox(canvas.get_renderer())
-        if drawn.width <= width:
+        if drawn.width <= room:
             break
-        figure.set_size_inches(*(figure.get_size_inches() * width / drawn.width).tolist())
+        figure.set_size_inches(*(figure.get_size_inches() * room / drawn.width).tolist())
     middle = (drawn.x0 + drawn.x1) / 2
     return Bbox.from_extents(middle - width / 2, drawn.y0 - EDGING, middle + width / 2, drawn.y1 + EDGING)
 
