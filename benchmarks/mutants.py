@@ -62,8 +62,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/results/schema.py",
-        'STEPPED = ("frame", "field_chunk", "bond_break", ',
-        'STEPPED = ("frame", "field_chunk", ',
+        '    "bond_break",\n    "history",',
+        '    "history",',
         f"{UNIT}/test_interrupted_runs.py::test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped",
     ),
     Mutant(
@@ -116,14 +116,14 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "return Paired(pairs, ~self._sight.cut(pairs),",
-        "return Paired(pairs, self._sight.cut(pairs) | True,",
+        "intact = (far < 2 * self._farthest) & self._strong(modulus, reach)",
+        "intact = self._strong(modulus, reach)",
         f"{UNIT}/test_average_horizon.py",
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "((n[:, 0] / mean[0]) ** 2 + (n[:, 1] / mean[1]) ** 2)",
-        "((n[:, 0] / mean[1]) ** 2 + (n[:, 1] / mean[0]) ** 2)",
+        "(lack[pairs.source, axis] + lack[pairs.target, axis])",
+        "(lack[pairs.source, 1 - axis] + lack[pairs.target, 1 - axis])",
         f"{UNIT}/test_average_horizon.py",
     ),
     Mutant(

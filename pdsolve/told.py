@@ -62,11 +62,12 @@ def summary(notes: Notes, books: Ledger, stopped_early: bool) -> dict[str, Any]:
 
 def _finer(system: System) -> dict[str, Any]:
     """What finer nodes that come and go were like."""
-    told, how = system.told, system.asked.settings.run.adapt
-    if told is None:
+    if system.told is None:
         return {}
-    found = told._asdict()
-    return {how: found if system.hybrid is not None else {name: found[name] for name in ("refinement", "fine_share")}}
+    found = system.told._asdict()
+    if system.hybrid is not None:
+        return {"hybrid": found}
+    return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
 
 
 def _rested(stepper: Stepper) -> dict[str, Any]:

@@ -1,32 +1,61 @@
-"""Strips whose cracks are particles."""
+"""A strip with a crack from its left edge to a third of it, pulled apart slowly, and what the rest of the way costs."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from plates import plate, square_grid
 
-from pdmesh.model.document import Load, ParticleRules, Run
-from pdsolve.model import Model
+from pdmesh.model.continuum import poisson
+from pdmesh.model.document import Displacement, Material, Run
+from pdsolve.measures import books
+from pdsolve.system import Options, prepare
 
-BY_STRESS = ParticleRules(criterion="stress", strength=2.5e7)
+
+class Torn(NamedTuple):
+    """What became of a strip."""
+
+    cost: float  # energy spent for each length of the crack, over G0
+    straight: float  # share of broken bonds that cross the line of the crack
+    through: float  # share of the ligament's crossing bonds that are broken
+    balance: float  # of energy
 
 
-def pulled(rules: ParticleRules = BY_STRESS, columns: int = 41, crack: float = 10.2e-3, **run: Any) -> Model:
-    """A strip 1 mm apart with an edge crack, suddenly loaded at both edges, or slowly."""
-    push = 4e9 if run.get("solver") == "static" else 1.3e10
-    grid = square_grid(columns, 20, y0=-9.5e-3)
-    corners = [[-5e-4, -1e-2], [columns * 1e-3 - 5e-4, -1e-2], [columns * 1e-3 - 5e-4, 1e-2], [-5e-4, 1e-2]]
-    grid = dataclasses.replace(
-        grid, cracks=np.array([[-5e-4, 0.0, crack, 0.0]]), outline=(np.array(corners),), areas=np.full(len(grid), 1e-6)
+def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 24, over: float = 1.2) -> Torn:
+    """Of `columns` x `rows` nodes 1 mm apart, whose ends are moved until the strip holds `over` times what the crack is
+    to cost ahead of it."""
+    delta = 1e-3
+    grid = square_grid(columns, rows, delta, y0=-(rows - 1) / 2 * delta)
+    notch = columns // 3 * delta - delta / 2
+    grid = dataclasses.replace(grid, cracks=np.array([[-1.0, 0.0, notch, 0.0]]))
+    nu = poisson(material)
+    stiff = material.E / (1 - nu**2)  # clamped along the crack
+    if material.plane == "strain":
+        stiff = material.E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    held, free = int(np.ceil(ratio)), rows - int(np.ceil(ratio))
+    opening = np.sqrt(over * 2 * material.G0 * free * delta / stiff)
+    end = (rows / 2 - held) * delta
+    slow = 12 * rows * delta / np.sqrt(stiff / material.rho)
+    ends = tuple(
+        Displacement(box=(-1.0, min(y, 1.0 * np.sign(y)), 1.0, max(y, 1.0 * np.sign(y))), y=side * opening / 2, x=0.0,
+                     profile=((0.0, 0.0), (slow, 1.0)))
+        for y, side in ((end, 1), (-end, -1))
+    )  # fmt: skip
+    model = plate(grid, ratio, material=material, conditions=ends, run=Run())
+    system, state = prepare(model, Options(threads=1))
+    steps = int((slow + 2.5 * columns * delta / np.sqrt(material.E / 2 / material.rho)) / system.time_step)
+    system.stepper.march(state, 1, steps)
+    found, broken = books(system, state, steps), system.operator.broken()
+    y = grid.position[:, 1]
+    crosses = y[broken.source] * y[broken.target] < 0
+    source, target = system.operator.bonds(start=True)
+    ligament = int((y[source] * y[target] < 0).sum())
+    length = columns * delta - delta / 2 - notch
+    return Torn(
+        found.dissipated / (material.G0 * length),
+        float(crosses.mean()) if len(crosses) else 1.0,
+        float(crosses.sum() / ligament),
+        found.balance(0.0),
     )
-    loads = (
-        Load(box=(-1.0, 9.4e-3, 1.0, 9.6e-3), body_force=(0.0, push)),
-        Load(box=(-1.0, -9.6e-3, 1.0, -9.4e-3), body_force=(0.0, -push)),
-    )
-    settings = Run(
-        **{"steps": 240, "time_step": 1e-7, "every": 20, "ledger": 10, "cracks": "particles", "particles": rules, **run}
-    )
-    return plate(grid, 2.0 if settings.solver == "static" else 3.0, conditions=loads, run=settings)

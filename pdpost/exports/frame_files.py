@@ -134,13 +134,13 @@ def msh(
 ) -> None:
     """Write frames as views of Gmsh, all in one file."""
     times, lives = _times(results), results.lives()
-    corners = np.arange(4 if squares else 1)
+    corners = np.arange(2**results.dimension if squares else 1)
 
     def frames() -> Iterator[msh_file.Frame]:
         for number, step in enumerate(progress(steps)):
             rows = lives.at(results.nodes(step).ids, step)
             points = (rows[:, None] * len(corners) + corners).ravel()
-            yield msh_file.Frame(times[step], number, points, _each(point_data(results, step, also), squares))
+            yield msh_file.Frame(times[step], number, points, _each(point_data(results, step, also), len(corners)))
 
     msh_file.write(path, *_placed(lives.nodes, squares), frames())
 

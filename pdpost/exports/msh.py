@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.files import replacing
 
-POINT, QUADRANGLE = 15, 3  # Gmsh's numbers of elements
+ELEMENTS = {"vertex": 15, "quad": 3, "hexahedron": 5}  # Gmsh's numbers
 TAGS = (0, 1)  # of each element: physical group, the plate's surface
 
 
@@ -33,7 +33,7 @@ class Frame(NamedTuple):
 def write(
     path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[Frame]
 ) -> None:
-    """Write points (p, 3), m, cells of them, vertices or quads, and a view of each field with all frames."""
+    """Write points (p, 3), m, cells of them, vertices, quads or hexahedra, and a view of each field with all frames."""
     with replacing(path) as part, part.open("wb") as file:
         file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(b"$Nodes\n%d\n" % len(points))
@@ -47,9 +47,8 @@ def write(
 
 
 def _elements(file: BufferedWriter, kind: str, corners: NDArray[np.int64]) -> None:
-    number = QUADRANGLE if kind == "quad" else POINT
     file.write(b"$Elements\n%d\n" % len(corners))
-    file.write(np.array([number, len(corners), len(TAGS)], dtype="<i4").tobytes())
+    file.write(np.array([ELEMENTS[kind], len(corners), len(TAGS)], dtype="<i4").tobytes())
     tags = np.broadcast_to(TAGS, (len(corners), len(TAGS)))
     rows = np.column_stack([np.arange(1, len(corners) + 1), tags, corners + 1])
     file.write(rows.astype("<i4").tobytes() + b"\n$EndElements\n")

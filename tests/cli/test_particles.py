@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from strips import pulled
+from grown import pulled
 from whole import contents, kill_when
 
 from pdmesh.drawing import parameters

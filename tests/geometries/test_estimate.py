@@ -17,6 +17,7 @@ from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Run
 from pdmesh.say.report import info, plan
+from pdsolve.diffusion import system as diffusion
 from pdsolve.estimate import plan as planned
 from pdsolve.model import Model
 from pdsolve.system import Options, prepare
@@ -36,6 +37,10 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
     from pdmesh.drawing.sources import read_scene
 
     grid, settings, _ = build_grid(read_scene(GEOMETRIES / name, [], [], True))
+    if settings.physics == "diffusion":
+        found, (flow, _) = planned(Model(grid, settings, name)), diffusion.prepare(Model(grid, settings, name))
+        assert (found.bonds, found.time_step) == (int(flow.operator.count.sum()), flow.time_step)
+        return
     springs = settings.material is not None and settings.material.model == "bond"
     run = settings.run
     for mode in MODES if springs and run.adapt == "none" and run.cracks == "bonds" else MODES[1:]:
@@ -106,9 +111,11 @@ def peaks_and_said(
         grid, settings, _ = build_grid(scene(width))
         (folder / "model.json").write_text(Model(grid, settings).to_json())
         words = [str(folder / "model.json"), "-o", str(folder / "r.sqlite"), "--mode", mode, "-q", "--force"]
-        for _ in range(2 if width == widths[0] else 1):  # compiling takes memory too
+        found = []
+        for _ in range(3 if width == widths[0] else 2):  # compiling, which other tests may cause, takes memory too
             command = [sys.executable, "-c", MEASURE, *words]
             ran = subprocess.run(command, capture_output=True, text=True, check=True)
-        peaks.append(1024 * int(ran.stdout))
+            found.append(1024 * int(ran.stdout))
+        peaks.append(min(found))
         said.append(planned(Model(grid, settings), Options(mode)).memory)
     return peaks, said

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from strips import BY_STRESS, pulled
+from grown import BY_STRESS, pulled
 from whole import contents
 
 from pdmesh.model.document import ParticleRules, Run, Static

@@ -109,7 +109,7 @@ def test_a_resumed_run_gives_the_same_rows(tmp_path: Path) -> None:
     with closing(sqlite3.connect(path)) as connection:
         assert connection.execute("SELECT max(step) FROM reaction").fetchone()[0] < 100
     with tampered(path) as connection:
-        connection.execute("INSERT INTO reaction VALUES (77, 0, 0, 'displacement', 1, 1, 1, 1)")
+        connection.execute("INSERT INTO reaction VALUES (77, 0, 0, 'displacement', 1, 1, 1, 1, 1, 1)")
     with resume(path) as resumed, simulate(model) as whole:
         assert resumed.reactions().tolist() == whole.reactions().tolist()
         assert len(whole.reactions()) == 2 * 11

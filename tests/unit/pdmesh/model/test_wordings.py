@@ -16,7 +16,7 @@ from pdmesh.model.wordings import explained
         ('{"run": {"fields": ["ux", "heat"]}}', "expected ax, ay, damage, "),
         (
             '{"material": {"E": 1, "rho": 1, "G0": 1, "plane": "x"}}',
-            "'x' - at `$.material.plane`, expected strain or stress",
+            "'x' - at `$.material.plane`, expected space, strain or stress",
         ),
         ('{"run": {"stepz": 3}}', "unknown field `stepz` - at `$.run`, expected one such as `steps`"),
         ('{"rum": 3}', "unknown field `rum`, expected one such as `run`"),
