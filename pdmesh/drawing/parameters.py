@@ -286,8 +286,9 @@ def run(parameters: Parameters) -> Run:
 def _steps(step: float | None, duration: float | None) -> int:
     """How many steps of so many seconds a duration takes. Raises SceneError for one without the other."""
     if step is None or duration is None or not step > 0 or not duration >= 0:
+        given = [f"{value:g} s" if value is not None else "none" for value in (step, duration)]
         raise SceneError(
-            f"{PREFIX}Run: found Time step {step} s and Duration {duration} s, expected both, positive, or none"
+            f"{PREFIX}Run: found Time step {given[0]} and Duration {given[1]}, expected both, positive, or none"
         )
     if duration / step > 1e9:
         raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
