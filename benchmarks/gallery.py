@@ -35,12 +35,15 @@ SHOWN = {
     "bending.py": Shown("stress --component xx --scale auto"),
     "bent_square.py": Shown("stress --scale 1"),
     "compact_tension.py": Shown("stress --scale auto"),
+    "disc.geo": Shown("content --time 500"),
     "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
     "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
+    "penny.geo": Shown("slice --field damage --plane y=0"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
+    "screw.geo": Shown("slice --field content --plane y=0 --time 500"),
     "strip.py": Shown("stress"),
 }
 
