@@ -11,10 +11,9 @@ from pdmesh.model.trees import tree_of
 
 EDGE = 1e-12  # of a triangle: how far beside its edge a segment still meets it
 OUTER = 1e-9  # of the size of a body: a corner this little in front of a triangle's plane is on it
-AT_ONCE = 2**22  # products of corners and triangles
+AT_ONCE = 2**20  # products of corners, or of segments, and triangles
 SMALL = 2.0  # spacings from its middle: what a triangle that is found by a tree reaches at most
 FEW = 64  # triangles that are looked at one by one, small or not
-SEGMENTS = 2**16  # looked at together
 
 
 def volume(triangles: NDArray[np.float64]) -> float:
@@ -139,14 +138,15 @@ class Screen:
     def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
         longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
         asked = np.flatnonzero(longer & ~found)
-        for which in np.array_split(asked, len(asked) // SEGMENTS + 1):
-            if not len(which):
-                continue
+        if not len(asked):
+            return
+        p, q = self._ends(pairs, asked)
+        near = (float(pairs.length[asked].max()) / 2 + self._reach) * (1 + ROUND_OFF)
+        count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
+        part = np.cumsum(count) // AT_ONCE
+        for which in np.split(asked, np.flatnonzero(np.diff(part)) + 1):
             p, q = self._ends(pairs, which)
-            near = float(pairs.length[which].max()) / 2 + self._reach
-            both = tree_of((p + q) / 2).sparse_distance_matrix(
-                self._tree, near * (1 + ROUND_OFF), output_type="ndarray"
-            )
+            both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
             own, number = both["i"], both["j"]
             meets = _meets(p[own], q[own], self._small[number], self._small_normal[number])
             found[which[own[meets]]] = True

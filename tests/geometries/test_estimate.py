@@ -71,6 +71,7 @@ print(next(line.split()[1] for line in Path("/proc/self/status").read_text().spl
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="measured on Linux")
+@pytest.mark.slow  # where nothing is compiled any more: that takes memory too
 @pytest.mark.parametrize("mode", MODES)
 def test_the_memory_of_the_process_is_known(mode: str, tmp_path: Path) -> None:
     """Measured: 43_621 nodes take 0.94 to 1.05 of what is said beyond a handful of nodes.

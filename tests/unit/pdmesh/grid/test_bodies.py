@@ -174,7 +174,7 @@ def test_a_segment_is_cut_by_small_triangles_as_by_large_ones() -> None:
 
     random = np.random.default_rng(3)
     position = np.vstack(
-        [random.uniform(-1, 1, (400, 3)), [[0.25, 0.25, 0.5], [0.25, 0.25, -0.5], [0.5, 0, 1], [0.5, 0, -1]]]
+        [random.uniform(-1, 1, (100, 3)), [[0.25, 0.25, 0.5], [0.25, 0.25, -0.5], [0.5, 0, 1], [0.5, 0, -1]]]
     )
     i, j = (side.ravel() for side in np.indices((len(position),) * 2))
     kept = i != j
