@@ -12,6 +12,7 @@ import pytest
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.model import read_model
 from pdsolve.results import Results
 
 SCENE = """
@@ -107,6 +108,12 @@ def test_what_is_of_plates_is_refused_in_one_line(
     assert said in error
     assert error.count("\n") == 1
     assert sorted(path.name for path in solved.iterdir()) == before
+
+
+def test_a_notebook_shows_no_picture_of_a_body(solved: Path) -> None:
+    assert read_model(solved / "body.json")._repr_svg_() is None
+    with Results.open(solved / "body.sqlite") as results:
+        assert results._repr_png_() is None
 
 
 def test_a_study_of_a_body_is_refused_in_one_line(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
