@@ -10,7 +10,11 @@ from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
+from pdpost.figures.field_figure import field
+from pdpost.figures.style import styled, written
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
+from pdsolve.results.shown import DPI
 
 COARSE = ("--set", "Zones/liquid/Spacing=0.2", "--set", "Run/Time step=10", "--set", "Run/Duration=500", "-q")
 
@@ -86,6 +90,14 @@ def test_a_study_is_of_plates(disc: Path, capsys: pytest.CaptureFixture[str]) ->
     assert said.count("\n") == 1
 
 
+def test_a_notebook_shows_the_content(results: Path) -> None:
+    with Results.open(results) as found:
+        shown = found._repr_png_()
+        assert shown is not None
+        with styled():
+            assert shown == written(field(found, "content"), "png", DPI)
+
+
 def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio")
     path = tmp_path / "disc.vtu"
@@ -117,6 +129,21 @@ def test_bad_input_gets_one_line(
     found = capsys.readouterr().err
     assert said in found
     assert found.count("\n") == 1
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("how", ["hybrid", "split", "collocation"])
+def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(
+    tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = tmp_path / "bath.py", tmp_path / "never.json"
+    source.write_text(
+        "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
+    )
+    assert pdmesh(["build", str(source), "--adapt", how, "-o", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert f"run.adapt: found {how}, expected none in a plate of diffusion" in said
+    assert said.count("\n") == 1
     assert not path.exists()
 
 
