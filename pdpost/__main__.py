@@ -54,11 +54,11 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
 
     found = getattr(args, "results", ())
     for path in found if isinstance(found, list) else [found] if found else []:
-        dimension = 2
+        shown, dimension = ", ".join(OF_BODIES).replace("history", "history (of diffusion)"), 2
         with suppress(ResultsError, OSError), Results.open(path) as results:
             dimension = results.dimension
         if dimension == 3:
-            raise ResultsError(f"{path}: found a body in space, expected a plate; {', '.join(OF_BODIES)} show bodies")
+            raise ResultsError(f"{path}: found a body in space, expected a plate; {shown} show bodies")
 
 
 def _exits() -> dict[type[Exception], int]:

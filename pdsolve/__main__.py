@@ -159,9 +159,15 @@ def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
     if not rest:
         unheard = ("run.static.load_steps",) if run.start == "static" else ("run.static",)
         expected = "--static" if run.start == "static" else "--static, or run.start=static"
+    heard = (
+        ("run.split", "run.adapt", run.adapt, "split"),
+        ("run.collocation", "run.adapt", run.adapt, "collocation"),
+        ("run.theta", "run.solver", run.solver, "implicit"),
+    )
     for name, _ in (*args.assignments, *_flags(args)):
-        if run.adapt != "split" and (name == "run.split" or name.startswith("run.split.")):
-            raise commandline.UsageError(f"{name}: found it given for run.adapt {run.adapt}, expected split")
+        for one, kind, found, wanted in heard:
+            if found != wanted and (name == one or name.startswith(f"{one}.")):
+                raise commandline.UsageError(f"{name}: found it given for {kind} {found}, expected {wanted}")
         if any(name == one or name.startswith(f"{one}.") for one in unheard):
             raise commandline.UsageError(
                 f"{name}: found it given for a run {'at rest' if rest else 'in time'}, expected {expected}"

@@ -78,6 +78,10 @@ def _refuse_of_plates(model: Model) -> None:
         raise ModelError(
             f"{model.name}: $.run.adapt: found '{model.settings.run.adapt}', expected none in a body in space"
         )
+    if model.settings.run.cracks != "bonds":
+        raise ModelError(
+            f"{model.name}: $.run.cracks: found {model.settings.run.cracks}, expected bonds in a body in space"
+        )
     if model.settings.area_rule == "eq19":
         raise ModelError(f"{model.name}: $.area_rule: found 'eq19', expected cells or square in a body in space")
     for number, material in enumerate(model.materials):

@@ -106,6 +106,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
 
 def _diffusing(model: Model, options: Options) -> Plan:
     """The same of a model of diffusion, which is prepared to that end."""
+    diffusion.expect_usual(model, options)
     system, _ = diffusion.prepare(model, options.threads)
     links, run, nodes = int(system.operator.count.sum()), model.settings.run, len(model.grid)
     seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)

@@ -158,8 +158,8 @@ class Model:
         """The rows of the grid a condition or a region acts on."""
         return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
 
-    def _repr_svg_(self) -> str:
-        """What a notebook shows: the plate and its nodes."""
+    def _repr_svg_(self) -> str | None:
+        """What a notebook shows: as in `Grid`."""
         return self.grid._repr_svg_()
 
     def to_json(self) -> str:

@@ -18,6 +18,7 @@ from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.checks import advise, closing
 from pdsolve.diffusion import run as diffusion
+from pdsolve.diffusion.system import expect_usual
 from pdsolve.measures import books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
@@ -67,18 +68,11 @@ def simulate(
     """
     with writing_to(output):
         if model.diffuses:
-            _expect_usual(model, options, adapt)
+            expect_usual(model, options, adapt is not None)
             return diffusion.simulate(model, output, options.threads, _watched(model, watch), provenance)
         system, state = started(prepare(model, options))
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
-
-
-def _expect_usual(model: Model, options: Options, adapt: Adapt | None) -> None:
-    """Raises ModelError for options that a model of diffusion would not listen to."""
-    if options._replace(threads=None) != DEFAULT or adapt is not None:
-        found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
-        raise ModelError(f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion")
 
 
 def _watched(model: Model, watch: Watcher | None) -> diffusion.Watcher | None:

@@ -30,8 +30,8 @@ class Built:
         """What is written."""
         return document_of(self.grid, self.settings)
 
-    def _repr_svg_(self) -> str:
-        """What a notebook shows: the plate and its nodes."""
+    def _repr_svg_(self) -> str | None:
+        """What a notebook shows: as in `Grid`."""
         return self.grid._repr_svg_()
 
     def write(self, path: Path) -> None:

@@ -61,8 +61,10 @@ class Grid:
         """Triangles (t, 3, 3) of a body's surface, m."""
         return np.array(self.outline).reshape(-1, 3, 3)
 
-    def _repr_svg_(self) -> str:
-        """What a notebook shows: the plate and its nodes."""
+    def _repr_svg_(self) -> str | None:
+        """What a notebook shows: the plate and its nodes; of a body in space nothing."""
+        if self.dimension == 3:
+            return None
         rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
         return svg(rings, cracks, self.position, self.delta, self.border)
 

@@ -46,12 +46,14 @@ def _numbers(scene: Plate) -> None:
         _material(scene.material, "material")
     for region in scene.regions:
         _material(region.region.material, f"material '{region.region.name}'")
+    _described(scene.run, Run, "run")
     if scene.medium is not None:
         _described(scene.medium, Medium, "medium")
         wrong = contradiction(scene.medium)
         if wrong is not None:
             raise SceneError(f"medium: {wrong}")
-    _described(scene.run, Run, "run")
+        if scene.run.adapt != "none":  # collocation wants each coarse cell parted into four, as bodies have them
+            raise SceneError(f"run.adapt: found {scene.run.adapt}, expected none in a plate of diffusion")
     if scene.units not in (None, "m"):
         raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
     _described(Settings(area_rule=scene.area_rule), Settings, "area rule")

@@ -162,8 +162,10 @@ def _bonds(args: argparse.Namespace) -> int:
     from pdpost.exports import columns
     from pdpost.figures import bond_figure
     from pdpost.measures.pairs import pairs
+    from pdpost.reading.embedded import expect_mechanics
 
     def show(results: Results, step: int, scale: float) -> Drawn:
+        expect_mechanics(results)
         found = pairs(results, step)
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"

@@ -43,12 +43,14 @@ def _sif(args: argparse.Namespace) -> int:
     from pdpost.measures import fracture
     from pdpost.measures.release import release
     from pdpost.measures.tips import tips
+    from pdpost.reading.embedded import expect_mechanics
     from pdpost.reading.frames import chosen
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".sif.png")
     ring = None if args.ring is None else Ring(*args.ring)
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        expect_mechanics(results)
         check_window(results, args)
         steps = chosen(results, args.every)
         found = fracture.follow(results, steps, args.tip, ring, counted(args, "summing"))

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Run
 from pdmesh.model.fields import USUAL
 from pdsolve.compiled import settle
 from pdsolve.diffusion import lattice
@@ -22,6 +23,7 @@ from pdsolve.diffusion.listed import Listed
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
 from pdsolve.threads import crew
 
 KERNELS = (*listed_links.KERNELS, *lattice.KERNELS)
@@ -76,6 +78,13 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     return system, State(content, solid, np.zeros(2))
 
 
+def expect_usual(model: Model, options: Options, changes: bool = False) -> None:
+    """Raises ModelError for options that a model of diffusion would not listen to; `changes`: its nodes shall."""
+    if options._replace(threads=None) != Options() or changes:
+        found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
+        raise ModelError(f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion")
+
+
 def _operator(
     model: Model, volume: NDArray[np.float64], threads: int, listed: bool = False
 ) -> tuple[Operator, NDArray[np.int64]]:
@@ -112,25 +121,35 @@ def _step(model: Model, most: float) -> float:
 
 def _refuse(model: Model) -> None:
     """Raises ModelError for settings that a model of diffusion would not listen to."""
-    run = model.settings.run
-    heard = {"until": None, "start": "unloaded", "damping": 0.0, "probes": ()}
-    for name, usual in heard.items():
-        if getattr(run, name) != usual:
+    run, usual = model.settings.run, Run()
+    for name in ("until", "start", "damping", "probes", "cracks"):
+        found, expected = getattr(run, name), getattr(usual, name)
+        if found != expected:
             raise ModelError(
-                f"{model.name}: $.run.{name}: found {getattr(run, name)!r}, expected {usual!r}, as the physics is"
-                " diffusion"
+                f"{model.name}: $.run.{name}: found {found!r}, expected {expected!r}, as the physics is diffusion"
             )
-    medium = model.settings.medium
-    if run.solver == "implicit" and medium is not None and medium.dissolution == "kinetic":
-        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
-    if run.adapt == "hybrid":
-        raise ModelError(f"{model.name}: $.run.adapt: found hybrid, expected none or collocation of diffusion")
-    if run.adapt == "collocation" and run.solver == "implicit":
-        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit with collocation")
-    if run.adapt == "collocation" and medium is not None and medium.dissolution == "kinetic":
-        raise ModelError(f"{model.name}: $.run.adapt: found collocation, expected none of a kinetic dissolution")
-    if run.solver == "static":
-        raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
+    for name in ("particles", "split", "collocation"):
+        if getattr(run, name) != getattr(usual, name):
+            raise ModelError(f"{model.name}: $.run.{name}: found some, expected none, as the physics is diffusion")
+    if model.settings.area_rule == "eq19":
+        raise ModelError(f"{model.name}: $.area_rule: found eq19, expected cells or square of diffusion")
     for name in run.fields if run.fields != USUAL else ():
         if name not in OWN:
             raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {', '.join(OWN)}")
+    _refuse_ways(model)
+
+
+def _refuse_ways(model: Model) -> None:
+    """Raises ModelError for ways to solve that a model of diffusion cannot be solved in."""
+    run, medium = model.settings.run, model.settings.medium
+    kinetic = medium is not None and medium.dissolution == "kinetic"
+    if run.solver == "static":
+        raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
+    if run.solver == "implicit" and kinetic:
+        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
+    if run.adapt not in ("none", "collocation"):
+        raise ModelError(f"{model.name}: $.run.adapt: found {run.adapt}, expected none or collocation of diffusion")
+    if run.adapt == "collocation" and run.solver == "implicit":
+        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit with collocation")
+    if run.adapt == "collocation" and kinetic:
+        raise ModelError(f"{model.name}: $.run.adapt: found collocation, expected none of a kinetic dissolution")

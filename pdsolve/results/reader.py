@@ -73,7 +73,7 @@ class Results:
         return shown.words(self)
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: the last damage."""
+        """What a notebook shows: the last picture."""
         return shown.png(self)
 
     def close(self) -> None:

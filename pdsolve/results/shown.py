@@ -1,4 +1,4 @@
-"""Results as a notebook shows them: their last damage, as `pdpost` draws it, and a line of words."""
+"""Results as a notebook shows them: their last picture, as `pdpost` draws it, and a line of words."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ DPI = 110
 
 
 def png(results: Results) -> bytes | None:
-    """The damage after the last frame as a PNG; None while there is no frame."""
-    if not len(results.frames()[0]):
+    """The damage, or of diffusion the content, after the last frame as a PNG; None without a frame, and of a body."""
+    steps = results.frames()[0]
+    if results.dimension == 3 or not len(steps):
         return None
     from pdpost.figures.field_figure import field  # drawing is pdpost's, and is needed by those alone who look
     from pdpost.figures.style import styled, written
 
     with styled():
-        return written(field(results), "png", DPI)
+        name = "content" if "h" in results.stored(int(steps[-1])) else "damage"
+        return written(field(results, name), "png", DPI)
 
 
 def words(results: Results) -> str:

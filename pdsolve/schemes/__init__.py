@@ -10,13 +10,23 @@ from pdsolve.schemes.scheme import Scheme
 
 def _bonds_of_their_own(model: Model) -> Filling:
     """The thesis's bonds. Raises ModelError for a model that has others."""
+    _refuse_others(model)
+    return one_sided.fill(model)
+
+
+def _pairs_of_their_own(model: Model) -> one_sided.Rule:
+    """The same pair by pair. Raises ModelError likewise."""
+    _refuse_others(model)
+    return one_sided.Rule(model)
+
+
+def _refuse_others(model: Model) -> None:
     if model.grid.dimension == 3:
         raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
     for name, expected in (("model", "bond"), ("sight", "visibility")):
         found = getattr(model.materials[0], name)
         if found != expected:
             raise ModelError(f"{model.place_of(0)}.{name}: found '{found}', expected '{expected}' in the thesis mode")
-    return one_sided.fill(model)
 
 
 def _symmetric(model: Model) -> Filling:
@@ -27,7 +37,9 @@ def _symmetric(model: Model) -> Filling:
 SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
     for scheme in (
-        Scheme("thesis", _bonds_of_their_own, one_sided.Rule, symmetric=False, partial_cells=False, exact_load=False),
+        Scheme(
+            "thesis", _bonds_of_their_own, _pairs_of_their_own, symmetric=False, partial_cells=False, exact_load=False
+        ),
         Scheme("conservative", _symmetric, average_horizon.Rule, symmetric=True, partial_cells=True, exact_load=True),
     )
 }

@@ -9,7 +9,7 @@ from typing import Any
 
 from pdmesh.drawing import sources
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import GridError, Material, Settings, read_file, settings_of
+from pdmesh.model.document import GridError, Material, Medium, Settings, read_file, settings_of
 from pdmesh.scene.shapes import SceneError
 from pdsolve.estimate import Plan, plan
 from pdsolve.model import Model, ModelError, overlaid
@@ -18,12 +18,14 @@ from pdsolve.study.disturbed import disturbed
 from pdsolve.system import Options
 
 NAMED = (".geo", ".py", ".json")  # drawings that say what parameters they have
-ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0))  # to lay settings over, where names alone are looked at
+# To lay settings over, where names alone are looked at
+ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 
 
 def made(drawing: Path, case: Case, trust: bool = False) -> Model:
     """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
     grid, settings = _built(drawing, case, trust)
+    _expect_plate(drawing, grid, settings)
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
     if not case.repetition:
         return model
@@ -50,10 +52,12 @@ def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
     alike: dict[str, list[Case]] = {}
     for case in study.cases():
         alike.setdefault(dataclasses.replace(case, repetition=0).key, []).append(case)
-    return [
-        (cases[0], len(cases), plan(made(study.drawing, cases[0], trust), options(cases[0])))
-        for cases in alike.values()
-    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the solver warns when it solves
+        return [
+            (cases[0], len(cases), plan(made(study.drawing, cases[0], trust), options(cases[0])))
+            for cases in alike.values()
+        ]
 
 
 def check(study: Study, trust: bool = False) -> None:
@@ -62,9 +66,18 @@ def check(study: Study, trust: bool = False) -> None:
         try:
             if case.drawing and study.drawing.suffix.lower() in NAMED:
                 sources.parameters(study.drawing, case.assignments("drawing"), trust)
+            elif study.drawing.suffix.lower() == ".json":
+                _expect_plate(study.drawing, *_built(study.drawing, case, trust))
             overlaid(ANY, Path("model"), None, case.assignments("model"))
         except (SceneError, GridError, ModelError) as error:
             raise StudyError(f"{study.path}: {error}") from None
+
+
+def _expect_plate(drawing: Path, grid: Grid, settings: Settings) -> None:
+    """Raises ModelError for what has no cracks in the plane, of which the measures of a study are."""
+    what = "a model of diffusion" if settings.physics == "diffusion" else "a body in space"
+    if settings.physics == "diffusion" or grid.dimension == 3:
+        raise ModelError(f"{drawing}: found {what}, expected a plate, whose cracks a study measures")
 
 
 def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:

@@ -12,6 +12,7 @@ import pytest
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.model import read_model
 from pdsolve.results import Results
 
 SCENE = """
@@ -86,6 +87,7 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdmesh, ["preview", "body.json", "--bonds"], "--bonds: found a body in space"),
         (pdsolve, ["body.json", "--mode", "thesis"], "found a body in space in the thesis mode"),
         (pdsolve, ["body.json", "--adapt", "hybrid"], "found 'hybrid', expected none in a body"),
+        (pdsolve, ["body.json", "--cracks", "particles"], "found particles, expected bonds in a body in space"),
         (pdpost, ["damage", "body.sqlite"], "found a body in space, expected a plate"),
         (pdpost, ["crack", "body.sqlite"], "found a body in space, expected a plate"),
         (pdpost, ["export", "body.sqlite", "--also", "strain"], "--also: found strain, expected none of a body"),
@@ -106,3 +108,18 @@ def test_what_is_of_plates_is_refused_in_one_line(
     assert said in error
     assert error.count("\n") == 1
     assert sorted(path.name for path in solved.iterdir()) == before
+
+
+def test_a_notebook_shows_no_picture_of_a_body(solved: Path) -> None:
+    assert read_model(solved / "body.json")._repr_svg_() is None
+    with Results.open(solved / "body.sqlite") as results:
+        assert results._repr_png_() is None
+
+
+def test_a_study_of_a_body_is_refused_in_one_line(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = solved / "study.toml"
+    study.write_text('drawing = "body.json"\n[vary.model]\n"material.G0" = [1, 2]\n')
+    assert pdmesh(["plan", str(study)]) == 2
+    error = capsys.readouterr().err
+    assert "body.json: found a body in space, expected a plate, whose cracks a study measures" in error
+    assert error.count("\n") == 1

@@ -10,7 +10,11 @@ from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
+from pdpost.figures.field_figure import field
+from pdpost.figures.style import styled, written
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
+from pdsolve.results.shown import DPI
 
 COARSE = ("--set", "Zones/liquid/Spacing=0.2", "--set", "Run/Time step=10", "--set", "Run/Duration=500", "-q")
 
@@ -59,14 +63,39 @@ def test_pictures(results: Path, tmp_path: Path, name: str, capsys: pytest.Captu
         assert json.loads(capsys.readouterr().out)["largest"] == pytest.approx(largest[name], rel=1e-6)
 
 
-def test_what_shows_mechanics_says_so(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("balance", "crack", "report"):
-        assert pdpost([name, str(results), "-o", "/dev/null/x.png"]) == 2
-    said = capsys.readouterr().err
-    assert pdpost(["balance", str(results), "--json"]) == 2
+@pytest.mark.parametrize("name", ["balance", "bonds", "crack", "report", "sif"])
+def test_what_shows_mechanics_says_so(
+    results: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / ("never.html" if name == "report" else "never.png")
+    assert pdpost([name, str(results), "-o", str(path)]) == 2
     said = capsys.readouterr().err
     assert "found a model of diffusion, expected one of mechanics" in said
     assert said.count("\n") == 1
+    assert not path.exists()
+
+
+def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["--mode", "thesis"], ["--precision", "float32"]):
+        assert pdsolve([str(disc), "--dry-run", *words]) == 2
+        assert "expected the usual mode, precision and kernel of diffusion" in capsys.readouterr().err
+
+
+def test_a_study_is_of_plates(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = disc.with_name("study.toml")
+    study.write_text('drawing = "disc.json"\n[vary.model]\n"medium.C_sat" = [14320, 10000]\n')
+    assert pdmesh(["plan", str(study)]) == 2
+    said = capsys.readouterr().err
+    assert "disc.json: found a model of diffusion, expected a plate, whose cracks a study measures" in said
+    assert said.count("\n") == 1
+
+
+def test_a_notebook_shows_the_content(results: Path) -> None:
+    with Results.open(results) as found:
+        shown = found._repr_png_()
+        assert shown is not None
+        with styled():
+            assert shown == written(field(found, "content"), "png", DPI)
 
 
 def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
@@ -84,6 +113,12 @@ def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
         ("run.time_step=39", "$.run.time_step: found 39 s, expected at most 38.77"),
         ("run.theta=0.3", "Expected `float` >= 0.5 - at `$.run.theta`"),
         ("physics=mechanics", "$.material: found none, expected E, rho and G0"),
+        ("run.adapt=split", "$.run.adapt: found split, expected none or collocation of diffusion"),
+        ("run.cracks=particles", "$.run.cracks: found 'particles', expected 'bonds'"),
+        ("run.particles.strength=1", "$.run.particles: found some, expected none"),
+        ("area_rule=eq19", "$.area_rule: found eq19, expected cells or square of diffusion"),
+        ("run.theta=0.6", "run.theta: found it given for run.solver explicit, expected implicit"),
+        ("run.collocation.kappa=0.5", "run.collocation.kappa: found it given for run.adapt none, expected"),
     ],
 )
 def test_bad_input_gets_one_line(
@@ -94,6 +129,21 @@ def test_bad_input_gets_one_line(
     found = capsys.readouterr().err
     assert said in found
     assert found.count("\n") == 1
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("how", ["hybrid", "split", "collocation"])
+def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(
+    tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = tmp_path / "bath.py", tmp_path / "never.json"
+    source.write_text(
+        "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
+    )
+    assert pdmesh(["build", str(source), "--adapt", how, "-o", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert f"run.adapt: found {how}, expected none in a plate of diffusion" in said
+    assert said.count("\n") == 1
     assert not path.exists()
 
 

@@ -70,6 +70,10 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
         (("--adapt", "split", "--set", "run.split.levels=9"), "Expected `int` <= 6 - at `$.run.split.levels`"),
         (("--adapt", "split", "--set", "run.split.treshold=0.5"), "Object contains unknown field `treshold`"),
         (("--adapt", "split", "--precision", "float32"), "precision: found float32, expected float64, as run.adapt is"),
+        (
+            ("--adapt", "split", "--mode", "thesis", "--set", "material.sight=diffraction"),
+            "$.material.sight: found 'diffraction', expected 'visibility' in the thesis mode",
+        ),
         (("--set", "run.split.levels=2"), "run.split.levels: found it given for run.adapt none, expected split"),
     ],
 )
