@@ -40,7 +40,8 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     text = decoded(drawing_bytes(path))
     copies = {} if trust else drawing_copies(path)
     found = _found(path, assignments, copies)
-    return replace(_scene(path, found, _values(found), text), notes=_notes(copies))
+    scene = _scene(path, found, _values(found), text)
+    return replace(scene, notes=(*scene.notes, *_notes(copies)))
 
 
 def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:

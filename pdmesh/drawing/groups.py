@@ -24,7 +24,7 @@ TIME FACTOR, ...".
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,15 +58,8 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "solid": ((2,), None),
     "medium": ((2,), "Media"),
 }
-PLACED = (
-    "load",
-    "fix",
-    "move",
-    "absorb",
-    "hold",
-    "supply",
-    "begin",
-)  # kinds of conditions, which may have a box instead of a group
+# kinds of conditions, which may have a box instead of a group
+PLACED = ("load", "fix", "move", "absorb", "hold", "supply", "begin")
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 
@@ -101,6 +94,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
     material = named.material(parameters, "Material", None)
     scene = Scene(
         outline=shapely.union_all([zone.shape for zone in zones]),
+        notes=_reaching_beyond(zones),
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
         material=material,
@@ -128,6 +122,20 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
     )
     scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
     return _with_diffusion(scene, named_groups, parameters)
+
+
+def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
+    """Zones that overlap coarser ones and go on beyond them, by more than chords of one edge differ: plate as well."""
+    notes = []
+    for zone in zones:
+        coarser = shapely.union_all([other.shape for other in zones if other.spacing > zone.spacing])
+        beyond = zone.shape - coarser
+        if all(not part.buffer(-zone.spacing / 2).is_empty for part in (zone.shape & coarser, beyond)):
+            notes.append(
+                f"warning: zone '{zone.name}': found {beyond.area:.4g} m^2 of it beyond the coarser zones, which become"
+                " plate too (if they should not: BooleanIntersection with the plate)"
+            )
+    return tuple(notes)
 
 
 def in_metres(group: Group, unit: Unit) -> Group:

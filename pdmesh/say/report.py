@@ -108,8 +108,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     lines += [f"medium '{region['name']}': " + _words(region) for region in result["media"]]
     lines += [f"material '{region['name']}': " + _words(_telling(region)) for region in result["regions"]]
     return lines + [
-        f"{entry['kind']} '{entry.get('name', '')}': {entry['nodes']} nodes, "
-        + _words({key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")})
+        f"{entry['kind']} '{entry.get('name', '')}': "
+        + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
         for entry in result["conditions"]
     ]
 
@@ -151,6 +151,11 @@ def _words(fields: dict[str, Any]) -> str:
         for name, value in fields.items()
         if value is not None and name != "name"
     )
+
+
+def _asked(entry: dict[str, Any]) -> dict[str, Any]:
+    """What a condition does to its nodes."""
+    return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")}
 
 
 def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:

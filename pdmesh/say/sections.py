@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
@@ -18,7 +19,8 @@ from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document
 from pdmesh.say.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 
-SIDE = 4.2  # inches, of each of the four
+SIDE = 4.2  # inches, of each of the four at most
+LEAST, FLATTEST = 0.4, 0.7  # of that, how low a row of them is, and that with the outline
 SHARP = 0.35  # radians between two triangles, whose edge is drawn
 MOST_EDGES, MOST_FACES, MOST_MARKS = 20_000, 5_000, 2_000  # that are drawn
 WAYS = ((0, 1), (0, 2), (1, 2))  # axes of the sections
@@ -28,11 +30,14 @@ def draw(document: Document, name: str) -> Figure:
     """The sections and the outline of the model called `name`. Raises GridError."""
     grid = grid_of(document, name)
     selection.check(document, grid, name)
-    figure = Figure(figsize=(2 * SIDE, 2 * SIDE + 0.8), dpi=DPI, layout="constrained")
+    x, y, z = np.ptp(grid.position, axis=0) + grid.delta.max()
+    rows = [float(np.clip(share, LEAST, 1)) for share in (max(y, z) / x, max(z / y, FLATTEST))]
+    figure = Figure(figsize=(2 * SIDE, sum(rows) * SIDE + 0.8), dpi=DPI, layout="constrained")
+    places = figure.add_gridspec(2, 2, height_ratios=rows)
     middle = (grid.position.min(axis=0) + grid.position.max(axis=0)) / 2
     for number, way in enumerate(WAYS):
-        _section(figure.add_subplot(2, 2, number + 1, aspect="equal"), document, grid, way, middle, number == 0)
-    _outline(figure.add_subplot(2, 2, 4, projection="3d"), document, grid)
+        _section(figure.add_subplot(places[number], aspect="equal"), document, grid, way, middle, number == 0)
+    _outline(figure.add_subplot(places[3], projection="3d"), document, grid)
     figure.suptitle(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
     return figure
@@ -115,7 +120,9 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
         axes.scatter(*(grid.position[own] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)
     axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 1e-9))
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / (high - low).max(), strict=True):
+        axis.set_major_locator(MaxNLocator(1 + round(6 * share)))
+    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=0.8)
     axes.tick_params(labelsize=6)
 
 

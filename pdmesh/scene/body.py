@@ -104,8 +104,10 @@ class Body:
 
     @property
     def shell(self) -> Shell:
-        """Its surface, once there is one."""
-        assert isinstance(self.solid, Shell)
+        """Its surface. Raises SceneError before Gmsh has made one."""
+        if not isinstance(self.solid, Shell):
+            found = type(self.solid).__name__
+            raise SceneError(f"body: found a {found}, expected its surface: read_scene makes one of a .py file's scene")
         return self.solid
 
     @property

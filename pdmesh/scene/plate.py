@@ -80,7 +80,10 @@ class Plate:
             on = np.abs(ring[:, axis] - reach) <= 1e-9 * self.finest + 1e-12 * abs(reach)
             kept += [ring[i : i + 2] for i in range(len(ring) - 1) if on[i] and on[i + 1]]
         if not kept:
-            raise SceneError(f"{place}: found no straight edge at the {name} of the plate, expected one")
+            raise SceneError(
+                f"{place}: found no straight edge at the {name} of the plate, expected one, or points of a curve or a"
+                " shape such as box(x0, y0, x1, y1) in place of its name"
+            )
         merged = shapely.line_merge(MultiLineString(kept))
         return merged if isinstance(merged, Curve) else MultiLineString(kept)
 

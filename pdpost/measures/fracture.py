@@ -155,7 +155,11 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
     least = LEAST * _horizon(results, step, tip) if ring is None else ring.outer
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
-    words = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
+    words = (
+        f"{LEAST:g} horizons, {least:.3g} m (finer nodes around the tip have shorter ones)"
+        if ring is None
+        else f"{least:.3g} m"
+    )
     return f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of {words}"
 
 

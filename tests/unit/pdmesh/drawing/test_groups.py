@@ -323,3 +323,16 @@ group = st.builds(
 def test_any_drawing_is_a_scene_or_a_scene_error(groups: list[Group], values: dict[str, float | str]) -> None:
     with contextlib.suppress(SceneError):
         assert scene(values, *groups).shape.area > 0
+
+
+@pytest.mark.parametrize(("right", "said"), [(0.016, 0), (0.02, 0), (0.026, 1)])
+def test_a_fine_zone_that_reaches_beyond_the_plate_is_said(right: float, said: int) -> None:
+    fine = Group("zone:fine", 2, surfaces=(ring(0.012, 0, right, 0.01),))
+    notes = scene({"Zones/fine/Spacing": 5e-4}, fine).notes
+    assert len(notes) == said
+    assert all("zone 'fine': found 6e-05 m^2 of it beyond the coarser zones" in note for note in notes)
+
+
+def test_zones_that_lie_side_by_side_are_not() -> None:
+    beside = Group("zone:fine", 2, surfaces=(ring(0.02, 0, 0.03, 0.01),))
+    assert scene({"Zones/fine/Spacing": 5e-4}, beside).notes == ()

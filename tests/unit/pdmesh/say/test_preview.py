@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from pdmesh import Circle, Material, Scene, SceneError
+from pdmesh import Body, Box, Circle, Material, Scene, SceneError, build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
 from pdmesh.say.preview import draw, save
+from pdmesh.scene.solids import brick
 
 
 @pytest.fixture
@@ -66,3 +67,16 @@ def test_unknown_suffix(plate: Scene, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"found suffix '\.doc', expected one of \."):
         save(draw(document_of(grid, settings), "plate.json"), tmp_path / "a.doc")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_sections_of_a_flat_body_leave_no_room_empty() -> None:
+    heights = []
+    for width in (1e-2, 3e-3):
+        built = build(Body(brick((0, 0, 0), (1e-2, width, 3e-3)), 1e-3, Material(1e9, 1e3, 1.0)))
+        heights.append(draw(built.document, "bar.json").get_figheight())
+    assert heights == pytest.approx([9.2 - 0.3 * 4.2, 9.2 - 0.6 * 4.2])
+
+
+def test_a_solid_without_a_surface_is_refused() -> None:
+    with pytest.raises(SceneError, match="body: found a Box, expected its surface: read_scene"):
+        build(Body(Box((0, 0, 0), (1e-2, 3e-3, 3e-3)), 1e-3, Material(1e9, 1e3, 1.0)))

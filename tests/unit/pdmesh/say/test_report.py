@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, GLASS
 
-from pdmesh import Circle, Run, Scene, Static, box, ramp
+from pdmesh import Circle, Medium, Run, Scene, Static, box, ramp
 from pdmesh.drawing.sources import build, read_scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
@@ -85,6 +85,11 @@ def test_info_of_a_shipped_scene() -> None:
     lines = info_lines(found)
     assert lines[0] == "plate_with_hole.json: 6288 nodes (5166 of 0.0005 m, 1122 of 0.001 m)"
     assert lines[-1].startswith("load 'bottom': 204 nodes")
+
+
+def test_info_of_a_condition_without_values() -> None:
+    pellet = Scene(Circle(0, 0, 0.006), 5e-4, medium=Medium(D=1e-9, C_solid=5e4, C_sat=5e3)).solid(Circle(0, 0, 0.002))
+    assert info_lines(info(document(pellet), "pellet.json"))[-1].endswith(" nodes")
 
 
 def test_info_of_a_bare_grid(plate: Scene) -> None:
