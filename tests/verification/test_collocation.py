@@ -119,10 +119,10 @@ def test_the_coupling_grows_where_families_are_small_and_damping_stops_it() -> N
 
 @pytest.mark.slow
 def test_large_families_grow_slowly() -> None:
-    """m = 24, undamped, from noise: measured 157 times the energy after 4000 units, 2.4 after 2000, e^(0.0006 t); a
-    pulse of the 1700 units of the source's example does not see it."""
+    """m = 24, undamped, from noise: measured 7.75 times the energy after 2000 units with fine nodes within one and a
+    half horizons of edges (2.4 with those within one)."""
     found = vibrating(24, 120, 2000, 0.0)
-    assert found[-1] < 4
+    assert found[-1] < 12
     assert vibrating(24, 120, 500, 0.01)[-1] < 0.5
 
 
