@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
-from pdmesh import VERSION
+from pdsolve.made import made_by
 from pdsolve.measures import Ledger
 from pdsolve.notes import Notes
 from pdsolve.steppers.load_steps import LoadSteps
@@ -16,12 +15,7 @@ from pdsolve.system import Stepper, System
 
 def meta(system: System, provenance: str) -> dict[str, Any]:
     return {
-        "program": f"pdsolve {VERSION}",
-        "provenance": provenance,
-        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
-        "dimension": system.model.grid.dimension,
-        "numpy": np.__version__,
-        "numba": numba.__version__,
+        **made_by(provenance, system.model.grid.dimension),
         "mode": system.options.mode,
         "precision": system.options.precision,
         "threads": system.threads,

@@ -5,29 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeAlias, TypeVar
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import (
-    Acceleration,
     AnyCondition,
     Concentration,
     Displacement,
     Exchange,
     InitialConcentration,
-    InitialVelocity,
     Load,
     Material,
     MediumRegion,
     Region,
     Run,
     Source,
-    Velocity,
 )
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.medium import Medium, contradiction
-from pdmesh.scene.conditions import Profile, checked_profile
+from pdmesh.scene import actions
+from pdmesh.scene.conditions import Profile
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked
 
@@ -175,22 +172,9 @@ class Body:
         name: str = "",
     ) -> Body:
         """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s)."""
-        given: list[tuple[type[AnyCondition], Components | None]] = [
-            (Velocity, velocity),
-            (Acceleration, acceleration),
-            (InitialVelocity, initial_velocity),
-        ]
-        chosen = [(kind, value) for kind, value in given if value is not None]
-        if len(chosen) != 1:
-            raise SceneError(
-                f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
-            )
-        ((kind, components),) = chosen
-        if kind is InitialVelocity:
-            moved = {axis: value or 0.0 for axis, value in zip("xyz", components, strict=True)}
-            return self._with(kind, moved, where, rows, name)
-        held = dict(zip("xyz", components, strict=True))
-        return self._with(kind, held, where, rows, name, profile=profile, breakable=breakable)
+        moves = velocity, acceleration, initial_velocity
+        kind, values = actions.motion(name, "xyz", *moves, profile=profile, breakable=breakable)
+        return self._with(kind, values, where, rows, name)
 
     def dissolve(self, solid: Solid, name: str = "") -> Body:
         """With a solid that dissolves."""
@@ -237,11 +221,8 @@ class Body:
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
         """With another diffusivity (m^2/s) in a solid's place."""
         name = name or f"{len(self.media) + 1}"
-        try:
-            region = msgspec.convert({"name": name, "D": D}, MediumRegion)
-        except msgspec.ValidationError as error:
-            raise SceneError(f"medium '{name}': {error}") from None
-        return replace(self, media=(*self.media, SolidRegion(checked(solid, f"medium '{name}'"), region)))
+        part = SolidRegion(checked(solid, f"medium '{name}'"), actions.medium(name, D))
+        return replace(self, media=(*self.media, part))
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
@@ -250,12 +231,7 @@ class Body:
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
             raise SceneError(f"{place}: found '{where}', expected one of {', '.join(SIDES)}, a solid or a sheet")
-        if "profile" in more:
-            more["profile"] = checked_profile(more["profile"], f"{place}: profile")
-        try:
-            action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
-        except msgspec.ValidationError as error:
-            raise SceneError(f"{place}: {error}") from None
+        action = actions.action(kind, name, values | more)
         if not isinstance(where, str | Sheet):
             checked(where, place)
         condition = SolidCondition(where, rows, action)

@@ -22,26 +22,21 @@ from shapely import LineString
 from pdmesh.model.document import (
     LARGEST,
     Absorb,
-    Acceleration,
     Adapt,
     AnyCondition,
     Concentration,
     Displacement,
     Exchange,
     InitialConcentration,
-    InitialVelocity,
     Load,
     Material,
-    MediumRegion,
     Point,
     Region,
     Solid,
     Source,
-    Velocity,
 )
-from pdmesh.model.wordings import explained
-from pdmesh.scene import checks
-from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, checked_profile
+from pdmesh.scene import actions, checks
+from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -145,22 +140,9 @@ class Scene(Plate):
 
         None leaves a component free. For the rest see `load`; an initial velocity has no profile.
         """
-        given: list[tuple[type[AnyCondition], Components | None]] = [
-            (Velocity, velocity),
-            (Acceleration, acceleration),
-            (InitialVelocity, initial_velocity),
-        ]
-        chosen = [(kind, value) for kind, value in given if value is not None]
-        if len(chosen) != 1:
-            raise SceneError(
-                f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
-            )
-        ((kind, (x, y)),) = chosen
-        if kind is InitialVelocity:
-            if profile or breakable:
-                raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
-            return self._with(kind, {"x": x or 0.0, "y": y or 0.0}, where, rows, name)
-        return self._with(kind, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+        moves = velocity, acceleration, initial_velocity
+        kind, values = actions.motion(name, "xy", *moves, profile=profile, breakable=breakable)
+        return self._with(kind, values, where, rows, name)
 
     def absorb(self, where: Where, width: float | None = None, name: str = "") -> Scene:
         """With a layer in which waves die out, `width` (m) deep from a curve, or all of a shape.
@@ -189,11 +171,7 @@ class Scene(Plate):
     def diffusivity(self, shape: Shape, D: float, name: str = "") -> Scene:
         """With another diffusivity (m^2/s) in the shape."""
         name = name or f"{len(self.media) + 1}"
-        try:
-            region = msgspec.convert({"name": name, "D": D}, MediumRegion)
-        except msgspec.ValidationError as error:
-            raise SceneError(f"medium '{name}': {error}") from None
-        area = surface(shape, self.finest, f"medium '{name}'")
+        region, area = actions.medium(name, D), surface(shape, self.finest, f"medium '{name}'")
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
     def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
@@ -236,14 +214,9 @@ class Scene(Plate):
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
     ) -> Scene:
         name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
-        place = f"{kind.__struct_config__.tag} '{name}'"
-        if "profile" in more:
-            more["profile"] = checked_profile(more["profile"], f"{place}: profile")
-        try:
-            action = msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values | more, kind)
-        except msgspec.ValidationError as error:
-            raise SceneError(f"{place}: {explained(error, kind)}") from None
-        condition = PlacedCondition(Place(self._place(where, place), rows), action)
+        action = actions.action(kind, name, values | more)
+        place = self._place(where, f"{kind.__struct_config__.tag} '{name}'")
+        condition = PlacedCondition(Place(place, rows), action)
         return replace(self, conditions=(*self.conditions, condition))
 
     def _place(self, where: Where, place: str) -> Curve | Surface:

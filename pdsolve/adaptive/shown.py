@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +17,16 @@ from pdsolve.adaptive.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PL
 from pdsolve.adaptive.hybrid import Hybrid, Told
 from pdsolve.adaptive.irregular import part_of
 from pdsolve.adaptive.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
+from pdsolve.adaptive.own import OfItsOwn
 from pdsolve.model import Model
 from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+    pass
 
 
-class Shown:
+class Shown(OfItsOwn[Hybrid]):
     """An operator and a stepper; n nodes, in the order of their places.
 
     The state is brought up to date when `energies` are asked for.
@@ -239,30 +239,3 @@ class Shown:
             for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
         )
         return Broken(step[new].astype(np.int64), source, target)
-
-    def keep(self) -> Kept:
-        """As in `Operator`."""
-        return self.hybrid.keep()
-
-    def back(self, kept: Kept, broken: Broken) -> None:
-        """As in `Operator`; the nodes are those of the checkpoint."""
-
-    def place(self, state: State) -> State:
-        """As in `Operator`."""
-        return state
-
-    def stiffest(self) -> NDArray[np.float64]:
-        """Raises TypeError: the step is bounded by the fine lattice, of which these nodes are some."""
-        raise TypeError("hybrid: found nodes of two lattices, expected those of one")
-
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Raises TypeError: forces are those of its own nodes, not of a state that is given."""
-        raise TypeError("hybrid: found a state from outside, expected to march")
-
-    def tangent(self, state: State) -> csr_array:
-        """Raises TypeError, as `add`."""
-        raise TypeError("hybrid: found a state from outside, expected to march")
-
-    def bytes(self) -> int:
-        """As in `Operator`."""
-        return self.hybrid.bytes()

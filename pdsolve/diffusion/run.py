@@ -9,14 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh import VERSION
 from pdsolve.diffusion.books import Masses, fields, masses
 from pdsolve.diffusion.dissolution import State
 from pdsolve.diffusion.system import System, prepare
+from pdsolve.made import made_by
 from pdsolve.model import Model
 from pdsolve.results import Behind, Breaks, Families, Frame, Nodes, Results, ResultsError, Writer, behind
 from pdsolve.unstable import UnstableError
@@ -70,12 +69,7 @@ def resume(results: Results, model: Model, output: Path, threads: int | None, wa
 
 def _meta(system: System, provenance: str) -> dict[str, Any]:
     return {
-        "program": f"pdsolve {VERSION}",
-        "provenance": provenance,
-        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
-        "dimension": system.model.grid.dimension,
-        "numpy": np.__version__,
-        "numba": numba.__version__,
+        **made_by(provenance, system.model.grid.dimension),
         "physics": "diffusion",
         "mode": "conservative",
         "precision": "float64",

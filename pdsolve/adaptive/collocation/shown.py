@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -19,15 +19,15 @@ from pdsolve.adaptive.collocation.ground import is_cut
 from pdsolve.adaptive.collocation.zone import COARSE, FINE, SWITCHES
 from pdsolve.adaptive.hybrid import Told
 from pdsolve.adaptive.irregular import part_of
+from pdsolve.adaptive.own import OfItsOwn
 from pdsolve.model import Model
-from pdsolve.operators.operator import Kept
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+    pass
 
 
-class Collocated:
+class Collocated(OfItsOwn[Engine]):
     """An operator and a stepper; n nodes, in the order of their places.
 
     The state is brought up to date when `energies` are asked for.
@@ -154,33 +154,6 @@ class Collocated:
         one, other = ends
         steps = np.tile(step[new].astype(np.int64), 2)
         return Broken(steps, np.concatenate([one, other]), np.concatenate([other, one]))
-
-    def keep(self) -> Kept:
-        """As in `Operator`."""
-        return self.hybrid.keep()
-
-    def back(self, kept: Kept, broken: Broken) -> None:
-        """As in `Operator`; the nodes are those of the checkpoint."""
-
-    def place(self, state: State) -> State:
-        """As in `Operator`."""
-        return state
-
-    def stiffest(self) -> NDArray[np.float64]:
-        """Raises TypeError: the step is bounded by two lattices, of which these nodes are some."""
-        raise TypeError("collocation: found nodes of two lattices, expected those of one")
-
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Raises TypeError: forces are those of its own nodes, not of a state that is given."""
-        raise TypeError("collocation: found a state from outside, expected to march")
-
-    def tangent(self, state: State) -> csr_array:
-        """Raises TypeError, as `add`."""
-        raise TypeError("collocation: found a state from outside, expected to march")
-
-    def bytes(self) -> int:
-        """As in `Operator`."""
-        return self.hybrid.bytes()
 
 
 @njit(cache=True, error_model="numpy")

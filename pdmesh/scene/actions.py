@@ -1,0 +1,66 @@
+"""What is asked to be done to a scene, of plates and of bodies, as a condition or a region of the grid file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from pdmesh.model.document import Acceleration, AnyCondition, InitialVelocity, MediumRegion, Velocity
+from pdmesh.model.wordings import explained
+from pdmesh.scene.conditions import checked_profile
+from pdmesh.scene.shapes import SceneError
+
+Components = Sequence[float | None]
+
+
+def action(kind: type[AnyCondition], name: str, values: dict[str, Any]) -> AnyCondition:
+    """The condition of a kind with these values. Raises SceneError."""
+    place = f"{kind.__struct_config__.tag} '{name}'"
+    if "profile" in values:
+        values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
+    try:
+        return msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values, kind)
+    except msgspec.ValidationError as error:
+        raise SceneError(f"{place}: {explained(error, kind)}") from None
+
+
+def motion(
+    name: str,
+    axes: str,
+    velocity: Components | None,
+    acceleration: Components | None,
+    initial_velocity: Components | None,
+    **held: Any,
+) -> tuple[type[AnyCondition], dict[str, Any]]:
+    """The kind and the values of the one motion along `axes` that is given; `held` are those of one that is
+    held.
+
+    Raises SceneError.
+    """
+    given: list[tuple[type[AnyCondition], Components | None]] = [
+        (Velocity, velocity),
+        (Acceleration, acceleration),
+        (InitialVelocity, initial_velocity),
+    ]
+    chosen = [(kind, value) for kind, value in given if value is not None]
+    if len(chosen) != 1:
+        raise SceneError(
+            f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
+        )
+    ((kind, components),) = chosen
+    along = dict(zip(axes, components, strict=True))
+    if kind is not InitialVelocity:
+        return kind, along | held
+    if any(held.values()):
+        raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
+    return kind, {axis: value or 0.0 for axis, value in along.items()}
+
+
+def medium(name: str, D: float) -> MediumRegion:
+    """A part of another diffusivity, m^2/s. Raises SceneError."""
+    try:
+        return msgspec.convert({"name": name, "D": D}, MediumRegion)
+    except msgspec.ValidationError as error:
+        raise SceneError(f"medium '{name}': {error}") from None
