@@ -119,11 +119,14 @@ def test_the_coupling_grows_where_families_are_small_and_damping_stops_it() -> N
 
 @pytest.mark.slow
 def test_large_families_grow_slowly() -> None:
-    """m = 24, undamped, from noise: measured 7.75 times the energy after 2000 units with fine nodes within one and a
-    half horizons of edges (2.4 with those within one)."""
-    found = vibrating(24, 120, 2000, 0.0)
-    assert found[-1] < 12
-    assert vibrating(24, 120, 500, 0.01)[-1] < 0.5
+    """m = 24, 2000 units from noise: undamped, energy has grown to 7.75 times as measured (2.4 with fine nodes within
+    one horizon of edges); a fifth of what m = 4 needs makes it only fall, to the 0.66 that is far from the seam."""
+    growing = np.array(vibrating(24, 120, 2000, 0.0))
+    assert np.all(np.diff(growing) > 0)
+    assert 2 < growing[-1] < 12
+    damped = np.array(vibrating(24, 120, 2000, 0.01))
+    assert np.all(np.diff(damped) < 0)
+    assert damped[-1] < 0.7  # measured 0.664
 
 
 def test_a_crack_takes_fine_nodes_with_it() -> None:
