@@ -87,6 +87,11 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdmesh, ["build", "body.py", "--set", "thin=0.2"], "where the body is thinner than 3 of them"),
         (pdmesh, ["build", "body.py", "--refine", "crack:1"], "--refine: found a body in space"),
         (pdmesh, ["plan", "body.py", "--within", "2%"], "--within: found a body in space"),
+        (
+            pdmesh,
+            ["plan", "body.py", "--mode", "thesis"],
+            "found a body in space in the thesis mode, expected the cons",
+        ),
         (pdmesh, ["preview", "body.json", "--bonds"], "--bonds: found a body in space"),
         (pdsolve, ["body.json", "--mode", "thesis"], "found a body in space in the thesis mode"),
         (pdsolve, ["body.json", "--adapt", "hybrid"], "found 'hybrid', expected none in a body"),
@@ -134,15 +139,16 @@ def test_planes_through_a_body_show_what_their_nodes_have(solved: Path) -> None:
     with Results.open(solved / "body.sqlite") as results:
         figure, uz = field(results, "displacement", 20, part="z"), results.field("uz", 20)
         position = results.nodes().position
-    largest = float(figure.axes[-1].get_xlim()[1])  # um
-    assert largest == pytest.approx(1e6 * np.abs(uz).max(), rel=1e-6)
+    largest = float(np.abs(uz).max())
+    factor = {"displacement, z, mm": 1e3, "displacement, z, µm": 1e6}[figure.axes[-1].get_xlabel()]
+    assert figure.axes[-1].get_xlim()[1] == pytest.approx(factor * largest, rel=1e-6)
     assert [axes.get_title() for axes in figure.axes[:3]] == ["y = 200 mm", "x = 500 mm", "z = 200 mm"]
     for axes, (axis, at) in zip(figure.axes, ((1, 0.25), (0, 0.55), (2, 0.25)), strict=False):
         rows = np.isclose(position[:, axis], at)
         (squares,) = axes.collections
         middle = np.array([path.vertices[:4].mean(axis=0) for path in squares.get_paths()])
         assert middle == pytest.approx(1e3 * np.delete(position[rows], axis, axis=1))
-        expected = colormaps["coolwarm"]((1e6 * uz[rows] / largest + 1) / 2)
+        expected = colormaps["coolwarm"]((uz[rows] / largest + 1) / 2)
         assert np.abs(squares.get_facecolor() - expected).max() < 0.02
 
 

@@ -78,9 +78,14 @@ def test_what_shows_mechanics_says_so(
 
 
 def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words in (["--mode", "thesis"], ["--precision", "float32"]):
-        assert pdsolve([str(disc), "--dry-run", *words]) == 2
+    for program in ([pdsolve, "--dry-run", "--mode", "thesis"], [pdsolve, "--dry-run", "--precision", "float32"]):
+        assert program[0]([str(disc), *program[1:]]) == 2
         assert "expected the usual mode, precision and kernel of diffusion" in capsys.readouterr().err
+    for command, model in (("info", str(disc)), ("plan", str(GEOMETRIES / "disc.geo"))):
+        assert pdmesh([command, model, "--mode", "thesis"]) == 2
+        said = capsys.readouterr().err
+        assert "expected the usual mode, precision and kernel of diffusion" in said
+        assert said.count("\n") == 1
 
 
 def test_a_study_is_of_plates(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:

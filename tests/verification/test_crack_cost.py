@@ -1,4 +1,4 @@
-"""What a crack through a body in space costs in a run: the halves of a block are moved apart, bonds break one by one."""
+"""What a crack through a body in space costs in a run: halves of a block are moved apart, bonds break one by one."""
 
 from __future__ import annotations
 
