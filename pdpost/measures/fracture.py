@@ -146,26 +146,26 @@ def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: t
     return min(every, key=far)
 
 
-def _horizon(results: Results, step: int, tip: Tip) -> float:
+def _spacing(results: Results, step: int, tip: Tip) -> float:
+    """That of the node nearest to a tip, m."""
     nodes = results.nodes(step)
-    return _ratio(results) * float(nodes.delta[nearest(nodes, tip.place)])
-
-
-def _ratio(results: Results) -> float:
-    """The horizon over the spacing."""
-    return read(results, _Model).horizon.ratio
+    return float(nodes.delta[nearest(nodes, tip.place)])
 
 
 def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
     """Why a tip has no room for rings, and what spacing would give it; "" if it has."""
     x, y = tip.place
-    least = LEAST * _horizon(results, step, tip) if ring is None else ring.outer
+    spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
+    if ring is not None and ring.outer - ring.inner < spacing:
+        wide = f"{ring.outer - ring.inner:.3g} m wide, expected at least a spacing, {spacing:.3g} m"
+        return f"found a ring around the tip at ({x:.4g}, {y:.4g}) m {wide}"
+    least = LEAST * ratio * spacing if ring is None else ring.outer
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
     found = f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of"
     if ring is not None:
         return f"{found} {least:.3g} m"
-    enough = room.radius / (LEAST * _ratio(results))
+    enough = room.radius / (LEAST * ratio)
     finer = f" (nodes {_rounded_down(enough)} m apart have it)" if enough > 0 else ""
     return f"{found} {LEAST:g} horizons, {least:.3g} m{finer}"
 
@@ -181,7 +181,8 @@ def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None
     if given is not None:
         quarter = (given.outer - given.inner) / 4
         return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)
-    least = max(BLURRED * _horizon(results, step, tip), 0.2 * room.radius)
+    horizon = read(results, _Model).horizon.ratio * _spacing(results, step, tip)
+    least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
 

@@ -125,6 +125,8 @@ def test_one_frame(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str])
 def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     expected = "found the edge of the plate 0.487 m from the tip at (0.4875, 0) m, expected room of 0.9 m"
     assert expected in said([str(pulled), "--ring", "0.1,0.9"], capsys)
+    expected = "found a ring around the tip at (0.4875, 0) m 1e-09 m wide, expected at least a spacing, 0.025 m"
+    assert expected in said([str(pulled), "--ring", "0,1e-9"], capsys)
     with pytest.raises(SystemExit) as stop:
         main(["sif", str(pulled), "--ring", "0.9,0.1"])
     assert stop.value.code == 2
