@@ -176,8 +176,8 @@ def model_of(text: str, name: str) -> Model:
 def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
     """The model in a grid file, with the keys of a TOML file and then ``NAME=VALUE`` assignments laid over it.
 
-    Names are dotted (``run.steps``), values TOML; fields may also be ``all``, ``ux,uy`` or ``+energy``. Raises
-    GridError or ModelError.
+    Names are dotted (``run.steps``), values TOML, of which ``{}`` empties a table; fields may also be ``all``,
+    ``ux,uy`` or ``+energy``. Raises GridError or ModelError.
     """
     document = read_file(path)
     merged = overlaid(settings_of(document), path, settings, assignments)
@@ -195,7 +195,7 @@ def overlaid(
         value = _toml_value(name, text)
         if name == "run.fields" and isinstance(value, str):
             value = _fields(value, layers["run"])
-        layers = _laid_over(layers, _nested(name, value))
+        layers = _laid_over(layers, _nested(name, value), emptied=True)
     try:
         return msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
@@ -251,9 +251,10 @@ def _nested(name: str, value: Any) -> dict[str, Any]:
     return nested
 
 
-def _laid_over(below: Any, above: Any) -> Any:
-    if isinstance(below, dict) and isinstance(above, dict):
-        return below | {key: _laid_over(below.get(key), value) for key, value in above.items()}
+def _laid_over(below: Any, above: Any, emptied: bool = False) -> Any:
+    """Tables key by key; `emptied`: a table without keys takes the place of one that has some."""
+    if isinstance(below, dict) and isinstance(above, dict) and (above or not emptied):
+        return below | {key: _laid_over(below.get(key), value, emptied) for key, value in above.items()}
     return above
 
 

@@ -46,7 +46,10 @@ def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFi
     assert sum(map(len, told["lines"])) == len(particles.place) + 2  # the fork is in all of them
     grown = json.loads(Path("strip.notch.json").read_text())
     assert len(grown["notch"]) == len(particles.place) - 1
-    assert pdsolve(["strip.notch.json", "--cracks", "bonds", "--set", "run.particles={}", "--dry-run"]) == 0
+    again = ["strip.notch.json", "--cracks", "bonds", "--dry-run"]
+    assert pdsolve(again) == 2
+    assert "particles: found some, expected none, as run.cracks is bonds" in capsys.readouterr().err
+    assert pdsolve([*again, "--set", "run.particles={}"]) == 0
     assert pdpost(["notch", "strip.sqlite", "--frame", "0", "--csv", "-"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 2
 
