@@ -26,7 +26,8 @@ from pdsolve.model import Model
 from pdsolve.simulation import Options, simulate
 
 SHORT = 3.0  # spacings: the horizon
-TIES = {"cut": (0.0, 0.0), "cut that lean one way": (1e-3, 0.0), "left": (0.0, 1e-3)}  # spacings across, and back
+ONE_WAY = "cut that lean one way"
+TIES = {"cut": (0.0, 0.0), ONE_WAY: (1e-3, 0.0), "left": (0.0, 1e-3)}  # spacings by which the tip is across, and back
 RING = Ring(0.2, 0.45)  # widths
 BONDS = msgspec.structs.replace(UNIT, micromodulus="constant")
 C11 = lattice_ratios(SHORT, "constant", "stress", True).c11 * calibration(SHORT, BONDS).stiffness  # over its mean
@@ -46,7 +47,6 @@ INDEPENDENT = {  # K1 of another code, in which round-off decides ties; in the o
     ("edge", 80): (None, 1.0157, None, 0.9990, 1.0197),
     ("centre", 40): (None, 1.0023, None, 0.9746, None),
 }
-ONE_WAY = "cut that lean one way"
 SHOWN = {("edge", 40): tuple(TIES), ("edge", 80): ("cut", ONE_WAY), ("centre", 40): (ONE_WAY,)}
 
 ABOVE = """
@@ -155,9 +155,9 @@ def _model(material: Material, ties: str, kind: str, wide: int) -> Model:
         outline=(np.array([[left, -half], [1.0, -half], [1.0, half], [left, half]]),),
         areas=np.full(count, 1 / wide**2),
     )
-    loads = tuple(
-        Load(box=(-2.0, min(level, side * half), 2.0, max(level, side * half)), body_force=(0.0, side * PULL * wide))
-        for side in (1, -1)
-        if (level := side * (half - 0.75 / wide))
+    inner = half - 1 / wide
+    loads = (
+        Load(box=(-2.0, inner, 2.0, half), body_force=(0.0, PULL * wide)),
+        Load(box=(-2.0, -half, 2.0, -inner), body_force=(0.0, -PULL * wide)),
     )
     return Model(grid, Settings(material=material, horizon=Horizon(SHORT), conditions=loads, run=STATIC))

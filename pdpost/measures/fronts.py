@@ -103,13 +103,12 @@ def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float
         return float(branch.time[-1]) if arms or met else np.inf
     if arms:
         return float(np.nextafter(arms[0].time[0], 0))
-    end, spacing = shapely.Point(branch.place[-1]), branch.spacing[-1]
-    own = results.cracks().reshape(-1, 2, 2), *(np.stack([one.place[:-1], one.place[1:]], axis=1) for one in branches)
-    every = np.concatenate(own)
-    on = shapely.dwithin(shapely.linestrings(every), end, TOUCHES * spacing).sum() > 1
-    stopped = on or not inside(results, branch.place[-1])
-    stopped = stopped or plate(results).shape.boundary.distance(end) <= spacing / 2
-    return float(np.nextafter(branch.time[-1], 0)) if stopped else np.inf
+    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], plate(results).shape
+    grown = (np.stack([one.place[:-1], one.place[1:]], axis=1) for one in branches)
+    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *grown]))
+    on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
+    on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
+    return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
 
 
 def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:

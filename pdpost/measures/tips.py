@@ -84,10 +84,10 @@ def tips(results: Results, step: int | None = None, threshold: float = CRACKED) 
     Nodes of more damage than `threshold` are cracked; where cracks are particles, that is not asked. Mirrored cracks
     have mirrored branches.
     """
-    last = int(results.breaks().step.max(initial=0)) if step is None else step
     particles = results.particles()
     if len(particles.place):
-        return _of_particles(results, until(particles, last))
+        return _of_particles(results, particles if step is None else until(particles, step))
+    last = int(results.breaks().step.max(initial=0)) if step is None else step
     cracked = grown(results, last, threshold)
     skeleton = Skeleton(cracked)
     skeleton.prune()

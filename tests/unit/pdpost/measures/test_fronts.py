@@ -67,6 +67,14 @@ def test_tips_of_particles_are_where_the_particles_are() -> None:
                 assert tip.way == pytest.approx(way)
 
 
+def test_a_crack_of_particles_that_ends_on_another_has_no_tip() -> None:
+    notch = np.array([[0.0, 0.0, 4.5e-3, 0.0], [12e-3, -3e-3, 12e-3, 3e-3]])
+    grown = [(0, -1, 0, 0), (0, 0, 4.5, 0), (0, -1, 12, -3), (0, 2, 12, 3), (10, 1, 8, 0.5), (20, 4, 12, 0.5)]
+    every = fronts(run(lattice(), [], notch, particles=grown), 100)
+    there = [sum(front.at(step * US) is not None for front in every) for step in (0, 10, 19, 20, 100)]
+    assert there == [3, 3, 3, 2, 2]  # two are of the other crack
+
+
 def test_mouths_of_pre_cracks_are_no_tips() -> None:
     through = np.array([[-1.0, 0.0, 1.0, 0.0]])
     assert fronts(run(lattice(), [], through), 100) == []
