@@ -200,7 +200,7 @@ def overlaid(
         return msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
         names = " + ".join(map(str, filter(None, [path, settings])))
-        raise ModelError(f"{names}: {explained(error, Settings)}") from None
+        raise ModelError(f"{names}: {explained(error, Settings, lambda: layers)}") from None
 
 
 def _beyond(value: object, place: str) -> tuple[str, float] | None:
