@@ -90,7 +90,7 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
         return triangles
     corners = corners[hull.vertices]
     size = float(np.ptp(corners, axis=0).max())
-    normal = _normals(triangles)
+    normal = normals(triangles)
     length = np.sqrt((normal**2).sum(axis=1))
     unit = normal / np.where(length > 0, length, 1.0)[:, None]
     kept = np.zeros(len(triangles), dtype=bool)
@@ -111,7 +111,7 @@ class Screen:
         self, triangles: NDArray[np.float64], position: NDArray[np.float64], delta: NDArray[np.float64]
     ) -> None:
         self._position = position
-        normal = _normals(triangles)
+        normal = normals(triangles)
         whole = (normal != 0).any(axis=1)
         triangles, normal = triangles[whole], normal[whole]
         middle = triangles.mean(axis=1)
@@ -155,7 +155,7 @@ class Screen:
             count = start[own + 1] - start[own]
             which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
             which = which[~found[which]]
-            found[which] = _meets(*self._ends(pairs, which), triangle[None], normal[None])
+            found[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
 
     def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
         longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
@@ -170,19 +170,25 @@ class Screen:
             p, q = self._ends(pairs, which)
             both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
             own, number = both["i"], both["j"]
-            meets = _meets(p[own], q[own], self._small[number], self._small_normal[number])
-            found[which[own[meets]]] = True
+            met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+            found[which[own[met]]] = True
 
 
-def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """(t, 3) twice as long as the triangles are large, m^2."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
-def _meets(
+def meets(
     p: NDArray[np.float64], q: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3)."""
+    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3), with
+    `normals`.
+
+    Edges and corners belong to a triangle, ends to a segment, and all that is within `EDGE` of the triangle's size.
+    A segment in the plane of a triangle meets it where an end or its middle is on it, and not otherwise. (q, p) and
+    (p, q) give the same, and so do mirror images.
+    """
     size = (normal**2).sum(axis=1) ** 0.75
     above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
     above, below = (np.where(np.abs(side) <= EDGE, 0.0, side) for side in (above, below))
@@ -203,7 +209,7 @@ def _meets(
 
 
 def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points x (k, 3) of the planes of triangles, as in `_meets`, are in them."""
+    """Which points x (k, 3) of the planes of triangles, as in `meets`, are in them."""
     inside, least = np.ones(len(x), dtype=bool), -EDGE * (normal**2).sum(axis=1)
     for corner in range(3):
         a, b = triangles[:, corner], triangles[:, (corner + 1) % 3]
@@ -225,7 +231,7 @@ def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach
 
 def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of points (k, 3) from a triangle."""
-    normal = _normals(triangle[None])[0]
+    normal = normals(triangle[None])[0]
     squared = float((normal**2).sum())
     found = np.full(len(x), np.inf)
     if squared > 0:
