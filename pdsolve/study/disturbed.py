@@ -41,6 +41,8 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
     if repeat.notch:
         if not len(grid.cracks):
             raise ModelError(f"{model.name}: repeat.notch: found no pre-crack to move, expected one, or step or noise")
+        if grid.dimension == 3:
+            raise ModelError(f"{model.name}: repeat.notch: found a body in space, expected step or noise")
         grid = replace(grid, cracks=_moved(grid, repeat.notch * across * float(grid.delta.min())))
     if repeat.noise:
         if settings.run.adapt != "none":

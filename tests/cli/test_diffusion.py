@@ -81,13 +81,18 @@ def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixtur
         assert "expected the usual mode, precision and kernel of diffusion" in capsys.readouterr().err
 
 
-def test_a_study_is_of_plates(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = disc.with_name("study.toml")
-    study.write_text('drawing = "disc.json"\n[vary.model]\n"medium.C_sat" = [14320, 10000]\n')
-    assert pdmesh(["plan", str(study)]) == 2
-    said = capsys.readouterr().err
-    assert "disc.json: found a model of diffusion, expected a plate, whose cracks a study measures" in said
-    assert said.count("\n") == 1
+    gel = "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
+    disc.with_name("gel.py").write_text(gel)
+    for drawing in ("disc.json", "gel.py"):
+        study.write_text(f'drawing = "{drawing}"\n[vary.model]\n"medium.D" = [1.0, 2.0]\n')
+        for program, words in ((pdmesh, ["plan"]), (pdsolve, ["study", "-o", str(disc.with_name("study.sqlite"))])):
+            assert program([*words, str(study)]) == 2
+            said = capsys.readouterr().err
+            assert f"{drawing}: found a model of diffusion, expected one of mechanics" in said
+            assert said.count("\n") == 1
+    assert not disc.with_name("study.sqlite").exists()
 
 
 def test_a_notebook_shows_the_content(results: Path) -> None:
