@@ -16,7 +16,7 @@ import numpy as np
 from pdsolve.adapt import Adapt, zone_back, zone_moved
 from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
-from pdsolve.checks import advise, closing
+from pdsolve.checks import advise, advise_unused, closing
 from pdsolve.diffusion import run as diffusion
 from pdsolve.diffusion.system import expect_usual
 from pdsolve.measures import books, pieces
@@ -69,8 +69,10 @@ def simulate(
     with writing_to(output):
         if model.diffuses:
             expect_usual(model, options, adapt is not None)
+            advise_unused(model)
             return diffusion.simulate(model, output, options.threads, _watched(model, watch), provenance)
         system, state = started(prepare(model, options))
+        advise_unused(model)
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 

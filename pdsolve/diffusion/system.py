@@ -120,7 +120,7 @@ def _step(model: Model, most: float) -> float:
 
 
 def _refuse(model: Model) -> None:
-    """Raises ModelError for settings that a model of diffusion would not listen to."""
+    """Raises ModelError for settings that ask for what a model of diffusion does not do."""
     run, usual = model.settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
         found, expected = getattr(run, name), getattr(usual, name)
@@ -128,9 +128,6 @@ def _refuse(model: Model) -> None:
             raise ModelError(
                 f"{model.name}: $.run.{name}: found {found!r}, expected {expected!r}, as the physics is diffusion"
             )
-    for name in ("particles", "split", "collocation"):
-        if getattr(run, name) != getattr(usual, name):
-            raise ModelError(f"{model.name}: $.run.{name}: found some, expected none, as the physics is diffusion")
     if model.settings.area_rule == "eq19":
         raise ModelError(f"{model.name}: $.area_rule: found eq19, expected cells or square of diffusion")
     for name in run.fields if run.fields != USUAL else ():

@@ -120,9 +120,9 @@ def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
         ("physics=mechanics", "$.material: found none, expected E, rho and G0"),
         ("run.adapt=split", "$.run.adapt: found split, expected none or collocation of diffusion"),
         ("run.cracks=particles", "$.run.cracks: found 'particles', expected 'bonds'"),
-        ("run.particles.strength=1", "$.run.particles: found some, expected none"),
+        ("run.particles.strength=1", "run.particles.strength: found it given for run.cracks bonds, expected"),
         ("area_rule=eq19", "$.area_rule: found eq19, expected cells or square of diffusion"),
-        ("run.theta=0.6", "run.theta: found it given for run.solver explicit, expected implicit"),
+        ("run.theta=0.6", "run.theta: found it given for run.solver explicit, expected run.solver implicit"),
         ("run.collocation.kappa=0.5", "run.collocation.kappa: found it given for run.adapt none, expected"),
     ],
 )
