@@ -142,12 +142,12 @@ def _solve(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
-    """Says how to go on with a run that was stopped within a load step, which is lost."""
+    """Says how to go on with a run that was stopped where something is lost."""
     try:
         yield
     except KeyboardInterrupt as stop:
         if stop.args:
-            commandline.note(f"pdsolve: stopped {stop}, which is lost; to go on: pdsolve --resume {path}", args)
+            commandline.note(f"pdsolve: stopped {stop}; to go on: pdsolve --resume {path}", args)
         raise
 
 

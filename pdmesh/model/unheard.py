@@ -17,7 +17,7 @@ class Used(NamedTuple):
     """Settings, and the switches of which one must be so that they are used."""
 
     names: tuple[str, ...]  # dotted; of a struct for all that is in it
-    switches: tuple[tuple[str, str], ...]  # dotted name and value
+    switches: tuple[tuple[str, str | None], ...]  # dotted name and value
     expected: str = ""  # in words, where they say more than the switches
 
 
@@ -26,7 +26,7 @@ class Unused(NamedTuple):
 
     names: tuple[str, ...]  # dotted
     switch: str  # that is to blame, dotted
-    found: str  # what that is
+    found: object  # what that is
     expected: str
 
 
@@ -44,8 +44,9 @@ TABLE = (
         "run.solver static (--static), or run.start static",
     ),
     Used(("run.static.load_steps",), (("run.solver", "static"),), "run.solver static (--static)"),
+    Used(("run.steps",), (("run.duration", None),), "one of the two"),
     Used(
-        ("run.steps", "run.time_step", "run.every", "run.ledger"),
+        ("run.steps", "run.duration", "run.time_step", "run.every", "run.ledger"),
         (("run.solver", "explicit"), ("run.solver", "implicit")),
         "run.static.load_steps: a load step is a step and a frame",
     ),

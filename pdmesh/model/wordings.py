@@ -13,6 +13,11 @@ import msgspec.inspect as inspection
 UNKNOWN = re.compile(r"(Invalid enum value '|Object contains unknown field `)(.*?)['`](?: - at `\$(.*)`)?", re.DOTALL)
 
 
+def called(name: str | None, number: int, what: str = "condition") -> str:
+    """The name of a condition or another part of a file, or, where it has none, its number there, from 0."""
+    return name or f"{what} {number}"
+
+
 def explained(error: Exception, kind: type) -> str:
     """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
 

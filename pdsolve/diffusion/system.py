@@ -22,7 +22,7 @@ from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import Listed
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.theta import Theta
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, counted
 from pdsolve.options import Options
 from pdsolve.threads import crew
 
@@ -74,7 +74,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     stepper: Stepper = Euler(operator, done, medium, step)
     if run.solver == "implicit":
         stepper = Theta(operator, done, medium, step, run.theta)
-    system = System(model, operator, done, stepper, step, most, blocked, crossing(model), threads)
+    system = System(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)
     return system, State(content, solid, np.zeros(2))
 
 

@@ -60,7 +60,7 @@ def measures_of(dimension: int) -> dict[str, Measure]:
 UNITS = {  # of settings of a model
     "material.E": "Pa", "material.rho": "kg/m^3", "material.G0": "J/m^2", "material.strength": "Pa",
     "material.yield_stress": "Pa", "material.hardening": "Pa", "run.time_step": "s", "run.quiet": "s",
-    "run.damping": "1/s",
+    "run.damping": "1/s", "run.duration": "s",
 }  # fmt: skip
 
 

@@ -58,6 +58,10 @@ def of(run: Run, **more: Any) -> Settings:
             of(Run(solver="static", steps=7, every=3)),
             ["$.run.steps, $.run.every: found 7, 3, not used as run.solver is"],
         ),
+        (
+            of(Run(steps=7, duration=1.0)),
+            ["$.run.steps: found 7, not used as run.duration is 1.0, expected one of the two"],
+        ),
         (of(Run(), material=KINKED), ["$.material.kr: found 3, not used as material.law is brittle"]),
         (of(Run(), regions=(Region(nodes=(1,), material=KINKED),)), ["$.regions[0].material.kr: found 3"]),
         (
