@@ -239,6 +239,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
     collocation: Collocation = Collocation()
+    duration: Positive | None = None  # s: in place of steps, as many as it takes
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -16,6 +16,11 @@ UNFIT = re.compile(r"Expected .* - at `\$(.*)`", re.DOTALL)
 STEP = re.compile(r"\.\w+|\[[^\]]*\]")
 
 
+def called(name: str | None, number: int, what: str = "condition") -> str:
+    """The name of a condition or another part of a file, or, where it has none, its number there, from 0."""
+    return name or f"{what} {number}"
+
+
 def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
     """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
 
