@@ -43,6 +43,16 @@ class Grid:
     drawing: str = ""
     lattice: Lattice | None = None  # what the nodes are all of, where they are
 
+    def __post_init__(self) -> None:
+        """Numbers of any kind become those of the types above; arrays that are of them stay."""
+        for name in ("position", "delta", "cracks", "areas"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
+        for name in ("outline", "holes"):
+            rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
+            object.__setattr__(self, name, rings)
+
     def __len__(self) -> int:
         return len(self.ids)
 

@@ -19,10 +19,14 @@ FEW = 64  # triangles that are looked at one by one, small or not
 def volume(triangles: NDArray[np.float64]) -> float:
     """What a closed surface of triangles (t, 3, 3), m, encloses, m^3; parts within others are voids, or bodies in them.
 
-    The triangles of a part all turn one way, whichever.
+    Triangles may turn either way.
     """
     corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     number = number.reshape(-1, 3)
+    flat = (number == np.roll(number, 1, axis=1)).any(axis=1)
+    triangles, number = triangles[~flat], number[~flat]
+    turned = _turned(number)
+    triangles[turned] = triangles[turned][:, ::-1]
     part = connected(len(corners), number[:, :2].ravel(), number[:, 1:].ravel())[number[:, 0]]
     parts = [triangles[part == one] for one in np.unique(part)]
     total = 0.0
@@ -31,6 +35,24 @@ def volume(triangles: NDArray[np.float64]) -> float:
         depth = sum(_encloses(other, one[0, 0]) for other in parts if other is not one)
         total += (-1) ** depth * abs(float((a * np.cross(b, c)).sum())) / 6
     return total
+
+
+def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which triangles, of corners (t, 3), turn another way than the first of those they hang together with by edges.
+
+    Two that share an edge turn one way if they run along it in opposite directions; edges of more than two say nothing.
+    """
+    count = len(number)
+    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, edge, shared = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    first, second = order[shared[edge.ravel()[order]] == 2].reshape(-1, 2).T
+    against = (ends[first, 0] == ends[second, 0]) * count
+    one, other = first // 3, second // 3
+    side = connected(
+        2 * count, np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])
+    ).reshape(2, count)
+    return np.asarray(side[0] > side[1])
 
 
 def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:

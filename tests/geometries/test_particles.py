@@ -27,7 +27,7 @@ def grown(name: str, **parameters: str) -> tuple[Particles, dict[str, Any]]:
 @pytest.mark.parametrize("angle", [30, 45, 60])
 def test_an_inclined_crack_kinks_as_the_hoop_stress_says(angle: int) -> None:
     """To the angle of an infinite plate: measured 0.49, 0.43 and 0.35 degrees less; both ends alike."""
-    particles, _ = grown("inclined_crack.py", angle=str(angle))
+    particles, _ = grown("inclined_crack.py", angle=str(angle), most="2")
     radians = np.radians(angle)
     expected = angle + kink(np.cos(radians) ** 2, np.sin(radians) * np.cos(radians))
     ways = [
