@@ -25,7 +25,7 @@ from pdpost.commands import (
 )
 
 OF_PLATES = ("bonds", "crack", "line", "nodes", "notch", "sif", "strain", "tradeoff")
-OF_BODIES = "damage and other fields, animate, slice, render, history, balance, reaction, report and export"
+OF_BODIES = "damage and other fields, animate, slice, render, history, balance, reaction, report, export and study"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -51,12 +51,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _refuse_bodies(args: argparse.Namespace) -> None:
     """Raises ResultsError for results of bodies in space; what cannot be opened is the command's to say."""
+    from pdpost.reading.studies import StudyError, stands_for
     from pdsolve.results import Results, ResultsError
 
     found = getattr(args, "results", ())
     for path in found if isinstance(found, list) else [found] if found else []:
         dimension = 2
-        with suppress(ResultsError, OSError), Results.open(path) as results:
+        with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
             dimension = results.dimension
         if dimension == 3:
             raise ResultsError(f"{path}: found a body in space, expected a plate; {OF_BODIES} show bodies")

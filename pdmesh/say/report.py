@@ -16,6 +16,7 @@ from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.triangles import volume
 from pdmesh.model.visibility import plate_of
+from pdmesh.model.wordings import called
 from pdmesh.say.families import count
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -54,7 +55,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "horizon_ratio": ratio,
         "at_rest": run is not None and run.at_rest,
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
-        "steps": run.steps if run and run.at_rest else document.run.steps,
+        "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
         "material": _fields(document.material),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
@@ -104,12 +105,12 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append("material: " + _words(_telling(result["material"])))
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
-    lines += [f"medium '{region['name']}': " + _words(region) for region in result["media"]]
-    lines += [f"material '{region['name']}': " + _words(_telling(region)) for region in result["regions"]]
+    for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
+        lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
     return lines + [
-        f"{entry['kind']} '{entry.get('name', '')}': "
+        f"{entry['kind']} '{called(entry.get('name'), number)}': "
         + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
-        for entry in result["conditions"]
+        for number, entry in enumerate(result["conditions"])
     ]
 
 

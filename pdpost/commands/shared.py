@@ -35,10 +35,12 @@ def add_journal(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_frame(command: argparse.ArgumentParser, several: bool = False) -> None:
-    """Which frame: --frame or --time, or, of `several`, --frames."""
+def add_frame(command: argparse.ArgumentParser, several: bool = False, default: int | None = -1) -> None:
+    """Which frame: --frame or --time, or, of `several`, --frames; of all where the `default` is none."""
     which = command.add_mutually_exclusive_group()
-    which.add_argument("--frame", type=int, default=-1, metavar="N", help="frame, from 0; from the end if negative")
+    which.add_argument(
+        "--frame", type=int, default=default, metavar="N", help="frame, from 0; from the end if negative"
+    )
     which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, in seconds")
     if several:
         which.add_argument(

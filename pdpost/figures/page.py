@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from pdmesh.model.wordings import called
 from pdpost.figures import charts, crack_figure, field_figure
 from pdpost.figures.animation import gif
 from pdpost.figures.labels import prefixed, spelled
@@ -133,7 +134,7 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
     rows = []
     for number, condition in enumerate(model.get("conditions", [])):
         what = {key: value for key, value in condition.items() if key not in ("kind", "name", "nodes")}
-        name = condition.get("name") or f"condition {number}"
+        name = called(condition.get("name"), number)
         count = int(acted_on(nodes, condition).sum())
         told = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
         rows.append((name, f"{condition['kind']} of {count} nodes: {told}"))

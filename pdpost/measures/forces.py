@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.wordings import called
 from pdpost.reading.embedded import read
 from pdsolve.results import Results, ResultsError
 
@@ -46,7 +47,7 @@ def reactions(results: Results) -> list[Reaction]:
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]
         force, moved = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
-        name = condition.get("name") or f"condition {number}"
+        name = called(condition.get("name"), number)
         found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
     if not found:
         raise ResultsError(f"{results.name}: found no condition that acts, expected a load or something that is held")

@@ -88,13 +88,18 @@ def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixtur
         assert said.count("\n") == 1
 
 
-def test_a_study_is_of_plates(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = disc.with_name("study.toml")
-    study.write_text('drawing = "disc.json"\n[vary.model]\n"medium.C_sat" = [14320, 10000]\n')
-    assert pdmesh(["plan", str(study)]) == 2
-    said = capsys.readouterr().err
-    assert "disc.json: found a model of diffusion, expected a plate, whose cracks a study measures" in said
-    assert said.count("\n") == 1
+    gel = "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
+    disc.with_name("gel.py").write_text(gel)
+    for drawing in ("disc.json", "gel.py"):
+        study.write_text(f'drawing = "{drawing}"\n[vary.model]\n"medium.D" = [1.0, 2.0]\n')
+        for program, words in ((pdmesh, ["plan"]), (pdsolve, ["study", "-o", str(disc.with_name("study.sqlite"))])):
+            assert program([*words, str(study)]) == 2
+            said = capsys.readouterr().err
+            assert f"{drawing}: found a model of diffusion, expected one of mechanics" in said
+            assert said.count("\n") == 1
+    assert not disc.with_name("study.sqlite").exists()
 
 
 def test_a_film_and_a_report_show_what_diffuses(results: Path, tmp_path: Path) -> None:
@@ -134,9 +139,9 @@ def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
         ("physics=mechanics", "$.material: found none, expected E, rho and G0"),
         ("run.adapt=split", "$.run.adapt: found split, expected none or collocation of diffusion"),
         ("run.cracks=particles", "$.run.cracks: found 'particles', expected 'bonds'"),
-        ("run.particles.strength=1", "$.run.particles: found some, expected none"),
+        ("run.particles.strength=1", "run.particles.strength: found it given for run.cracks bonds, expected"),
         ("area_rule=eq19", "$.area_rule: found eq19, expected cells or square of diffusion"),
-        ("run.theta=0.6", "run.theta: found it given for run.solver explicit, expected implicit"),
+        ("run.theta=0.6", "run.theta: found it given for run.solver explicit, expected run.solver implicit"),
         ("run.collocation.kappa=0.5", "run.collocation.kappa: found it given for run.adapt none, expected"),
     ],
 )
