@@ -278,8 +278,7 @@ rows pass on: {coarse} of a load is left on three rows of 2 mm, which stay whole
 are loaded by as much more; with the load as named the split plate starts when that of 2 mm does. And by the number of
 bonds a node would be softened by half because it is beside finer ones, and the crack would run ahead: where cells
 split, a neighbour counts by its cell. So every share, the thesis's 0.6 too, branches as the plate of 1 mm does, and
-starts half a microsecond before it. The balance is that of uniform plates in that mode: bonds between cells of two
-sizes push without being pushed, and loaded rows lose work.
+starts half a microsecond before it. The balance is that of the plate of 2 mm, whose loaded rows lose as much work.
 
 **When to take it**: to compare with the thesis, or where waves are to be followed by finer nodes, which the hybrid
 does not do. For a crack the hybrid is cheaper: its bonds are summed in blocks, those of cells that split one by one,
