@@ -104,6 +104,7 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 def _build(args: argparse.Namespace) -> int:
     from pdmesh.drawing.sources import build
+    from pdmesh.model import unheard
     from pdmesh.model.document import write_file
     from pdmesh.say.report import nodes_by_spacing
 
@@ -119,7 +120,6 @@ def _build(args: argparse.Namespace) -> int:
         "area" if grid.dimension == 2 else "volume": float(grid.cells.sum()),
         "shifts": {f"{shift.spacing:g}": shift.offset for shift in built.shifts},
         "loaded_nodes": {condition.name: len(condition.nodes or ()) for condition in settings.conditions},
-        "notes": built.notes,
     }
     lines = [
         f"{path}: {len(grid)} nodes ({', '.join(f'{number} of {spacing} m' for spacing, number in counts.items())})"
@@ -129,7 +129,9 @@ def _build(args: argparse.Namespace) -> int:
         lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
-    for note in built.notes:
+    notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unheard.remarks(settings))]
+    result["notes"] = notes
+    for note in notes:
         commandline.note(note if note.startswith("warning:") else f"note: {note}", args)
     commandline.report(result, lines, args)
     return commandline.OK

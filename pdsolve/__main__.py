@@ -16,7 +16,7 @@ from pdmesh import commandline
 from pdsolve.watch import Watch
 
 if TYPE_CHECKING:
-    from pdmesh.model.document import Run
+    from pdmesh.model.document import Settings
     from pdsolve.estimate import Plan
 
 
@@ -123,7 +123,7 @@ def _solve(args: argparse.Namespace) -> int:
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
-            _refuse_unheard(args, model.settings.run)
+            _refuse_unused(args, model.settings)
             if args.dry_run:
                 from pdsolve.estimate import plan
 
@@ -142,36 +142,25 @@ def _solve(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
-    """Says how to go on with a run that was stopped within a load step, which is lost."""
+    """Says how to go on with a run that was stopped where something is lost."""
     try:
         yield
     except KeyboardInterrupt as stop:
         if stop.args:
-            commandline.note(f"pdsolve: stopped {stop}, which is lost; to go on: pdsolve --resume {path}", args)
+            commandline.note(f"pdsolve: stopped {stop}; to go on: pdsolve --resume {path}", args)
         raise
 
 
-def _refuse_unheard(args: argparse.Namespace, run: Run) -> None:
-    """Raises UsageError for a setting given here that a run of this kind would not listen to."""
-    rest = run.solver == "static"
-    unheard: tuple[str, ...] = ("run.steps", "run.time_step", "run.every", "run.ledger")
-    expected = "run.static.load_steps, as the solver is static: a load step is a step and a frame"
-    if not rest:
-        unheard = ("run.static.load_steps",) if run.start == "static" else ("run.static",)
-        expected = "--static" if run.start == "static" else "--static, or run.start=static"
-    heard = (
-        ("run.split", "run.adapt", run.adapt, "split"),
-        ("run.collocation", "run.adapt", run.adapt, "collocation"),
-        ("run.theta", "run.solver", run.solver, "implicit"),
-    )
+def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
+    """Raises UsageError for a setting given here that a run of this kind would not use."""
+    from pdmesh.model.unheard import unused
+
     for name, _ in (*args.assignments, *_flags(args)):
-        for one, kind, found, wanted in heard:
-            if found != wanted and (name == one or name.startswith(f"{one}.")):
-                raise commandline.UsageError(f"{name}: found it given for {kind} {found}, expected {wanted}")
-        if any(name == one or name.startswith(f"{one}.") for one in unheard):
-            raise commandline.UsageError(
-                f"{name}: found it given for a run {'at rest' if rest else 'in time'}, expected {expected}"
-            )
+        for one in unused(settings):
+            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
+                raise commandline.UsageError(
+                    f"{name}: found it given for {one.switch} {one.found}, expected {one.expected}"
+                )
 
 
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:

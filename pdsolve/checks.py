@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model import unheard
 from pdmesh.model.document import MOST
 from pdmesh.model.full_lattice import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
@@ -118,6 +119,12 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
                 " expected 1.5 or more (3 is usual)",
             )
             return
+
+
+def advise_unused(model: Model) -> None:
+    """Warns of settings that the run does not use."""
+    for remark in unheard.remarks(model.settings):
+        warn(model, remark)
 
 
 def warn(model: Model, message: str) -> None:

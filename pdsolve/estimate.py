@@ -15,7 +15,7 @@ from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.diffusion import system as diffusion
 from pdsolve.laws import PAIRS, law_of
-from pdsolve.model import Model
+from pdsolve.model import Model, counted
 from pdsolve.starts import still
 from pdsolve.steppers.newton import FACTORED
 from pdsolve.survey import Survey
@@ -95,6 +95,7 @@ def plan(model: Model, options: Options = DEFAULT) -> Plan:
         system = prepare(model, options).system
         model = system.model
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
+    settings = counted(model, step).settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     in_blocks = paired and model.grid.dimension == 2
@@ -108,7 +109,7 @@ def _diffusing(model: Model, options: Options) -> Plan:
     """The same of a model of diffusion, which is prepared to that end."""
     diffusion.expect_usual(model, options)
     system, _ = diffusion.prepare(model, options.threads)
-    links, run, nodes = int(system.operator.count.sum()), model.settings.run, len(model.grid)
+    links, run, nodes = int(system.operator.count.sum()), system.model.settings.run, len(model.grid)
     seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
     memory = DIFFUSING + LINK_BYTES * links + DIFFUSING_NODE_BYTES * nodes
     return Plan(nodes, links, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import durations, selection
 from pdmesh.model.cloud import Grid, document_of, grid_of
 from pdmesh.model.document import (
     MOST,
@@ -40,6 +40,17 @@ class ModelWarning(UserWarning):
 
 class ModelError(ValueError):
     """A model that cannot be solved; the message names the place, what was found and what was expected."""
+
+
+def counted(model: Model, step: float) -> Model:
+    """The model with as many steps of so many seconds as its duration takes. Raises ModelError for too many."""
+    try:
+        run = durations.counted(model.settings.run, step)
+    except GridError as error:
+        raise ModelError(f"{model.name}: {error}") from None
+    if run is model.settings.run:
+        return model
+    return replace(model, settings=msgspec.structs.replace(model.settings, run=run))
 
 
 @dataclass(frozen=True)
@@ -190,9 +201,11 @@ def overlaid(
     """The settings of the file at `path` with a TOML file and then assignments laid over. Raises ModelError."""
     layers = msgspec.to_builtins(below, builtin_types=())
     if settings is not None:
-        layers = _laid_over(layers, _read_toml(settings))
+        above = _read_toml(settings)
+        layers = _laid_over(_without_other_end(layers, above), above)
     for name, text in assignments:
         value = _toml_value(name, text)
+        layers = _without_other_end(layers, _nested(name, value))
         if name == "run.fields" and isinstance(value, str):
             value = _fields(value, layers["run"])
         layers = _laid_over(layers, _nested(name, value))
@@ -200,7 +213,16 @@ def overlaid(
         return msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
         names = " + ".join(map(str, filter(None, [path, settings])))
-        raise ModelError(f"{names}: {explained(error, Settings)}") from None
+        raise ModelError(f"{names}: {explained(error, Settings, lambda: layers)}") from None
+
+
+def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """The layers below steps without their duration, below a duration without their steps."""
+    run, ends = above.get("run"), ("steps", "duration")
+    given = [name for name in ends if isinstance(run, dict) and name in run]
+    if len(given) != 1 or not isinstance(below.get("run"), dict):
+        return below
+    return below | {"run": {name: value for name, value in below["run"].items() if name not in ends}}
 
 
 def _beyond(value: object, place: str) -> tuple[str, float] | None:

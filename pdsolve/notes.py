@@ -24,7 +24,8 @@ from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.system import System
 
-KEPT = 1.0  # s between checkpoints in full precision
+KEPT = 1.0  # s between checkpoints in full precision, with frames
+OLD = 10.0  # s, with entries of the ledger
 
 
 def nodes(system: System) -> Nodes:
@@ -146,6 +147,11 @@ class Notes:
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
         return self._past.wall + clock.perf_counter() - self._began
+
+    @property
+    def is_old(self) -> bool:
+        """Whether the last checkpoint is so old that another one is worth its time, between two frames too."""
+        return clock.perf_counter() - self._kept > OLD
 
     def updates(self, step: int) -> int:
         """Directed bonds times steps until this one."""

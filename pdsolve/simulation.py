@@ -6,6 +6,7 @@ import ctypes
 import dataclasses
 import json
 import sys
+import time as clock
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,12 +17,13 @@ import numpy as np
 from pdsolve.adapt import Adapt, zone_back, zone_moved
 from pdsolve.adaptive.arrays import EVERY
 from pdsolve.adaptive.hybrid import Told
-from pdsolve.checks import advise, closing
+from pdsolve.checks import advise, advise_unused, closing
 from pdsolve.diffusion import run as diffusion
 from pdsolve.diffusion.system import expect_usual
 from pdsolve.measures import books, pieces
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.notes import Notes, Past, families, nodes, restore
+from pdsolve.pace import Pace
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, writing_to
 from pdsolve.splitting import changing
 from pdsolve.starts import started
@@ -32,7 +34,7 @@ from pdsolve.system import Options, System, prepare
 from pdsolve.told import meta, summary
 from pdsolve.unstable import UnstableError
 
-PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms
+PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()
 
 
@@ -69,18 +71,19 @@ def simulate(
     with writing_to(output):
         if model.diffuses:
             expect_usual(model, options, adapt is not None)
-            return diffusion.simulate(model, output, options.threads, _watched(model, watch), provenance)
+            advise_unused(model)
+            return diffusion.simulate(model, output, options.threads, _watched(watch), provenance)
         system, state = started(prepare(model, options))
+        advise_unused(model)
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
         return _run(system, state, output, watch, provenance, adapt)
 
 
-def _watched(model: Model, watch: Watcher | None) -> diffusion.Watcher | None:
+def _watched(watch: Watcher | None) -> diffusion.Watcher | None:
     """The watcher, for a run of diffusion."""
     if watch is None:
         return None
-    steps = model.settings.run.steps
-    return lambda step, told: watch(Progress(step, steps, 0, 0.0, masses=told))
+    return lambda step, steps, told: watch(Progress(step, steps, 0, 0.0, masses=told))
 
 
 def run(
@@ -138,7 +141,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         results.verify()
         model = model_of(results.model(), str(output))
         if model.diffuses:
-            return diffusion.resume(results, model, output, threads, _watched(model, watch))
+            return diffusion.resume(results, model, output, threads, _watched(watch))
         meta, known, (step, kept) = results.meta(), results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
@@ -207,7 +210,7 @@ def _give_back_memory() -> None:
 def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
     """Step on to the end, from event to event; returns "finished" or "interrupted"."""
     run, step = notes.system.model.settings.run, notes.written
-    interrupted, done, looked = False, False, step
+    interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
@@ -217,7 +220,7 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     def going(now: Going) -> None:
         """Show how far a load step is; it is lost where the run is to stop meanwhile."""
         if watch is not None and watch(Progress(step, run.steps, now.broken, notes.balance(notes.last), None, now)):
-            raise KeyboardInterrupt("within a load step")
+            raise KeyboardInterrupt("within a load step, which is lost")
 
     if isinstance(notes.system.stepper, LoadSteps):
         notes.system.stepper.watch = going
@@ -230,20 +233,21 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
             if change is not None:
                 notes.follow(step, change)
         system = notes.system
-        looks = min(looks, _grown(notes, step))
-        chunk = max(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
+        looks = min(looks, _grown(notes, step, run.steps))
+        chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
-        system.stepper.march(notes.state, step + 1, min(ends) + 1)
-        step = min(ends)
+        before, step, began = step, min(ends), clock.perf_counter()
+        system.stepper.march(notes.state, before + 1, step + 1)
+        pace.took(step - before, clock.perf_counter() - began)
         writer.look()
         noted = step in ends[2:]
-        interrupted = asked() and (noted or system.hybrid is None)
+        interrupted = asked() and (noted or _can_stop(system, step, pace.is_soon(min(ends[2:]) - step)))
         if noted:
             _take(notes, looked, step)
             system, looked = notes.system, step
             done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
-        if whole or interrupted:
+        if whole or interrupted or (noted and notes.is_old):
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
     system = notes.system
     found = notes.last if notes.last.step == step else books(system, notes.state, step)
@@ -252,11 +256,23 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
     return "finished" if done or step == run.steps else "interrupted"
 
 
-def _grown(notes: Notes, step: int) -> int:
-    """Let cracks grow after `step` that are to be looked at then; the step after which they are looked at next."""
+def _can_stop(system: System, step: int, soon: bool) -> bool:
+    """Whether a run can stop after a step that is not noted.
+
+    A fine zone that moves is followed from one entry of the ledger to the next: raises KeyboardInterrupt unless that
+    comes `soon`.
+    """
+    if system.hybrid is not None and not soon:
+        raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
+    return system.hybrid is None
+
+
+def _grown(notes: Notes, step: int, last: int) -> int:
+    """Let cracks grow after `step` that are to be looked at then; the step after which they are looked at next, `last`
+    where there are none."""
     system = notes.system
     if system.growth is None or system.growth.every is None:
-        return system.model.settings.run.steps
+        return last
     if step % system.growth.every == 0:
         system.growth.look(notes.state, step + 1)
     return _next(step, system.growth.every)

@@ -22,7 +22,7 @@ from pdsolve.cracking import rules
 from pdsolve.lasting import Lasting
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.loading import followed_at_rest, in_load_steps
-from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.model import Model, ModelError, ModelWarning, counted
 from pdsolve.operated import operator_of
 from pdsolve.operated import stable as stable
 from pdsolve.operators.blocks.kernel import energy_densities
@@ -127,14 +127,21 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
+    rules.refuse(model, options.mode)
     refuse_layers(model)
     return scheme
 
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    found = _prepared(model, options)
+    system = found.system
+    whole = None if system.whole is None else counted(system.whole, system.time_step)
+    return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))
+
+
+def _prepared(model: Model, options: Options) -> Prepared:
     scheme = scheme_of(model, options)
-    rules.refuse(model, options.mode)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":
@@ -190,7 +197,13 @@ def moved(system: System, shown: Moving) -> System:
     """The system of other nodes of the same plate."""
     count, family = shown.counts
     return replace(
-        system, model=shown.model, operator=shown, stepper=shown, area=shown.area, family=family, count=count
+        system,
+        model=counted(shown.model, system.time_step),
+        operator=shown,
+        stepper=shown,
+        area=shown.area,
+        family=family,
+        count=count,
     )
 
 

@@ -7,7 +7,6 @@ DefineConstant[
   G0 = {204, Name "Peridynamics/Material/G0"},
   up = {12e6, Name "Peridynamics/Loads/top/Traction y"},
   down = {-12e6, Name "Peridynamics/Loads/bottom/Traction y"},
-  step = {1e-7, Name "Peridynamics/Run/Time step"},
   duration = {40e-6, Name "Peridynamics/Run/Duration"}
 ];
 

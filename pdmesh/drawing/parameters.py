@@ -278,17 +278,19 @@ def run(parameters: Parameters) -> Run:
     given = {name: value for name, value in given.items() if value is not None}
     if parameters.maybe("Run/Load steps") is not None:
         given["static"] = {"load_steps": parameters.whole("Run/Load steps", 1)}
-    if step is not None or duration is not None:
+    if step is not None:
         given["steps"] = _steps(step, duration)
+    elif duration is not None:
+        given["duration"] = duration  # in steps that the solver knows
     return _converted(given, Run, "Run")
 
 
-def _steps(step: float | None, duration: float | None) -> int:
-    """How many steps of so many seconds a duration takes. Raises SceneError for one without the other."""
-    if step is None or duration is None or not step > 0 or not duration >= 0:
-        given = [f"{value:g} s" if value is not None else "none" for value in (step, duration)]
+def _steps(step: float, duration: float | None) -> int:
+    """How many steps of so many seconds a duration takes. Raises SceneError for a step without a duration."""
+    if duration is None or not step > 0 or not duration >= 0:
+        found = "none" if duration is None else f"{duration:g} s"
         raise SceneError(
-            f"{PREFIX}Run: found Time step {given[0]} and Duration {given[1]}, expected both, positive, or none"
+            f"{PREFIX}Run: found Time step {step:g} s and Duration {found}, expected both, positive, or Duration alone"
         )
     if duration / step > 1e9:
         raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
@@ -299,4 +301,4 @@ def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
     try:
         return msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"{PREFIX}{place}: {explained(error, kind)}") from None
+        raise SceneError(f"{PREFIX}{place}: {explained(error, kind, lambda: fields)}") from None

@@ -22,6 +22,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from pdmesh.drawing.keywords import known
 from pdmesh.drawing.parameters import Parameter, unknown
 from pdmesh.drawing.processes import how_it_ended
 from pdmesh.files import read_bytes
@@ -124,9 +125,12 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     names: dict[str, object] = {"__name__": "scene", "__file__": str(path)}
     try:
         tree = _Constants(values).visit(_parsed(path)[1])
-        exec(compile(tree, str(path), "exec"), names)
     except BaseException as error:
         return pickle.dumps(_reason(error, path))
+    try:
+        exec(compile(tree, str(path), "exec"), names)
+    except BaseException as error:
+        return pickle.dumps(_reason(error, path) + known(error, tree, names))
     scene = names.get("scene")
     if not isinstance(scene, Scene | Body):
         found = "none" if scene is None else f"a {type(scene).__name__}"

@@ -43,6 +43,16 @@ class Grid:
     drawing: str = ""
     lattice: Lattice | None = None  # what the nodes are all of, where they are
 
+    def __post_init__(self) -> None:
+        """Numbers of any kind become those of the types above; arrays that are of them stay."""
+        for name in ("position", "delta", "cracks", "areas"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
+        for name in ("outline", "holes"):
+            rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
+            object.__setattr__(self, name, rings)
+
     def __len__(self) -> int:
         return len(self.ids)
 
@@ -193,6 +203,8 @@ def _check_dimensions(name: str, document: Document) -> None:
         if len(crack) != (9 if space else 6):
             meant = "9 of a triangle" if space else "6 of a segment"
             raise GridError(f"{name}: $.notch[{number}]: found {len(crack)} numbers, expected {meant} in {whole}")
+        if not space and crack[:2] == crack[3:5]:
+            raise GridError(f"{name}: $.notch[{number}]: found both ends in one place, expected a segment")
     for key, rings in (("outline", document.outline), ("holes", document.holes)):
         for number, ring in enumerate(rings):
             odd = next((point for point in ring if len(point) != d), None)

@@ -239,6 +239,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
     collocation: Collocation = Collocation()
+    duration: Positive | None = None  # s: in place of steps, as many as it takes
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -298,7 +299,7 @@ def read_document(data: bytes | str, name: str) -> Document:
     try:
         document = msgspec.json.decode(data, type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise GridError(f"{name}: {explained(error, Document)}") from None
+        raise GridError(f"{name}: {explained(error, Document, lambda: msgspec.json.decode(data))}") from None
     if document.version not in (FORMAT_VERSION, SPACE_VERSION):
         raise GridError(
             f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in"

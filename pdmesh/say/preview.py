@@ -20,7 +20,7 @@ from pdmesh.model.document import SPACE_VERSION, Document
 from pdmesh.model.visibility import plate_of
 from pdmesh.say import sections
 from pdmesh.say.families import bonds
-from pdmesh.say.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
+from pdmesh.say.style import CRACK, DPI, MARGIN, marker, shades
 from pdmesh.scene.shapes import SceneError
 
 WIDTH, TALLEST = 8.0, 9.0  # inches
@@ -119,13 +119,8 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
 
 
 def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> None:
-    entries: list[tuple[Any, Any]] = [(condition.__struct_config__.tag, condition) for condition in document.conditions]
-    entries += [("material", region) for region in document.regions]
-    for number, (kind, entry) in enumerate(entries):
-        rows = selection.selected(grid, entry.nodes, entry.box)
-        colour = CONDITIONS[number % len(CONDITIONS)]
+    for label, colour, rows in sections.marked(document, grid):
         size = marker(float(np.median(grid.delta[rows])), points)
-        label = f"{kind} '{entry.name}': {int(rows.sum())} nodes"
         style: dict[str, Any] = {
             "linestyle": "",
             "markersize": 1.3 * size,

@@ -32,6 +32,7 @@ from pdmesh.model.document import (
     Material,
     Velocity,
 )
+from pdmesh.model.durations import counted
 from pdmesh.say.families import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -251,9 +252,9 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
     if not np.isfinite(old) or not np.isfinite(step):
         raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
-    steps = int(np.ceil(scene.run.steps * old / step))
+    steps = int(np.ceil(counted(scene.run, old).steps * old / step))
     every = max(1, round(scene.run.every * old / step))
-    run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, every=every, adapt=adapt)
+    run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)
     return replace(grown, run=run)
 
 

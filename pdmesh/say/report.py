@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -14,9 +13,10 @@ from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested, undivided
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import ON_ONE_LATTICE, Document, Material, Settings, settings_of
+from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.triangles import volume
 from pdmesh.model.visibility import plate_of
+from pdmesh.model.wordings import called
 from pdmesh.say.families import count
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -55,7 +55,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "horizon_ratio": ratio,
         "at_rest": run is not None and run.at_rest,
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
-        "steps": run.steps if run and run.at_rest else document.run.steps,
+        "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
         "material": _fields(document.material),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
@@ -105,12 +105,12 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append("material: " + _words(_telling(result["material"])))
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
-    lines += [f"medium '{region['name']}': " + _words(region) for region in result["media"]]
-    lines += [f"material '{region['name']}': " + _words(_telling(region)) for region in result["regions"]]
+    for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
+        lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
     return lines + [
-        f"{entry['kind']} '{entry.get('name', '')}': "
+        f"{entry['kind']} '{called(entry.get('name'), number)}': "
         + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
-        for entry in result["conditions"]
+        for number, entry in enumerate(result["conditions"])
     ]
 
 
@@ -183,17 +183,24 @@ def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
 
 
 def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
-    """What a run of that would take; None where the solver would not have it, such as without a material."""
+    """What a run of that would take; None where the solver would not have it, such as without a material.
+
+    Raises GridError where it is the mode that it would not have.
+    """
     from pdsolve.estimate import plan
     from pdsolve.model import Model, ModelError
     from pdsolve.system import Options
 
     if settings.material is None and settings.medium is None:
         return None
-    with warnings.catch_warnings(), suppress(ModelError):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the solver warns when it solves
-        return plan(Model(grid, settings, name), Options(mode))
-    return None
+        try:
+            return plan(Model(grid, settings, name), Options(mode))
+        except ModelError as error:
+            if mode != DEFAULT_MODE and run_of(grid, settings, name, DEFAULT_MODE) is not None:
+                raise GridError(str(error)) from None
+            return None
 
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:

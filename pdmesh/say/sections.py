@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import Document
+from pdmesh.model.wordings import called
 from pdmesh.say.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 
 SIDE = 4.2  # inches, of each of the four at most
@@ -64,7 +65,7 @@ def _section(
         label = f"{spacing * 1e3:g} mm: {int(np.isclose(grid.delta, spacing).sum())} nodes" if named else None
         size = marker(spacing, points)
         axes.plot(*place[own].T, marker="o", markersize=size, color=shade, label=label, **plain)
-    for said, colour, rows in _marked(document, grid):
+    for said, colour, rows in marked(document, grid):
         own = near[rows[near]]
         size = marker(float(np.median(grid.delta[rows])), points)
         label = said if named else None
@@ -75,13 +76,15 @@ def _section(
         axes.plot([], [], color=CRACK, label="crack")
 
 
-def _marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
     """What is done to which nodes (n,), and in which colour: conditions, and materials of regions."""
-    entries: list[tuple[str, Any]] = [(str(c.__struct_config__.tag), c) for c in document.conditions]
-    entries += [("material", region) for region in document.regions]
-    for number, (kind, entry) in enumerate(entries):
+    entries: list[tuple[str, str, Any]] = [
+        (str(each.__struct_config__.tag), called(each.name, at), each) for at, each in enumerate(document.conditions)
+    ]
+    entries += [("material", called(each.name, at, "region"), each) for at, each in enumerate(document.regions)]
+    for number, (kind, name, entry) in enumerate(entries):
         rows = selection.selected(grid, entry.nodes, entry.box)
-        yield f"{kind} '{entry.name}': {int(rows.sum())} nodes", CONDITIONS[number % len(CONDITIONS)], rows
+        yield f"{kind} '{name}': {int(rows.sum())} nodes", CONDITIONS[number % len(CONDITIONS)], rows
 
 
 def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -114,7 +117,7 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
     axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
     if len(cracks):
         axes.add_collection3d(Poly3DCollection(cracks, facecolors=CRACK, alpha=0.5))
-    for _, colour, rows in _marked(document, grid):
+    for _, colour, rows in marked(document, grid):
         own = np.flatnonzero(rows)
         own = own[:: len(own) // MOST_MARKS + 1]
         axes.scatter(*(grid.position[own] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)

@@ -26,7 +26,7 @@ from pdmesh.model.medium import Medium, contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.conditions import Profile
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.solids import Sheet, Shell, Solid, checked
+from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
 DEFAULT_RUN = Run()
 SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
@@ -126,7 +126,7 @@ class Body:
 
     def region(self, solid: Solid, material: Material, name: str = "") -> Body:
         """With a part of another material."""
-        name = name or f"{len(self.regions) + 1}"
+        name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
         return replace(self, regions=(*self.regions, part))
 
@@ -172,7 +172,7 @@ class Body:
         name: str = "",
     ) -> Body:
         """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s)."""
-        moves = velocity, acceleration, initial_velocity
+        moves, name = (velocity, acceleration, initial_velocity), name or name_of(where)
         kind, values = actions.motion(name, "xyz", *moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
@@ -198,6 +198,7 @@ class Body:
         name: str = "",
     ) -> Body:
         """With a flux (mol/(m^2 s)) through a sheet, or a rate (mol/(m^3 s)) of what is supplied; see `load`."""
+        name = name or name_of(where)
         if (flux is None) == (rate is None):
             raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
         surface = None if flux is None else _area(where, f"source '{name}'")
@@ -214,20 +215,21 @@ class Body:
         name: str = "",
     ) -> Body:
         """With a flux through a sheet of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        name = name or name_of(where)
         surface = _area(where, f"exchange '{name}'")
         values = {"coefficient": coefficient, "value": outside, "surface": surface}
         return self._with(Exchange, values, where, rows, name, profile=profile)
 
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
         """With another diffusivity (m^2/s) in a solid's place."""
-        name = name or f"{len(self.media) + 1}"
+        name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"medium '{name}'"), actions.medium(name, D))
         return replace(self, media=(*self.media, part))
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
     ) -> Body:
-        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
             raise SceneError(f"{place}: found '{where}', expected one of {', '.join(SIDES)}, a solid or a sheet")

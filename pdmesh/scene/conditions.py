@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Load, MediumRegion, Point, Region
-from pdmesh.scene.shapes import Curve, SceneError, Surface, near
+from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
 SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
@@ -89,6 +89,23 @@ MaterialRegion = PlacedRegion[Region]
 def describe(action: AnyCondition) -> str:
     """The kind and name of a condition, for a message."""
     return f"{action.__struct_config__.tag} '{action.name}'"
+
+
+def name_of(where: str | Curve | Surface | Circle | Points, kind: str) -> str:
+    """What a condition of a kind is called that has no name of its own: the side, or what and where its place is, m.
+
+    Raises SceneError for points that are no curve.
+    """
+    if isinstance(where, str):
+        return where
+    if isinstance(where, Circle):
+        return f"circle at ({where.x:g}, {where.y:g}) m"
+    if isinstance(where, Surface):
+        x0, y0, x1, y1 = where.bounds if not where.is_empty else 4 * (0.0,)
+        what = "box" if where.equals(shapely.box(x0, y0, x1, y1)) else "shape"
+        return f"{what} at ({(x0 + x1) / 2:g}, {(y0 + y1) / 2:g}) m"
+    middle = polyline(where, kind).interpolate(0.5, normalized=True)
+    return f"line at ({middle.x:g}, {middle.y:g}) m"
 
 
 def ramp(duration: float) -> Profile:

@@ -36,7 +36,7 @@ from pdmesh.model.document import (
     Source,
 )
 from pdmesh.scene import actions, checks
-from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile
+from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -90,7 +90,7 @@ class Scene(Plate):
 
     def region(self, shape: Shape, material: Material, name: str = "") -> Scene:
         """With another material in the shape."""
-        name = name or f"{len(self.regions) + 1}"
+        name = name or name_of(shape, "material")
         area = surface(shape, self.finest, f"material '{name}'")
         return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
 
@@ -140,7 +140,7 @@ class Scene(Plate):
 
         None leaves a component free. For the rest see `load`; an initial velocity has no profile.
         """
-        moves = velocity, acceleration, initial_velocity
+        moves, name = (velocity, acceleration, initial_velocity), name or name_of(where, "move")
         kind, values = actions.motion(name, "xy", *moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
@@ -153,7 +153,7 @@ class Scene(Plate):
             if width is not None:
                 raise SceneError(f"absorb '{name}': found a width and a surface, expected one of them")
             return self._with(Absorb, {}, where, 1, name)
-        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        name = name or name_of(where, "absorb")
         width = DEEP * self.horizon * self.spacing if width is None else width
         if not 0 < width <= LARGEST:
             raise SceneError(f"absorb '{name}': width: found {width:g} m, expected more than 0 m")
@@ -170,7 +170,7 @@ class Scene(Plate):
 
     def diffusivity(self, shape: Shape, D: float, name: str = "") -> Scene:
         """With another diffusivity (m^2/s) in the shape."""
-        name = name or f"{len(self.media) + 1}"
+        name = name or name_of(shape, "medium")
         region, area = actions.medium(name, D), surface(shape, self.finest, f"medium '{name}'")
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
@@ -188,6 +188,7 @@ class Scene(Plate):
         name: str = "",
     ) -> Scene:
         """With a flux (mol/(m^2 s)) through a curve, or a rate (mol/(m^3 s)) there or in a surface; see `load`."""
+        name = name or name_of(where, "source")
         length = self._length(where, f"source '{name}'") if flux is not None else None
         return self._with(Source, {"flux": flux, "rate": rate, "length": length}, where, rows, name, profile=profile)
 
@@ -201,6 +202,7 @@ class Scene(Plate):
         name: str = "",
     ) -> Scene:
         """With a flux through a curve of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        name = name or name_of(where, "exchange")
         values = {"coefficient": coefficient, "value": outside, "length": self._length(where, f"exchange '{name}'")}
         return self._with(Exchange, values, where, rows, name, profile=profile)
 
@@ -213,7 +215,7 @@ class Scene(Plate):
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
     ) -> Scene:
-        name = name or (where if isinstance(where, str) else f"{len(self.conditions) + 1}")
+        name = name or name_of(where, str(kind.__struct_config__.tag))
         action = actions.action(kind, name, values | more)
         place = self._place(where, f"{kind.__struct_config__.tag} '{name}'")
         condition = PlacedCondition(Place(place, rows), action)

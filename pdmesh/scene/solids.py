@@ -101,6 +101,27 @@ class Sheet:
         return float(np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)).sum() / 2)
 
 
+def name_of(where: object) -> str:
+    """What is called by its place that has no name of its own: a side, or what and where it is, m."""
+    ends: tuple[Place, ...] = ()
+    match where:
+        case str():
+            return where
+        case Box(low, high) | Cylinder(low, high):
+            ends = (low, high)
+        case Sphere(centre):
+            ends = (centre,)
+        case Sheet(triangles) | Shell(triangles):
+            corners = triangles.reshape(-1, 3)
+            ends = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else ()
+    what = "solid" if isinstance(where, Shell | Joined) else type(where).__name__.lower()
+    try:
+        middle = np.mean(ends, axis=0) if ends else ()
+        return what + (f" at ({', '.join(f'{value:g}' for value in middle)}) m" if len(middle) == 3 else "")
+    except (TypeError, ValueError):  # no numbers: is said where it is looked at
+        return what
+
+
 def checked(solid: object, place: str) -> Solid:
     """A solid whose numbers can be. Raises SceneError, beginning with `place`."""
     if isinstance(solid, Joined):

@@ -25,9 +25,9 @@ def add(commands: Commands) -> None:
     study.add_argument("results", type=Path, metavar="study", help="the table written by pdsolve study")
     study.add_argument(
         "--measure", action="append", default=[], metavar="NAME",
-        help="what to draw, such as branching; may be repeated (default: up to four that say most)",
+        help="what to draw, such as branching; may be repeated (default: up to four that differ between the runs)",
     )  # fmt: skip
-    study.add_argument("--over", metavar="NAME", help="the parameter to draw it against (default: the first varied)")
+    study.add_argument("--over", metavar="NAME", help="the parameter to draw against (default: the one of most values)")
     commandline.add_common_options(
         study,
         output="the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"
@@ -47,11 +47,14 @@ def _study(args: argparse.Namespace) -> int:
     with delivery.styled(path, dict(args.assignments)):
         found = studies.read(args.results)
         measures, over = scatter.chosen(found, args.measure, args.over)
+        nowhere = scatter.empty(found, args.measure)
         measured = {name: scatter.spreads(found, name, over) for name in measures}
         if path is not None:
             from pdpost.figures import study_figure, style
 
             style.save(study_figure.panels_of(found, measured, over), path)
+    if nowhere:
+        commandline.note(f"pdpost study: in none of {len(found.rows)} runs: {', '.join(nowhere)}", args)
     rows = [
         (measure, spread.series, spread.value, spread.median, *spread.ends, len(spread.known), len(spread.measured))
         for measure, spreads in measured.items()

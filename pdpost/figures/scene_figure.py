@@ -10,6 +10,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
+from pdmesh.model.wordings import called
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS
@@ -37,9 +38,7 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
         here = acted_on(nodes, condition)
         acting |= here
         colours[here] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
-        keys.append(
-            Patch(color=colour, label=f"{condition.get('name') or f'condition {number}'} ({condition['kind']})")
-        )
+        keys.append(Patch(color=colour, label=f"{called(condition.get('name'), number)} ({condition['kind']})"))
     where = shape(results, 0, 0.0)
     box = box_of([where])
     width, tall = box[2] - box[0], box[3] - box[1]

@@ -22,13 +22,14 @@ from pdpost.reading.studies import Read, read, short, value_of
 from pdsolve.results import Results
 
 WIDE = 0.15  # of the room between two values: how far the dots of several series are set apart
+ASIDE = 0.12  # of the length of an axis: left beside its first and last value
 FEW = 6  # values that are all written at the axis
 LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powers
 
 
 def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> Figure:
     """Measures of the study whose table is at `path`, against the parameter `over`: every run a dot, with the median
-    and the range; by default those that say most, against the first that was varied. Raises StudyError."""
+    and the range; by default those that say most, against the one of most values. Raises StudyError."""
     found = read(path)
     names, against = chosen(found, measures, over)
     return panels_of(found, {name: spreads(found, name, against) for name in names}, against)
@@ -72,9 +73,11 @@ def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=which or None)
     missing = sum(len(spread.measured) - len(spread.known) for spread in some)
+    _show_all(axes, places)
     axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
     if missing:
-        axes.set_title(f"did not happen in {missing} of {len(found.rows)} runs", fontsize="small")
+        which = f"did not happen in {missing}" if missing < len(found.rows) else "in none"
+        axes.set_title(f"{which} of {len(found.rows)} runs", fontsize="small")
 
 
 def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -> dict[object, float]:
@@ -96,6 +99,16 @@ def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -
     return {value: float(number) for number, value in enumerate(values)}
 
 
+def _show_all(axes: Axes, places: Mapping[object, float]) -> None:
+    """Make room at the axis for values too at which nothing happened."""
+    low, high = min(places.values()), max(places.values())
+    if axes.get_xscale() == "log":
+        room = (high / low) ** ASIDE
+        axes.set_xlim(low / room, high * room)
+    elif high > low:
+        axes.set_xlim(low - ASIDE * (high - low), high + ASIDE * (high - low))
+
+
 def _aside(number: int, count: int, places: Mapping[object, float]) -> float:
     """How far a series is set aside, so that dots of several are told apart."""
     at = np.sort(list(places.values()))
@@ -114,8 +127,8 @@ def overlay(
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot(title=title)
     on = on_grey_plate(plate, box, where, 0.0 * damage_at(results, step))
-    names = list(dict.fromkeys(name for name, _ in lines))
-    for name, paths in lines:
+    names = list(dict.fromkeys(name for name, paths in lines if paths))
+    for name, paths in ((name, paths) for name, paths in lines if paths):
         style = look(names.index(name)) | {"lw": 1.0, "alpha": 0.6}
         for line in paths:
             plate.plot(*line.T * on.factor, zorder=5, **style)

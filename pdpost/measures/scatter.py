@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from pdpost.reading.studies import Read, label
 from pdsolve.study.description import StudyError
 
-FIRST = ("start", "branching", "speed", "fork_angle", "direction", "length", "dissipated")  # those drawn by default
+# Those drawn by default, from what cracks do to what there is where nothing breaks
+FIRST = (
+    "start", "branching", "speed", "fork_angle", "direction", "length", "dissipated",
+    "largest_displacement", "largest_stretch", "strain", "work",
+)  # fmt: skip
+HOW = ("kernel", "precision", "run.adapt")  # how a run is solved: what it takes is of interest too
 PANELS = 4
 
 
@@ -69,8 +74,30 @@ def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
     if over is not None and over not in parameters:
         raise StudyError(f"--over: found '{over}', expected one of {', '.join(parameters) or 'none'}")
-    there = [name for name in FIRST if any(row.values[name] is not None for row in study.rows)]
-    return list(measures) or there[:PANELS], over or next(iter(study.varied), None)
+    return list(measures) or _telling(study), over or _axis(study)
+
+
+def empty(study: Read, measures: Sequence[str]) -> list[str]:
+    """What happened in no run: of these measures, or else of those that are drawn where they happen."""
+    names = measures or [name for name in FIRST if name in study.columns]
+    return [name for name in names if all(row.values[name] is None for row in study.rows)]
+
+
+def _telling(study: Read) -> list[str]:
+    """The measures that say most: that differ between runs, those first that happened in half of them or more."""
+    there = ["wall_time"] if set(HOW) & set(study.varied) else []
+    there += [name for name in FIRST if name in study.columns]
+    values = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in there}
+    known = [name for name in there if values[name]]
+    differing = [name for name in known if len(set(values[name])) > 1] or known
+    return sorted(differing, key=lambda name: 2 * len(values[name]) < len(study.rows))[:PANELS]
+
+
+def _axis(study: Read) -> str | None:
+    """The parameter with the most values, of those that are numbers if there are any; the first varied of such."""
+    values = {name: {row.values[name] for row in study.rows} - {None} for name in study.varied}
+    numbers = [name for name in values if all(isinstance(value, int | float) for value in values[name])]
+    return max(numbers or values, key=lambda name: len(values[name]), default=None)
 
 
 def _rank(value: Any) -> tuple[int, float, str]:

@@ -17,13 +17,14 @@ from pdsolve.diffusion.dissolution import State
 from pdsolve.diffusion.system import System, prepare
 from pdsolve.made import made_by
 from pdsolve.model import Model
+from pdsolve.pace import Pace
 from pdsolve.results import Behind, Breaks, Families, Frame, Nodes, Results, ResultsError, Writer, behind
 from pdsolve.unstable import UnstableError
 
 PATIENCE = 5e7  # link updates between two looks at the watcher
 KEPT = 1.0  # s between checkpoints
 
-Watcher = Callable[[int, str], bool]  # is told the step and how it stands, returns whether to stop
+Watcher = Callable[[int, int, str], bool]  # is told the step, of how many, and how it stands; returns whether to stop
 
 
 def simulate(model: Model, output: Path | None, threads: int | None, watch: Watcher | None, provenance: str) -> Results:
@@ -110,18 +111,19 @@ class _March:
 
     def _march(self, writer: Behind, watch: Watcher | None) -> str:
         run, system = self.system.model.settings.run, self.system
-        chunk = max(1, int(PATIENCE / max(int(system.operator.count.sum()), 1)))
-        stop = False
+        links, stop = int(system.operator.count.sum()), False
+        most, pace = int(PATIENCE / max(links, 1)), Pace(links)
 
         def asked() -> bool:
-            return watch is not None and watch(self.step, self._told())
+            return watch is not None and watch(self.step, run.steps, self._told())
 
         writer.stop = asked
         while self.step < run.steps and not stop:
             ledger = run.ledger or run.every
-            ends = (self.step + chunk, _next(self.step, run.every), _next(self.step, ledger), run.steps)
-            system.stepper.march(self.state, self.step + 1, min(ends) + 1)
-            self.step = min(ends)
+            ends = (self.step + pace.steps(1, most), _next(self.step, run.every), _next(self.step, ledger), run.steps)
+            before, self.step, began = self.step, min(ends), clock.perf_counter()
+            system.stepper.march(self.state, before + 1, self.step + 1)
+            pace.took(self.step - before, clock.perf_counter() - began)
             writer.look()
             noted = self.step in ends[1:]
             if noted:

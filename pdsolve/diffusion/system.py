@@ -22,7 +22,7 @@ from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import Listed
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.theta import Theta
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, counted
 from pdsolve.options import Options
 from pdsolve.threads import crew
 
@@ -74,7 +74,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     stepper: Stepper = Euler(operator, done, medium, step)
     if run.solver == "implicit":
         stepper = Theta(operator, done, medium, step, run.theta)
-    system = System(model, operator, done, stepper, step, most, blocked, crossing(model), threads)
+    system = System(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)
     return system, State(content, solid, np.zeros(2))
 
 
@@ -120,7 +120,7 @@ def _step(model: Model, most: float) -> float:
 
 
 def _refuse(model: Model) -> None:
-    """Raises ModelError for settings that a model of diffusion would not listen to."""
+    """Raises ModelError for settings that ask for what a model of diffusion does not do."""
     run, usual = model.settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
         found, expected = getattr(run, name), getattr(usual, name)
@@ -128,9 +128,6 @@ def _refuse(model: Model) -> None:
             raise ModelError(
                 f"{model.name}: $.run.{name}: found {found!r}, expected {expected!r}, as the physics is diffusion"
             )
-    for name in ("particles", "split", "collocation"):
-        if getattr(run, name) != getattr(usual, name):
-            raise ModelError(f"{model.name}: $.run.{name}: found some, expected none, as the physics is diffusion")
     if model.settings.area_rule == "eq19":
         raise ModelError(f"{model.name}: $.area_rule: found eq19, expected cells or square of diffusion")
     for name in run.fields if run.fields != USUAL else ():

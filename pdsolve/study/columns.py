@@ -12,22 +12,25 @@ class Measure(NamedTuple):
 
     unit: str
     meaning: str
+    in_space: bool = False  # whether it is one of bodies too
 
 
 MEASURES = {
-    "nodes": Measure("", "nodes"),
-    "bonds": Measure("", "directed bonds at the start"),
-    "steps": Measure("", "steps, or load steps"),
-    "time": Measure("s", "time that was reached"),
-    "time_step": Measure("s", "time step"),
-    "wall_time": Measure("s", "time that solving took"),
-    "broken_bonds": Measure("", "directed bonds that broke"),
-    "kinetic": Measure("J/m", "kinetic energy at the end"),
-    "strain": Measure("J/m", "strain energy at the end"),
-    "dissipated": Measure("J/m", "energy that broken bonds took"),
-    "work": Measure("J/m", "work from outside"),
-    "balance": Measure("", "error of the balance of energy over what was put in"),
-    "first_break": Measure("s", "when the first bond broke"),
+    "nodes": Measure("", "nodes", True),
+    "bonds": Measure("", "directed bonds at the start", True),
+    "steps": Measure("", "steps, or load steps", True),
+    "time": Measure("s", "time that was reached", True),
+    "time_step": Measure("s", "time step", True),
+    "wall_time": Measure("s", "time that solving took", True),
+    "broken_bonds": Measure("", "directed bonds that broke", True),
+    "kinetic": Measure("J/m", "kinetic energy at the end", True),
+    "strain": Measure("J/m", "strain energy at the end", True),
+    "dissipated": Measure("J/m", "energy that broken bonds took", True),
+    "work": Measure("J/m", "work from outside", True),
+    "balance": Measure("", "error of the balance of energy over what was put in", True),
+    "largest_displacement": Measure("m", "largest displacement of a node, in all frames", True),
+    "largest_stretch": Measure("", "largest stretch of a whole bond, in the last frame", True),
+    "first_break": Measure("s", "when the first bond broke", True),
     "start": Measure("s", "when a crack started"),
     "branching": Measure("s", "when a crack branched"),
     "branching_at": Measure("m", "where it branched, along its direction"),
@@ -44,10 +47,20 @@ MEASURES = {
     "spent": Measure("J/m^2", "energy spent over advance of cracks, the median"),
     "pieces": Measure("", "pieces of the plate at the end"),
 }
+
+
+def measures_of(dimension: int) -> dict[str, Measure]:
+    """Those of plates, or of bodies in space: energies are in J there, and cracks are not followed."""
+    if dimension == 2:
+        return MEASURES
+    in_space = {"J/m": "J"}
+    return {name: one._replace(unit=in_space.get(one.unit, one.unit)) for name, one in MEASURES.items() if one.in_space}
+
+
 UNITS = {  # of settings of a model
     "material.E": "Pa", "material.rho": "kg/m^3", "material.G0": "J/m^2", "material.strength": "Pa",
     "material.yield_stress": "Pa", "material.hardening": "Pa", "run.time_step": "s", "run.quiet": "s",
-    "run.damping": "1/s",
+    "run.damping": "1/s", "run.duration": "s",
 }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -82,9 +83,11 @@ def _study(args: argparse.Namespace) -> int:
 def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     failed = [row for row in rows if row.status == "failed"]
     lines = [f"{path}: {len(rows)} runs, {len(rows) - len(failed)} finished, {len(failed)} failed"]
-    lines += [f"run {row.number} failed: {row.error}" for row in failed[:LISTED]]
+    for row in failed[:LISTED]:  # said to who wants nothing but errors too
+        print(f"pdsolve study: run {row.number} failed: {row.error}", file=sys.stderr)
     if len(failed) > LISTED:
-        lines.append(f"and {len(failed) - LISTED} more (SELECT number, error FROM run WHERE status = 'failed')")
+        more = "(SELECT number, error FROM run WHERE status = 'failed')"
+        print(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}", file=sys.stderr)
     found = [
         {"number": row.number, "status": row.status, "error": row.error, "file": str(row.file)}
         | {"repetition": row.repetition, **row.values}

@@ -19,6 +19,7 @@ from pdmesh import VERSION
 from pdmesh.drawing import sources
 from pdmesh.scene.shapes import SceneError
 from pdsolve.results import remove, writing_to
+from pdsolve.study.columns import measures_of
 from pdsolve.study.description import Study, StudyError
 from pdsolve.study.making import NAMED, check
 from pdsolve.study.one import Outcome, Task, solved
@@ -73,11 +74,11 @@ def solve_study(
     after each run. Raises StudyError, BusyError, OSError; a run that fails is none of them.
     """
     with writing_to(output):
-        check(study, crew.trust)
+        dimension = check(study, crew.trust)
         if force:
             _clear(output)
         with _table(study, output) as table:
-            numbers = table.add(study.cases(), _described(study, crew.trust))
+            numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension))
             rows = table.rows(numbers.values())
             over = (FINISHED,) if again else (FINISHED, FAILED)
             waiting = {row.number for row in rows if row.status not in over}

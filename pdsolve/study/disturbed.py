@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.cloud import Grid
+from pdmesh.model.durations import counted
 from pdmesh.model.graphs import connected
 from pdsolve.model import Model, ModelError
 from pdsolve.study.description import Repeat
@@ -34,13 +35,14 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
         if settings.run.solver == "static":
             raise ModelError(f"{model.name}: repeat.step: found it for a run at rest, expected notch or noise")
         step = time_step * (1 - repeat.step * shorter)
-        steps = math.ceil(settings.run.steps * time_step / step - NEAR)
-        settings = msgspec.structs.replace(
-            settings, run=msgspec.structs.replace(settings.run, time_step=step, steps=steps)
-        )
+        run = counted(settings.run, time_step)
+        steps = math.ceil(run.steps * time_step / step - NEAR)
+        settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(run, time_step=step, steps=steps))
     if repeat.notch:
         if not len(grid.cracks):
             raise ModelError(f"{model.name}: repeat.notch: found no pre-crack to move, expected one, or step or noise")
+        if grid.dimension == 3:
+            raise ModelError(f"{model.name}: repeat.notch: found a body in space, expected step or noise")
         grid = replace(grid, cracks=_moved(grid, repeat.notch * across * float(grid.delta.min())))
     if repeat.noise:
         if settings.run.adapt != "none":

@@ -9,7 +9,8 @@ from typing import Any
 
 from pdmesh.drawing import sources
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import GridError, Material, Medium, Settings, read_file, settings_of
+from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
+from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdsolve.estimate import Plan, plan
 from pdsolve.model import Model, ModelError, overlaid
@@ -18,6 +19,7 @@ from pdsolve.study.disturbed import disturbed
 from pdsolve.system import Options
 
 NAMED = (".geo", ".py", ".json")  # drawings that say what parameters they have
+LOOKED_AT = 5  # runs, until one can be read
 # To lay settings over, where names alone are looked at
 ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 
@@ -25,7 +27,6 @@ ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 def made(drawing: Path, case: Case, trust: bool = False) -> Model:
     """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
     grid, settings = _built(drawing, case, trust)
-    _expect_plate(drawing, grid, settings)
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
     if not case.repetition:
         return model
@@ -60,24 +61,43 @@ def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
         ]
 
 
-def check(study: Study, trust: bool = False) -> None:
-    """Raises StudyError where a parameter means nothing to the drawing or to the model: no run would begin."""
-    for case in {tuple(case.values): case for case in study.cases()}.values():
+def check(study: Study, trust: bool = False) -> int:
+    """How many dimensions the study's plates or bodies have.
+
+    Raises StudyError where a parameter means nothing to the drawing or to the model: no run would begin.
+    """
+    cases = study.cases()
+    for case in {tuple(case.values): case for case in cases}.values():
         try:
             if case.drawing and study.drawing.suffix.lower() in NAMED:
                 sources.parameters(study.drawing, case.assignments("drawing"), trust)
-            elif study.drawing.suffix.lower() == ".json":
-                _expect_plate(study.drawing, *_built(study.drawing, case, trust))
             overlaid(ANY, Path("model"), None, case.assignments("model"))
         except (SceneError, GridError, ModelError) as error:
             raise StudyError(f"{study.path}: {error}") from None
+    for case in cases[:LOOKED_AT]:
+        try:
+            return _dimension(study.drawing, case, trust)
+        except (SceneError, GridError, OSError):
+            continue  # what is wrong is said of each run
+    return 2
 
 
-def _expect_plate(drawing: Path, grid: Grid, settings: Settings) -> None:
-    """Raises ModelError for what has no cracks in the plane, of which the measures of a study are."""
-    what = "a model of diffusion" if settings.physics == "diffusion" else "a body in space"
-    if settings.physics == "diffusion" or grid.dimension == 3:
-        raise ModelError(f"{drawing}: found {what}, expected a plate, whose cracks a study measures")
+def _dimension(drawing: Path, case: Case, trust: bool) -> int:
+    """Of the plate or the body of a drawing. Raises StudyError for diffusion, SceneError or GridError."""
+    if drawing.suffix.lower() in sources.MESHES:
+        return 2
+    if drawing.suffix.lower() == ".json" and not case.drawing:
+        document = read_file(drawing)
+        dimension, diffuses = 3 if document.version == SPACE_VERSION else 2, document.physics == "diffusion"
+    else:
+        scene = sources.read_scene(drawing, case.assignments("drawing"), trust=trust)
+        dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None
+    if diffuses:
+        raise StudyError(
+            f"{drawing}: found a model of diffusion, expected one of mechanics, whose cracks and energies a study"
+            " measures"
+        )
+    return dimension
 
 
 def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:

@@ -8,17 +8,22 @@ from typing import Any
 import numpy as np
 
 from pdpost.measures.crack_summary import Summary, crack
+from pdpost.measures.motion import largest_displacement, largest_stretch
 from pdsolve.results import Results
-from pdsolve.study.columns import MEASURES
+from pdsolve.study.columns import measures_of
 
 
 def measured(results: Results) -> dict[str, float | None]:
     """The measures of a run that is over; None for what did not happen. Raises ResultsError."""
-    summary = results.summary()
-    found: dict[str, Any] = {name: summary.get(name) for name in MEASURES}
+    summary, names = results.summary(), measures_of(results.dimension)
+    found: dict[str, Any] = {name: summary.get(name) for name in names}
     found |= summary["energy"]
-    found |= _cracked(crack(results))
-    return {name: _number(found.get(name)) for name in MEASURES}
+    found |= {"largest_displacement": largest_displacement(results), "largest_stretch": largest_stretch(results)}
+    if results.dimension == 2:
+        found |= _cracked(crack(results))
+    elif len(steps := results.breaks().step):
+        found["first_break"] = int(steps.min()) * summary["time_step"]
+    return {name: _number(found.get(name)) for name in names}
 
 
 def _cracked(found: Summary) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdsolve.study.columns import MEASURES, OWN, UNITS
+from pdsolve.study.columns import OWN, UNITS, Measure
 from pdsolve.study.description import Case, Study, StudyError
 
 APPLICATION_ID = 0x70647374  # "pdst"
@@ -105,15 +105,17 @@ class Table:
         """What the study says of itself: its text, its drawing, the names of what it varies."""
         return dict(self.connection.execute("SELECT name, value FROM study"))
 
-    def add(self, cases: Sequence[Case], described: Mapping[str, tuple[str, str]]) -> dict[str, int]:
+    def add(
+        self, cases: Sequence[Case], described: Mapping[str, tuple[str, str]], measures: Mapping[str, Measure]
+    ) -> dict[str, int]:
         """Rows for cases that have none; returns the number of each case's row by its key.
 
-        `described` has unit and meaning of parameters of the drawing.
+        `described` has unit and meaning of parameters of the drawing, `measures` are those of each run.
         """
         for case in cases:
             for kind, name, column in case.names:
                 self._column(column, Column(kind, *described.get(name, (UNITS.get(name, ""), ""))))
-        for name, measure in MEASURES.items():
+        for name, measure in measures.items():
             self._column(name, Column("measure", measure.unit, measure.meaning))
         known = dict(self.connection.execute("SELECT key, number FROM run"))
         with self.connection:

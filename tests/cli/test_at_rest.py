@@ -53,11 +53,19 @@ def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None
         (
             ["held.json", "--static", "--every", "2"],
             2,
-            "run.every: found it given for a run at rest, expected run.stat",
+            "run.every: found it given for run.solver static, expected run.",
         ),
-        (["held.json", "--static", "--set", "run.time_step=1"], 2, "run.time_step: found it given for a run at rest"),
-        (["held.json", "--set", "run.static.tolerance=1e-3"], 2, "run.static.tolerance: found it given for a run in t"),
-        (["held.json", "--set", "run.static.load_steps=3", "--set", "run.start=static"], 2, "expected --static"),
+        (["held.json", "--static", "--set", "run.time_step=1"], 2, "run.time_step: found it given for run.solver st"),
+        (
+            ["held.json", "--set", "run.static.tolerance=1e-3"],
+            2,
+            "run.static.tolerance: found it given for run.solver e",
+        ),
+        (
+            ["held.json", "--set", "run.static.load_steps=3", "--set", "run.start=static"],
+            2,
+            "expected run.solver static (--static)",
+        ),
         (["held.json", "--float"], 2, "--float: found a run in time, expected --static or run.start static"),
         (
             ["held.json", "--static", "--set", "run.static.method=relaxation", "--set", "run.static.iterations=3"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,11 @@ from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Load, Run, write_file
 from pdpost.__main__ import main as pdpost
+from pdpost.measures.scatter import chosen
+from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
 from pdsolve.study import crew
-from pdsolve.study.table import Table
+from pdsolve.study.table import Column, Row, Table
 
 STUDY = """
 drawing = "plate.json"
@@ -85,10 +88,14 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     assert good[2]["first_break"] < good[0]["first_break"]  # of less G0
     monkeypatch.setattr(crew, "solved", None)  # nothing is solved again, nor are those that failed
     assert main(["study", "study.toml"]) == 1
-    said = capsys.readouterr().out.splitlines()
-    assert said[0] == "study.sqlite: 8 runs, 4 finished, 4 failed"
-    assert said[1].startswith("run 3 failed: ")
-    assert "$.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness" in said[1]
+    captured = capsys.readouterr()
+    assert captured.out == "study.sqlite: 8 runs, 4 finished, 4 failed\n"
+    said = captured.err.splitlines()
+    assert len(said) == 4
+    assert said[0].startswith("pdsolve study: run 3 failed: ")
+    assert "$.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness" in said[0]
+    assert main(["study", "study.toml", "-q"]) == 1
+    assert capsys.readouterr() == ("", captured.err)  # a failure is always said
 
 
 def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,6 +199,53 @@ def test_its_measures_are_drawn_and_told(solved: Path, capsys: pytest.CaptureFix
     assert pdpost(["study", "study.sqlite", "--measure", "wonder"]) == 2
     assert "--measure: found 'wonder', expected one of nodes, bonds" in capsys.readouterr().err
     assert pdpost(["study", "plate.json"]) == 2
+
+
+def test_where_nothing_cracks_there_is_something_to_draw(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a crack does happened nowhere, and what broke was nothing: what moved is left."""
+    cracked = ("first_break", "start", "branching", "split", "speed", "fork_angle", "direction")
+    with sqlite3.connect("study.sqlite") as connection:
+        nothing = ", ".join(f"{one} = NULL" for one in cracked)
+        connection.execute(f"UPDATE run SET length = 0, dissipated = 0, {nothing}")
+    connection.close()
+    assert pdpost(["study", "study.sqlite", "--json", "-o", "calm.svg"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)["measures"]
+    assert list(dict.fromkeys(one["measure"] for one in found)) == [
+        "largest_displacement", "largest_stretch", "strain", "work",
+    ]  # fmt: skip
+    assert all(one["happened"] == one["runs"] == 2 and one["median"] > 0 for one in found)
+    assert captured.err == "pdpost study: in none of 4 runs: start, branching, speed, fork_angle, direction\n"
+    assert pdpost(["study", "study.sqlite", "--measure", "start", "-o", "start.svg"]) == 0
+    assert capsys.readouterr().err == "pdpost study: in none of 4 runs: start\n"
+    assert "in none of 4 runs" in Path("start.svg").read_text()
+    assert ">100<" in Path("start.svg").read_text()  # the axis has all values all the same
+
+
+@pytest.mark.parametrize(
+    ("varied", "over", "first"),
+    [
+        ({"mode": ["thesis", "conservative"], "pull": [1, 2]}, "pull", "start"),
+        ({"pull": [1, 2], "length": [1, 2, 3]}, "length", "start"),
+        ({"mode": ["thesis", "conservative"]}, "mode", "start"),
+        ({"kernel": ["blocks", "listed"]}, "kernel", "wall_time"),
+        ({}, None, "start"),
+    ],
+)
+def test_the_axis_and_the_measures_suit_what_varies(
+    varied: dict[str, list[object]], over: str | None, first: str
+) -> None:
+    measured = ("wall_time", "start", "branching", "dissipated", "work")
+    rows = []
+    for number, values in enumerate(product(*varied.values())):
+        found = dict.fromkeys(measured, float(number)) | {"branching": 1.0 if number == 0 else None}
+        rows.append(Row(number, "", "finished", None, Path(), 0, found | dict(zip(varied, values, strict=True))))
+    columns = {name: Column("options", "", "") for name in varied} | {
+        name: Column("measure", "", "") for name in measured
+    }
+    names, axis = chosen(Read(Path("a"), rows, columns, list(varied), 0, 0), (), None)
+    assert (axis, names[0]) == (over, first)
+    assert "branching" not in names or names[-1] == "branching" or len(rows) < 3
 
 
 def test_paths_and_tradeoff_take_it(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,9 @@ from whole import contents, kill_when
 from zones import struck
 
 from pdpost.measures.cracked import damage_at
+from pdsolve.pace import Pace
 from pdsolve.results import Results
-from pdsolve.simulation import Options, resume, simulate
+from pdsolve.simulation import Options, Progress, resume, simulate
 
 TESTS = Path(__file__).parent.parent
 
@@ -58,5 +59,30 @@ simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), w
 """
     path = tmp_path / "killed.sqlite"
     kill_when(lambda results: len(results.frames()[0]) >= 4, path, ["-c", program, str(path)])
+    resume(path).close()
+    assert contents(path) == contents(whole)
+
+
+def test_a_stop_between_two_entries_of_the_ledger_is_heard(
+    solved: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At once, back to the last checkpoint, or at the entry where that comes soon; then to the same tables."""
+    whole, law = solved
+    path, heard = tmp_path / "stopped.sqlite", []
+    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr(Pace, "is_soon", lambda pace, steps: False)
+
+    def stop(progress: Progress) -> bool:
+        heard.append(progress.step)
+        return progress.step > 45
+
+    with pytest.raises(KeyboardInterrupt, match=r"at step 50; steps since the last checkpoint are lost"):
+        simulate(struck("hybrid", law=law), path, Options(threads=1), stop)
+    assert heard[-1] == 50
+    with Results.open(path) as results:
+        assert (results.meta()["status"], results.checkpoint()[0] < 50) == ("interrupted", True)
+    monkeypatch.setattr(Pace, "is_soon", lambda pace, steps: True)
+    with resume(path, 1, lambda progress: progress.step > 45) as results:
+        assert (results.meta()["status"], results.checkpoint()[0] > 45) == ("interrupted", True)
     resume(path).close()
     assert contents(path) == contents(whole)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sqlite3
 import struct
 import subprocess
@@ -10,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plates import square_grid
+from plates import plate, square_grid
 from systems import bonds_of
 from whole import contents, kill_when
 
 from pdmesh.model.cloud import document_of
-from pdmesh.model.document import write_file
+from pdmesh.model.document import Run, write_file
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError, WriteError, Writer
 from pdsolve.results.schema import CHUNK
@@ -216,3 +217,15 @@ def test_a_killed_run_is_readable_and_goes_on_to_the_same_bits(small_plate: Mode
     subprocess.run([sys.executable, *words[:-1], str(whole)], check=True)
     resume(killed).close()
     assert contents(killed) == contents(whole)
+
+
+def test_a_crack_of_whole_numbers_is_written_as_any_other(tmp_path: Path) -> None:
+    """A file of it is read, looked at and gone on with."""
+    grid = dataclasses.replace(square_grid(9, 8, 1.0, y0=-3.5), cracks=[[0, 0, 4, 0]])  # type: ignore[arg-type]
+    assert grid.cracks.dtype == np.float64
+    path = tmp_path / "whole.sqlite"
+    simulate(plate(grid, run=Run(steps=4, every=2)), path, watch=lambda progress: progress.step >= 2).close()
+    with Results.open(path) as results:
+        results.verify()
+        assert results.cracks().tolist() == [[0.0, 0.0, 4.0, 0.0]]
+    resume(path).close()

@@ -12,6 +12,7 @@ from pdmesh.model.cloud import document_of
 from pdmesh.model.document import GridError, Horizon, Load, Run, Settings, write_file
 from pdsolve.conditions import drive
 from pdsolve.model import ModelError, model_of, read_model
+from pdsolve.system import Options, prepare
 
 TOML = """
 material = {E = 65e9, rho = 2235, G0 = 204}
@@ -58,6 +59,22 @@ def test_a_model_comes_back_from_its_text() -> None:
     again = model_of(model.to_json(), "again")
     assert again.settings == model.settings
     assert np.array_equal(again.grid.position, model.grid.position)
+
+
+def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bare: Path) -> None:
+    material = ("material", "{E = 65e9, rho = 2235, G0 = 204}")
+    step = prepare(read_model(bare, assignments=[material]), Options()).system.time_step
+    for more, steps in (
+        ([("run.duration", f"{9.5 * step}")], 10),
+        ([("run.duration", f"{10 * step}")], 10),  # but for round-off
+        ([("run.duration", f"{9.5 * step}"), ("run.time_step", f"{step / 2}")], 19),
+        ([("run.duration", "1"), ("run.steps", "7")], 7),
+        ([("run.steps", "7"), ("run.duration", f"{9.5 * step}")], 10),
+    ):
+        run = prepare(read_model(bare, assignments=[material, *more]), Options()).system.asked.settings.run
+        assert (run.steps, run.duration) == (steps, None)
+    with pytest.raises(ModelError, match=r"\$.run.duration: found 1e\+30 s in steps of .* s, expected at most 2.14"):
+        prepare(read_model(bare, assignments=[material, ("run.duration", "1e30")]), Options())
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
             ("--adapt", "split", "--mode", "thesis", "--set", "material.sight=diffraction"),
             "$.material.sight: found 'diffraction', expected 'visibility' in the thesis mode",
         ),
-        (("--set", "run.split.levels=2"), "run.split.levels: found it given for run.adapt none, expected split"),
+        (("--set", "run.split.levels=2"), "run.split.levels: found it given for run.adapt none, expected run.adapt"),
     ],
 )
 def test_bad_settings_get_one_line(

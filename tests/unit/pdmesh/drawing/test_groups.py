@@ -260,7 +260,7 @@ BAD = {
     "bad box": ([], {"Fixes/a/Box": "0 0 1"}, "Fixes/a/Box': found '0 0 1', expected four numbers"),
     "box inside out": ([], {"Fixes/a/Box": "1 0 0 1"}, "expected x0 < x1"),
     "unknown components": ([], {"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "z"}, "found 'z', expected one of xy"),
-    "step without duration": ([], {"Run/Time step": 1e-8}, "Run: found Time step 1e-08 s and Duration none"),
+    "step without duration": ([], {"Run/Time step": 1e-8}, "found Time step 1e-08 s and Duration none"),
     "unknown solver": ([], {"Run/Solver": "swift"}, "Run: Invalid enum value 'swift'"),
     "half a load step": ([], {"Run/Load steps": 2.5}, "Load steps': found 2.5, expected a whole number"),
     "driven": ([], {"Run/Damping": -1.0}, "Run: Expected `float` >= 0"),

@@ -63,7 +63,18 @@ def test_constants_can_be_set(path: Path) -> None:
         ("import nowhere_at_all\n", "line 1: ModuleNotFoundError"),
         ("x = 1\nraise SystemExit(0)\n", "line 2: SystemExit"),
         (TEXT.replace("0.04, 0.02", "40, 20"), "line 11: outline: found 40 x 19.999 m, expected metres"),
-        (TEXT.replace("rows=rows", "row=rows"), "line 11: TypeError: .*unexpected keyword argument 'row'"),
+        (
+            TEXT.replace("rows=rows", "row=rows"),
+            r"line 11: TypeError: .*'row', expected one of where, traction, b",
+        ),
+        (
+            TEXT.replace(".load(", ".laod("),
+            "line 11: .* no attribute 'laod', expected one such as 'load'",
+        ),
+        (
+            "from pdmesh import Material as M\nM(E=1, rho=1, G=1)\n",
+            "line 2: .*'G', expected one of E, rho, G0",
+        ),
     ],
 )
 def test_bad_files(text: str, message: str, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 import shapely
 from plates import GEOMETRIES, GLASS
 
-from pdmesh import Circle, Material, Scene, SceneError, box, ramp
+from pdmesh import Body, Box, Circle, Material, Scene, SceneError, Sphere, box, ramp
 from pdmesh.drawing.geo import read_geo
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.cloud import document_of
@@ -114,7 +114,7 @@ def test_a_layer_that_absorbs_is_as_deep_as_is_said(plate: Scene) -> None:
         (layer,) = settings.conditions
         assert isinstance(layer, Absorb)
         assert (len(layer.nodes or ()), layer.depth) == (21 * rows, pytest.approx(depth))
-    assert build_grid(plate.absorb(box(0.03, 0, 0.04, 0.02)))[1].conditions[0].name == "1"
+    assert build_grid(plate.absorb(box(0.03, 0, 0.04, 0.02)))[1].conditions[0].name == "box at (0.035, 0.01) m"
 
 
 def test_body_force_over_rows_of_a_curve(plate: Scene) -> None:
@@ -207,18 +207,18 @@ BAD: dict[str, tuple[Callable[[Scene], Any], str]] = {
     "tiny zone": (lambda plate: plate.zone(box(0, 0, 1e-4, 1e-4), 5e-4), "expected less than its size"),
     "refine nothing known": (lambda plate: plate.refine("edge", 1e-3), "refine: found 'edge'"),
     "refine by nan": (lambda plate: plate.refine("crack", NAN), "refine crack: distance: found nan"),
-    "region outside": (lambda plate: plate.region(box(1, 1, 2, 2), Material(1e9, 1e3, 1)), "'1': found outside"),
+    "region outside": (lambda plate: plate.region(box(1, 1, 2, 2), Material(1e9, 1e3, 1)), "m': found outside"),
     "load without a value": (lambda plate: plate.load("top"), "load 'top': found neither or both"),
     "traction in a surface": (
         lambda plate: plate.load(box(0, 0, 0.01, 0.01), traction=(0, 1)),
-        "load '1': found a traction on a surface",
+        r"load 'box at \(0.005, 0.005\) m': found a traction on a surface",
     ),
     "nan load": (lambda plate: plate.load("top", traction=(0, NAN)), "load 'top': found .*nan"),
     "load of words": (lambda plate: plate.load("top", traction=("a", 1)), "load 'top': Expected `float`, got `str`"),
     "unknown side": (lambda plate: plate.load("up", traction=(0, 1)), "load 'up': found 'up', expected one of left"),
     "no straight side": (lambda _: Scene(Circle(0, 0, 0.01), 1e-3).fix("top"), "no straight edge at the top"),
     "no rows": (lambda plate: plate.load("top", traction=(0, 1), rows=0), "rows: found 0"),
-    "far away": (lambda plate: plate.fix([(1, 1), (2, 2)]), "displacement '1': found away from the plate"),
+    "far away": (lambda plate: plate.fix([(1, 1), (2, 2)]), r"displacement 'line at \(1.5, 1.5\) m': found away from"),
     "nothing fixed": (lambda plate: plate.fix("top", None, None), "displacement 'top': found no component"),
     "moved twice": (lambda plate: plate.move("top", velocity=(1, 1), acceleration=(1, 1)), "found 2 of velocity"),
     "profile backwards": (
@@ -248,12 +248,26 @@ def test_bad_scenes(name: str, plate: Scene) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_what_has_no_name_is_called_by_its_place(plate: Scene) -> None:
+    whole = plate.load([(0, 0), (0.04, 0)], (0, 1)).fix(Circle(0.02, 0.01, 2e-3)).move("left", initial_velocity=(1, 0))
+    whole = whole.region(box(0, 0, 0.01, 0.01) - box(0, 0, 0.005, 0.005), Material(1e9, 1e3, 1))
+    names = [each.action.name for each in whole.conditions] + [each.region.name for each in whole.regions]
+    assert names == ["line at (0.02, 0) m", "circle at (0.02, 0.01) m", "left", "shape at (0.005, 0.005) m"]
+    solid = Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix(Box((0, 0, 0), (1, 1, 0.2))).load("top", (0, 0, 1))
+    solid = solid.load(Sphere((0.5, 0.5, 0.5), 0.2), body_force=(1, 0, 0)).move(
+        Box((0, 0, 0), (1, 1, 1)) - Sphere((0.5, 0.5, 0.5), 0.2), velocity=(1, 0, 0)
+    )
+    assert [each.action.name for each in solid.conditions] == [
+        "box at (0.5, 0.5, 0.1) m", "top", "sphere at (0.5, 0.5, 0.5) m", "solid",
+    ]  # fmt: skip
+
+
 def test_a_large_plate_can_be_meant() -> None:
     assert Scene(box(0, 0, 100, 40), 1, units="m").shape.area == 4000
 
 
 def test_a_condition_that_finds_no_node(plate: Scene) -> None:
-    with pytest.raises(SceneError, match="load '1': found no node"):
+    with pytest.raises(SceneError, match=r"load 'box at \(0.0105, 0.0105\) m': found no node"):
         build_grid(plate.load(box(0.0102, 0.0102, 0.0108, 0.0108), body_force=(1, 0)))
 
 

@@ -1,0 +1,26 @@
+"""How many steps a duration takes."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from pdmesh.model.document import MOST_STEPS, GridError, Run
+
+SLACK = 1e-9  # of a step: round-off
+
+
+def counted(run: Run, step: float) -> Run:
+    """The same run, its duration in steps of so many seconds; at rest it is as it was.
+
+    Raises GridError for too many of them.
+    """
+    if run.duration is None or run.solver == "static":
+        return run
+    steps = max(1.0, run.duration / step - SLACK)
+    if steps > MOST_STEPS:
+        raise GridError(
+            f"$.run.duration: found {run.duration:g} s in steps of {step:.3g} s, expected at most {MOST_STEPS:g}"
+        )
+    return msgspec.structs.replace(run, steps=math.ceil(steps), duration=None)

@@ -1,0 +1,117 @@
+"""Settings that a run does not use, said where a model is built and where it is solved: one table of them all.
+
+What asks for something that cannot be had is refused by who would do it; here are the details of what is not done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+
+from pdmesh.model.document import Material, Medium, Settings
+
+
+class Used(NamedTuple):
+    """Settings, and the switches of which one must be so that they are used."""
+
+    names: tuple[str, ...]  # dotted; of a struct for all that is in it
+    switches: tuple[tuple[str, str | None], ...]  # dotted name and value
+    expected: str = ""  # in words, where they say more than the switches
+
+
+class Unused(NamedTuple):
+    """Settings that a run does not use."""
+
+    names: tuple[str, ...]  # dotted
+    switch: str  # that is to blame, dotted
+    found: object  # what that is
+    expected: str
+
+
+TABLE = (
+    Used(("run.theta",), (("run.solver", "implicit"),)),
+    Used(("run.split",), (("run.adapt", "split"),)),
+    Used(("run.collocation",), (("run.adapt", "collocation"),)),
+    Used(("run.collocation",), (("physics", "mechanics"),)),
+    Used(("run.particles",), (("run.cracks", "particles"),)),
+    Used(("run.particles.branch",), (("run.particles.criterion", "stress"),)),
+    Used(("run.particles.branch",), (("run.particles.direction", "hoop"),)),
+    Used(
+        ("run.static",),
+        (("run.solver", "static"), ("run.start", "static")),
+        "run.solver static (--static), or run.start static",
+    ),
+    Used(("run.static.load_steps",), (("run.solver", "static"),), "run.solver static (--static)"),
+    Used(("run.steps",), (("run.duration", None),), "one of the two"),
+    Used(
+        ("run.steps", "run.duration", "run.time_step", "run.every", "run.ledger"),
+        (("run.solver", "explicit"), ("run.solver", "implicit")),
+        "run.static.load_steps: a load step is a step and a frame",
+    ),
+    Used(("material.kr", "material.keep_G0"), (("material.law", "bilinear"),)),
+    Used(("material.strength",), (("material.failure", "stress"),)),
+    Used(("material.control_factor",), (("material.control", "silling"),)),
+    Used(("material.control_factor",), (("material.model", "correspondence"),)),
+    Used(("material.yield_stress", "material.hardening"), (("material.solid", "j2"),)),
+    Used(("medium.k_diss", "medium.capped"), (("medium.dissolution", "kinetic"),)),
+)
+
+
+def unused(settings: Settings) -> Iterator[Unused]:
+    """What a run of these settings does not use, whether it is said or not; names may be of structs."""
+    for row in TABLE:
+        first, _ = row.switches[0]
+        found = value_of(settings, first)
+        if found is not None and all(value_of(settings, name) != value for name, value in row.switches):
+            expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
+            yield Unused(row.names, first, found, expected)
+
+
+def remarks(settings: Settings) -> list[str]:
+    """What is said all the same, a line for each reason; what is as it is left out is not said."""
+    lines = list(_said(settings, "$"))
+    for number, region in enumerate(settings.regions):
+        own = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
+        lines += _said(own, f"$.regions[{number}]")
+    return lines
+
+
+def _said(settings: Settings, place: str) -> Iterator[str]:
+    """What there is to say of settings that are not used and not left out, each named once."""
+    known: set[str] = set()
+    for each in unused(settings):
+        names = [leaf for name in each.names for leaf in _leaves(name) if leaf not in known]
+        said = [name for name in names if value_of(settings, name) != value_of(USUAL, name)]
+        known.update(said)
+        if said:
+            named = ", ".join(f"{place}.{name}" for name in said)
+            values = ", ".join(_word(value_of(settings, name)) for name in said)
+            yield f"{named}: found {values}, not used as {each.switch} is {each.found}, expected {each.expected}"
+
+
+# As everything is that is left out
+USUAL = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
+
+
+def value_of(settings: Settings, name: str) -> Any:
+    """The setting of this dotted name; None where what it would be of is not there."""
+    value: Any = settings
+    for part in name.split("."):
+        value = None if value is None else getattr(value, part)
+    return value
+
+
+def _leaves(name: str) -> Iterator[str]:
+    """The settings that a name stands for: itself, or all in a struct."""
+    value = value_of(USUAL, name)
+    if isinstance(value, msgspec.Struct):
+        for part in value.__struct_fields__:
+            yield from _leaves(f"{name}.{part}")
+    else:
+        yield name
+
+
+def _word(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,44 @@
+"""How far a plate or a body has moved and how far its bonds are stretched: what there is to say where nothing broke."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.strain import broken
+from pdpost.reading.frames import frames, last_frame
+from pdsolve.results import Results
+
+TOGETHER = 2_000_000  # bonds that are looked at at once
+
+
+def largest_displacement(results: Results) -> float | None:
+    """The largest displacement of a node in all frames, m; None where no frame holds displacements."""
+    found = (_displacement(results, step) for step in frames(results)[0].tolist())
+    return max((float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in found if u is not None), default=None)
+
+
+def largest_stretch(results: Results) -> float | None:
+    """The largest stretch of a bond that is whole in the last frame; None where that has no displacements."""
+    step = last_frame(results)
+    u = _displacement(results, step)
+    if u is None:
+        return None
+    families, position = results.families(step), results.nodes(step).position
+    whole, largest = ~broken(results, families, step), []
+    for first in range(0, len(whole), TOGETHER):
+        bonds = first + np.flatnonzero(whole[first : first + TOGETHER])
+        if len(bonds):
+            own, other = np.searchsorted(families.start, bonds, side="right") - 1, families.neighbour[bonds]
+            before = position[other] - position[own]
+            after = before + u[other] - u[own]
+            largest.append(float((np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)).max()) - 1)
+    return max(largest, default=None)
+
+
+def _displacement(results: Results, step: int) -> NDArray[np.float64] | None:
+    """The displacements (n, d) of a frame, m, if it holds them."""
+    names, there = ("ux", "uy", "uz")[: results.dimension], results.stored(step)
+    if not set(names) <= set(there):
+        return None
+    return np.column_stack([results.field(name, step) for name in names]).astype(np.float64)
