@@ -39,7 +39,7 @@ EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)  # m
 UNITS = 4000.0  # spacing sqrt(rho / E): how long a plate vibrates
 DIRECTIONS = 8  # of the noise
 SHAKEN = (0.0, 0.03, 0.05, 0.05)  # m: what is fine then, where it is drawn or split
-COSTS = (0.1, 0.3, 1.0, 3.0, 10.0)  # marked in the chart
+COSTS, SHARES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.1, 1.0, 10.0, 100.0)  # marked in the chart; %
 GROWN = 1e6  # of the energy at the start: enough to know
 
 
@@ -301,11 +301,12 @@ def chart(rows: list[Row], seams: list[Seam]) -> None:
     for seam in seams:
         pulses.loglog(WIDTHS, [100 * share for share in seam.back], "o-", color=colours[seam.kind], label=seam.kind)
     pulses.set(
-        title="What comes back from the seam", xlabel="width of the pulse, spacings", ylabel="%", ylim=(0.1, 100)
+        title="What comes back from the seam", xlabel="width of the pulse, spacings", ylabel="%", ylim=(0.1, 300)
     )
+    pulses.set_yticks(SHARES, labels=[f"{share:g}" for share in SHARES], minor=False)
     pulses.set_xticks(WIDTHS, labels=[str(width) for width in WIDTHS], minor=False)
     pulses.minorticks_off()
-    pulses.legend()
+    pulses.legend(loc="upper center", ncols=2)
     figure.savefig(CHART, dpi=120)
 
 
