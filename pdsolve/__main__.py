@@ -24,6 +24,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
     program.epilog = "`pdsolve study study.toml` solves many (`pdsolve study --help`)."
+    program.others = {"study": _study_parser}
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
         program,
@@ -73,6 +74,12 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--dry-run", action="store_true", help="say what the run would take, solve nothing")
     program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
     return program
+
+
+def _study_parser() -> argparse.ArgumentParser:
+    from pdsolve.study import command
+
+    return command.parser()
 
 
 def _leave_out_blas() -> None:
