@@ -7,7 +7,7 @@ import gc
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,7 +116,7 @@ def _solve(args: argparse.Namespace) -> int:
     with Watch(args.quiet) as watch, warnings.catch_warnings():
         for kind in (ModelWarning, ResultsWarning):
             warnings.simplefilter("always", kind)
-        warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
+        warnings.showwarning = _once(args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
             given = [name for name in (*kept, "static", "float", "adapt", "cracks") if getattr(args, name)]
@@ -147,6 +147,18 @@ def _solve(args: argparse.Namespace) -> int:
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
 
 
+def _once(args: argparse.Namespace) -> Callable[..., None]:
+    """Tells of warnings; of what several parts of a run find, once."""
+    said = set()
+
+    def show(message: Warning | str, *_: object) -> None:
+        if str(message) not in said:
+            said.add(str(message))
+            commandline.note(f"pdsolve: warning: {message}", args)
+
+    return show
+
+
 @contextmanager
 def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
     """Says how to go on with a run that was stopped where something is lost."""
@@ -160,14 +172,11 @@ def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
 
 def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raises UsageError for a setting given here that a run of this kind would not use."""
-    from pdmesh.model.unheard import unused
+    from pdmesh.model.unheard import in_vain
 
-    for name, _ in (*args.assignments, *_flags(args)):
-        for one in unused(settings):
-            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
-                raise commandline.UsageError(
-                    f"{name}: found it given for {one.switch} {one.found}, expected {one.expected}"
-                )
+    said = in_vain(settings, [name for name, _ in (*args.assignments, *_flags(args))])
+    if said is not None:
+        raise commandline.UsageError(said)
 
 
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
