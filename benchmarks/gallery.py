@@ -112,6 +112,8 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", help="names of scenes, such as duran50.geo (default: all)")
     asked = parser.parse_args().scenes
     scenes = sorted(path for path in (ROOT / "geometries").iterdir() if path.suffix in (".geo", ".py"))
+    if unknown := sorted(set(asked) - {scene.name for scene in scenes}):
+        parser.error(f"found {', '.join(unknown)}, expected some of {', '.join(scene.name for scene in scenes)}")
     for scene in scenes:
         if not asked or scene.name in asked:
             print(scene.name, flush=True)

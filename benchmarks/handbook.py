@@ -13,6 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from benchmarks import ties
 from benchmarks.specimens import HORIZON, SPECIMENS, UNIT, WIDE, Specimen
 from pdmesh.files import write_atomically
 from pdmesh.model.document import Horizon
@@ -104,7 +105,8 @@ def main() -> int:
         lines.append(line(row(specimen, args.wide), row(specimen, args.wide, SHORT)))
         print(lines[-1], end="", file=sys.stderr)
     words = {"wide": args.wide, "horizon": HORIZON, "short": SHORT}
-    write_atomically(args.output, "".join([ABOVE.format(**words), *lines, BELOW.format(**words)]).encode())
+    page = [ABOVE.format(**words), *lines, BELOW.format(**words), ties.section()]
+    write_atomically(args.output, "".join(page).encode())
     return 0
 
 

@@ -122,8 +122,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "(lack[pairs.source, axis] + lack[pairs.target, axis])",
-        "(lack[pairs.source, 1 - axis] + lack[pairs.target, 1 - axis])",
+        "(own[pairs.source] + own[pairs.target])",
+        "(lack[pairs.source, first + 1 - axis] + lack[pairs.target, first + 1 - axis])",
         f"{UNIT}/test_average_horizon.py",
     ),
     Mutant(

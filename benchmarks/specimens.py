@@ -68,20 +68,28 @@ def _model(scene: Scene) -> Model:
     return Model(built.grid, built.settings)
 
 
+def edge_shape(part: float) -> float:
+    """K1 over sigma sqrt(pi a) of an edge crack that is a part of the width (Tada, 0.5 %)."""
+    angle = np.pi * part / 2
+    bent = (0.752 + 2.02 * part + 0.37 * (1 - np.sin(angle)) ** 3) / np.cos(angle)
+    return float(np.sqrt(np.tan(angle) / angle) * bent)
+
+
+def centre_shape(part: float) -> float:
+    """K1 over sigma sqrt(pi a) of a centre crack that is a part of the width (Tada: secant, improved, 0.1 %)."""
+    return float((1 - 0.025 * part**2 + 0.06 * part**4) / np.sqrt(np.cos(np.pi * part / 2)))
+
+
 def edge(wide: int) -> Case:
     """A crack from one edge, pulled; the plate is three times as tall as wide."""
     a = _length(wide)
-    angle = np.pi * a / 2
-    shape = np.sqrt(np.tan(angle) / angle) * (0.752 + 2.02 * a + 0.37 * (1 - np.sin(angle)) ** 3) / np.cos(angle)
-    return _pulled(_plate(wide, 0, 1, 3).crack([(0, 0), (a, 0)]), a, shape)
+    return _pulled(_plate(wide, 0, 1, 3).crack([(0, 0), (a, 0)]), a, edge_shape(a))
 
 
 def centre(wide: int) -> Case:
     """A crack in the middle, pulled."""
     a = _length(wide, RATIO / 2)  # half of it
-    part = 2 * a
-    shape = (1 - 0.025 * part**2 + 0.06 * part**4) / np.sqrt(np.cos(np.pi * part / 2))
-    return _pulled(_plate(wide, -0.5, 0.5, 3).crack([(-a, 0), (a, 0)]), a, shape)
+    return _pulled(_plate(wide, -0.5, 0.5, 3).crack([(-a, 0), (a, 0)]), a, centre_shape(2 * a))
 
 
 def double_edge(wide: int) -> Case:

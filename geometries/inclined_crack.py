@@ -3,7 +3,7 @@
 Source: F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525, with K1 = s sqrt(pi a) cos^2 b and K2 = s sqrt(pi a)
 sin b cos b of a crack at b in an infinite plate.
 Two scales: twenty fine spacings a half length, in a plate six times as wide as the crack is long.
-Calibrated: the toughness, so that the crack grows a particle at each end at every inclination up to 60 degrees.
+Calibrated: the toughness, so that the crack grows at both ends at every inclination up to 60 degrees.
 """
 
 from math import cos, radians, sin
@@ -16,7 +16,7 @@ fine = 5e-4  # m: between nodes around the crack
 coarse = 2e-3  # m: between the others
 tension = 1e6  # Pa
 toughness = 5e4  # Pa m^0.5; K1 of a crack across is 1.8e5
-most = 2  # particles grown
+most = 30  # particles grown: fifteen at each end
 horizon = 3.0  # horizon over spacing
 
 pmma = Material(E=3e9, rho=1190, G0=350)

@@ -24,7 +24,8 @@ from pdpost.commands import (
     tradeoff,
 )
 
-OF_BODIES = ("export", "history", "render", "slice", "sql", "study")
+OF_PLATES = ("bonds", "crack", "line", "nodes", "notch", "sif", "strain", "tradeoff")
+OF_BODIES = "damage and other fields, animate, slice, render, history, balance, reaction, report, export and study"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -41,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(argv)
 
     def command() -> int:
-        if args.command not in OF_BODIES:
+        if args.command in OF_PLATES:
             _refuse_bodies(args)
         return int(args.run(args))
 
@@ -55,11 +56,11 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
 
     found = getattr(args, "results", ())
     for path in found if isinstance(found, list) else [found] if found else []:
-        shown, dimension = ", ".join(OF_BODIES).replace("history", "history (of diffusion)"), 2
+        dimension = 2
         with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
             dimension = results.dimension
         if dimension == 3:
-            raise ResultsError(f"{path}: found a body in space, expected a plate; {shown} show bodies")
+            raise ResultsError(f"{path}: found a body in space, expected a plate; {OF_BODIES} show bodies")
 
 
 def _exits() -> dict[type[Exception], int]:

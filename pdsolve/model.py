@@ -213,7 +213,7 @@ def overlaid(
         return msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
         names = " + ".join(map(str, filter(None, [path, settings])))
-        raise ModelError(f"{names}: {explained(error, Settings)}") from None
+        raise ModelError(f"{names}: {explained(error, Settings, lambda: layers)}") from None
 
 
 def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -127,6 +127,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
+    rules.refuse(model, options.mode)
     refuse_layers(model)
     return scheme
 
@@ -141,7 +142,6 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 def _prepared(model: Model, options: Options) -> Prepared:
     scheme = scheme_of(model, options)
-    rules.refuse(model, options.mode)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":

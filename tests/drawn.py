@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pdsolve.measures import Ledger
@@ -33,12 +35,21 @@ def alone(first: int, last: int) -> Families:
     return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 
-def run(nodes: Nodes, cracked: list[tuple[int, int, int]], notch: np.ndarray = NOTCH, model: str = "{}") -> Results:
-    """Results in which nodes (step, x, y) lose four of their ten bonds; steps of 1 us."""
+def run(
+    nodes: Nodes,
+    cracked: list[tuple[int, int, int]],
+    notch: np.ndarray = NOTCH,
+    model: str = "{}",
+    particles: Sequence[tuple[int, int, float, float]] = (),
+) -> Results:
+    """Results in which nodes (step, x, y) lose four of their ten bonds; steps of 1 us. Cracks may be particles: the
+    step of each, who it grew from, and where it is, mm."""
     writer = Writer.create(None, nodes, alone, notch, {"time_step": 1e-6, "model": model})
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(100, 1e-4, None, breaks, [Ledger(100, 1e-4, *[0.0] * 6, len(rows))], [], {}))
+    grown = [(at, step, parent, 1e-3 * x, 1e-3 * y, 0.0, 0.0) for at, (step, parent, x, y) in enumerate(particles)]
+    books = [Ledger(100, 1e-4, *[0.0] * 6, len(rows))]
+    writer.write(Frame(100, 1e-4, None, breaks, books, [], {}, particles=grown))
     return Results(writer.connection, "memory")
 
 

@@ -301,4 +301,4 @@ def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
     try:
         return msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"{PREFIX}{place}: {explained(error, kind)}") from None
+        raise SceneError(f"{PREFIX}{place}: {explained(error, kind, lambda: fields)}") from None

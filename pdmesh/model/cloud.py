@@ -203,6 +203,8 @@ def _check_dimensions(name: str, document: Document) -> None:
         if len(crack) != (9 if space else 6):
             meant = "9 of a triangle" if space else "6 of a segment"
             raise GridError(f"{name}: $.notch[{number}]: found {len(crack)} numbers, expected {meant} in {whole}")
+        if not space and crack[:2] == crack[3:5]:
+            raise GridError(f"{name}: $.notch[{number}]: found both ends in one place, expected a segment")
     for key, rings in (("outline", document.outline), ("holes", document.holes)):
         for number, ring in enumerate(rings):
             odd = next((point for point in ring if len(point) != d), None)

@@ -299,7 +299,7 @@ def read_document(data: bytes | str, name: str) -> Document:
     try:
         document = msgspec.json.decode(data, type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise GridError(f"{name}: {explained(error, Document)}") from None
+        raise GridError(f"{name}: {explained(error, Document, lambda: msgspec.json.decode(data))}") from None
     if document.version not in (FORMAT_VERSION, SPACE_VERSION):
         raise GridError(
             f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in"

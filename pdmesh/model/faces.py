@@ -11,43 +11,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.triangles import meets, normals
+
 AT_ONCE = 1 << 18  # pairs times triangles that are looked at together
-TOUCH = 1e-9  # of a triangle's size: what passes this near to its rim touches it
-SHORT = 1e-6  # of a leg that ends on the front: that much is not looked at
+TOUCH = 1e-9  # of a triangle's size: corners this near are one
+SHORT = 1e-4  # of a leg that ends on the front: that much is not looked at
 
 Array = NDArray[np.float64]
 
 
-def parted(a: Array, b: Array, triangles: Array, slack: float = TOUCH) -> NDArray[np.bool_]:
-    """Which of the pairs (p, 3) have a segment that meets a triangle (t, 3, 3), its rim included.
-
-    (a, b) and (b, a) give the same, and so do mirror images; a segment within a triangle's plane does not meet it.
-    """
-    found = np.zeros(len(a), dtype=bool)
+def parted(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
+    """Which of the pairs (p, 3) have a segment that meets a triangle (t, 3, 3), as `meets` says it."""
+    found, normal = np.zeros(len(a), dtype=bool), normals(triangles)
+    whole = (normal != 0).any(axis=1)
+    triangles, normal = triangles[whole], normal[whole]
     if not len(triangles):
         return found
     for some in np.array_split(np.arange(len(a)), len(a) * len(triangles) // AT_ONCE + 1):
-        found[some] = _meets(a[some, None], b[some, None], triangles[None], slack).any(axis=1)
+        pair, triangle = (each.ravel() for each in np.meshgrid(some, np.arange(len(triangles)), indexing="ij"))
+        met = meets(a[pair], b[pair], triangles[triangle], normal[triangle])
+        found[some] = met.reshape(len(some), len(triangles)).any(axis=1)
     return found
-
-
-def _meets(a: Array, b: Array, triangles: Array, slack: float) -> NDArray[np.bool_]:
-    """Whether segments (p, 1, 3) meet triangles (1, t, 3, 3), closed."""
-    p, q, r = (triangles[..., corner, :] for corner in range(3))
-    normal = np.cross(q - p, r - p)
-    double = np.sqrt((normal**2).sum(axis=-1))
-    normal = normal / double[..., None]
-    above, below = ((normal * (end - p)).sum(axis=-1) for end in (a, b))
-    size = np.sqrt(double)
-    apart = np.abs(above - below)
-    crosses = (above * below <= 0) & (apart > slack * size)
-    share = np.where(crosses, above, 0.0) / np.where(crosses, above - below, 1.0)
-    place = a + share[..., None] * (b - a)
-    for start, end in ((p, q), (q, r), (r, p)):
-        inward = np.cross(normal, end - start)
-        length = np.sqrt((inward**2).sum(axis=-1))
-        crosses &= (inward * (place - start)).sum(axis=-1) >= -slack * size * length
-    return np.asarray(crosses)
 
 
 def front(triangles: Array, slack: float = TOUCH) -> Array:
@@ -64,7 +48,7 @@ def front(triangles: Array, slack: float = TOUCH) -> Array:
     return np.asarray(ends[np.sort(first[count == 1])])
 
 
-def around(a: Array, b: Array, triangles: Array, edges: Array, slack: float = TOUCH) -> Array:
+def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
     """The shortest way (p,) from a to b over a point of one of the `edges` (e, 2, 3) that meets no triangle on its two
     legs; infinite where there is none. Edges are those of the front that lie in the body: its mouth is left out.
     """
@@ -75,7 +59,7 @@ def around(a: Array, b: Array, triangles: Array, edges: Array, slack: float = TO
         better = np.flatnonzero(far < found)
         for end in (a, b):
             short = place[better] + SHORT * (end[better] - place[better])
-            better = better[~parted(end[better], short, triangles, slack)]
+            better = better[~parted(end[better], short, triangles)]
         found[better] = far[better]
     return found
 

@@ -51,6 +51,11 @@ UNITS: dict[str, str] = {  # in order
 }
 
 
+def of_dimension(name: str, dimension: int) -> tuple[Column, ...]:
+    """The columns of the field called `name`, in the plane or in space."""
+    return (*FIELDS[name].columns, *(IN_SPACE.get(name, ()) if dimension == 3 else ()))
+
+
 def usual(dimension: int) -> tuple[Column, ...]:
     """What a frame holds of every model, in the plane or in space."""
     return USUAL if dimension == 2 else (*USUAL, *ALONG)

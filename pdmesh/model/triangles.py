@@ -19,10 +19,14 @@ FEW = 64  # triangles that are looked at one by one, small or not
 def volume(triangles: NDArray[np.float64]) -> float:
     """What a closed surface of triangles (t, 3, 3), m, encloses, m^3; parts within others are voids, or bodies in them.
 
-    The triangles of a part all turn one way, whichever.
+    Triangles may turn either way.
     """
     corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     number = number.reshape(-1, 3)
+    flat = (number == np.roll(number, 1, axis=1)).any(axis=1)
+    triangles, number = triangles[~flat], number[~flat]
+    turned = _turned(number)
+    triangles[turned] = triangles[turned][:, ::-1]
     part = connected(len(corners), number[:, :2].ravel(), number[:, 1:].ravel())[number[:, 0]]
     parts = [triangles[part == one] for one in np.unique(part)]
     total = 0.0
@@ -31,6 +35,24 @@ def volume(triangles: NDArray[np.float64]) -> float:
         depth = sum(_encloses(other, one[0, 0]) for other in parts if other is not one)
         total += (-1) ** depth * abs(float((a * np.cross(b, c)).sum())) / 6
     return total
+
+
+def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which triangles, of corners (t, 3), turn another way than the first of those they hang together with by edges.
+
+    Two that share an edge turn one way if they run along it in opposite directions; edges of more than two say nothing.
+    """
+    count = len(number)
+    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, edge, shared = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    first, second = order[shared[edge.ravel()[order]] == 2].reshape(-1, 2).T
+    against = (ends[first, 0] == ends[second, 0]) * count
+    one, other = first // 3, second // 3
+    side = connected(
+        2 * count, np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])
+    ).reshape(2, count)
+    return np.asarray(side[0] > side[1])
 
 
 def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:
@@ -68,7 +90,7 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
         return triangles
     corners = corners[hull.vertices]
     size = float(np.ptp(corners, axis=0).max())
-    normal = _normals(triangles)
+    normal = normals(triangles)
     length = np.sqrt((normal**2).sum(axis=1))
     unit = normal / np.where(length > 0, length, 1.0)[:, None]
     kept = np.zeros(len(triangles), dtype=bool)
@@ -89,7 +111,7 @@ class Screen:
         self, triangles: NDArray[np.float64], position: NDArray[np.float64], delta: NDArray[np.float64]
     ) -> None:
         self._position = position
-        normal = _normals(triangles)
+        normal = normals(triangles)
         whole = (normal != 0).any(axis=1)
         triangles, normal = triangles[whole], normal[whole]
         middle = triangles.mean(axis=1)
@@ -133,7 +155,7 @@ class Screen:
             count = start[own + 1] - start[own]
             which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
             which = which[~found[which]]
-            found[which] = _meets(*self._ends(pairs, which), triangle[None], normal[None])
+            found[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
 
     def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
         longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
@@ -148,19 +170,25 @@ class Screen:
             p, q = self._ends(pairs, which)
             both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
             own, number = both["i"], both["j"]
-            meets = _meets(p[own], q[own], self._small[number], self._small_normal[number])
-            found[which[own[meets]]] = True
+            met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+            found[which[own[met]]] = True
 
 
-def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """(t, 3) twice as long as the triangles are large, m^2."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
-def _meets(
+def meets(
     p: NDArray[np.float64], q: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3)."""
+    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3), with
+    `normals`.
+
+    Edges and corners belong to a triangle, ends to a segment, and all that is within `EDGE` of the triangle's size.
+    A segment in the plane of a triangle meets it where an end or its middle is on it, and not otherwise. (q, p) and
+    (p, q) give the same, and so do mirror images.
+    """
     size = (normal**2).sum(axis=1) ** 0.75
     above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
     above, below = (np.where(np.abs(side) <= EDGE, 0.0, side) for side in (above, below))
@@ -181,7 +209,7 @@ def _meets(
 
 
 def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points x (k, 3) of the planes of triangles, as in `_meets`, are in them."""
+    """Which points x (k, 3) of the planes of triangles, as in `meets`, are in them."""
     inside, least = np.ones(len(x), dtype=bool), -EDGE * (normal**2).sum(axis=1)
     for corner in range(3):
         a, b = triangles[:, corner], triangles[:, (corner + 1) % 3]
@@ -203,7 +231,7 @@ def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach
 
 def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of points (k, 3) from a triangle."""
-    normal = _normals(triangle[None])[0]
+    normal = normals(triangle[None])[0]
     squared = float((normal**2).sum())
     found = np.full(len(x), np.inf)
     if squared > 0:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import msgspec
 import msgspec.inspect as inspection
 
 UNKNOWN = re.compile(r"(Invalid enum value '|Object contains unknown field `)(.*?)['`](?: - at `\$(.*)`)?", re.DOTALL)
+UNFIT = re.compile(r"Expected .* - at `\$(.*)`", re.DOTALL)
+STEP = re.compile(r"\.\w+|\[[^\]]*\]")
 
 
 def called(name: str | None, number: int, what: str = "condition") -> str:
@@ -18,16 +21,21 @@ def called(name: str | None, number: int, what: str = "condition") -> str:
     return name or f"{what} {number}"
 
 
-def explained(error: Exception, kind: type) -> str:
+def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
     """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
 
-    A word that has a fixed set of values is followed by all of them, the name of a field by the nearest one.
+    A word that has a fixed set of values is followed by all of them, the name of a field by the nearest one; a value
+    that is another than expected by itself, as `given` has it.
     """
+    unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if unfit is not None and "[...]" not in unfit[1]:
+        with suppress(msgspec.DecodeError, RecursionError):  # of what comes after it in a file
+            return f"{error}, found {_at(given(), unfit[1])!r:.80}"
     said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if said is None:
         return str(error)
     met = [inspection.type_info(kind)]
-    for step in re.findall(r"\.\w+|\[[^\]]*\]", said[3] or ""):
+    for step in STEP.findall(said[3] or ""):
         met = [inner for outer in met for inner in _inside(outer, step)]
     met = [inner for outer in met for inner in _plain(outer)]
     if said[1].startswith("Object"):
@@ -35,6 +43,13 @@ def explained(error: Exception, kind: type) -> str:
         return f"{error}, expected one such as `{near}`" if near else str(error)
     words = [str(value) for one in met for value in getattr(one, "values", ())]
     return f"{error}, expected {', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else str(error)
+
+
+def _at(given: Any, path: str) -> Any:
+    """The value at the end of a path of `.name` and `[index]`."""
+    for step in STEP.findall(path):
+        given = given[step[1:] if step.startswith(".") else int(step[1:-1])]
+    return given
 
 
 def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:

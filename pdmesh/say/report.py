@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -14,7 +13,7 @@ from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
 from pdmesh.grid.nested import nested, undivided
 from pdmesh.model import selection
 from pdmesh.model.cloud import Grid, grid_of
-from pdmesh.model.document import ON_ONE_LATTICE, Document, Material, Settings, settings_of
+from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.triangles import volume
 from pdmesh.model.visibility import plate_of
 from pdmesh.model.wordings import called
@@ -184,17 +183,24 @@ def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
 
 
 def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
-    """What a run of that would take; None where the solver would not have it, such as without a material."""
+    """What a run of that would take; None where the solver would not have it, such as without a material.
+
+    Raises GridError where it is the mode that it would not have.
+    """
     from pdsolve.estimate import plan
     from pdsolve.model import Model, ModelError
     from pdsolve.system import Options
 
     if settings.material is None and settings.medium is None:
         return None
-    with warnings.catch_warnings(), suppress(ModelError):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the solver warns when it solves
-        return plan(Model(grid, settings, name), Options(mode))
-    return None
+        try:
+            return plan(Model(grid, settings, name), Options(mode))
+        except ModelError as error:
+            if mode != DEFAULT_MODE and run_of(grid, settings, name, DEFAULT_MODE) is not None:
+                raise GridError(str(error)) from None
+            return None
 
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:

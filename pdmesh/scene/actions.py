@@ -20,10 +20,11 @@ def action(kind: type[AnyCondition], name: str, values: dict[str, Any]) -> AnyCo
     place = f"{kind.__struct_config__.tag} '{name}'"
     if "profile" in values:
         values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
+    given = {"kind": kind.__struct_config__.tag, "name": name} | values
     try:
-        return msgspec.convert({"kind": kind.__struct_config__.tag, "name": name} | values, kind)
+        return msgspec.convert(given, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"{place}: {explained(error, kind)}") from None
+        raise SceneError(f"{place}: {explained(error, kind, lambda: given)}") from None
 
 
 def motion(

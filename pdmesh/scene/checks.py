@@ -69,7 +69,7 @@ def _described(struct: Any, kind: type, place: str) -> None:
         fields = msgspec.to_builtins(struct)
         msgspec.convert(fields, kind)
     except (msgspec.ValidationError, TypeError) as error:
-        raise SceneError(f"{place}: {explained(error, kind)}") from None
+        raise SceneError(f"{place}: {explained(error, kind, lambda: fields)}") from None
     for name, value in fields.items():
         if isinstance(value, float | int) and not abs(value) <= MOST:
             raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")

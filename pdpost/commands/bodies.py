@@ -63,7 +63,7 @@ def _plane(text: str) -> Plane:
 def _slice(args: argparse.Namespace) -> int:
     from pdpost.exports import columns
     from pdpost.figures import slice_figure, style
-    from pdpost.measures import slices
+    from pdpost.measures import fields, slices
     from pdpost.reading.times import told
     from pdsolve.results import Results
 
@@ -73,10 +73,10 @@ def _slice(args: argparse.Namespace) -> int:
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
-        name = args.field or slices.usual(results, step)
-        shown = slices.values(results, name, step, args.component)
+        name = args.field or fields.usual(results, step)
+        part = fields.component(name, args.component, results.dimension)
+        shown = slices.values(results, name, step, part or None)
         found = slices.cut(results, shown, step, *args.plane)
-        part = args.component or ""
         style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
         nodes = results.nodes(step)
         x, y, z = nodes.position[found.rows].T
@@ -94,7 +94,7 @@ def _slice(args: argparse.Namespace) -> int:
 def _render(args: argparse.Namespace) -> int:
     from pdmesh.files import write_atomically
     from pdpost.figures import render
-    from pdpost.measures import slices
+    from pdpost.measures import fields, slices
     from pdpost.reading.times import told
     from pdsolve.results import Results
 
@@ -106,8 +106,9 @@ def _render(args: argparse.Namespace) -> int:
     with Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
-        name = args.field or slices.usual(results, step)
-        shown = slices.values(results, name, step, args.component)
+        name = args.field or fields.usual(results, step)
+        part = fields.component(name, args.component, results.dimension)
+        shown = slices.values(results, name, step, part or None)
         picture = render.render(results.nodes(step), shown, name, args.level, args.plane)
     write_atomically(path, picture)
     commandline.report(

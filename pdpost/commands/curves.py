@@ -25,15 +25,15 @@ def add(commands: Commands) -> None:
         commands, "history", "draw a node's motion over time, or the masses of a model of diffusion"
     )
     for name, words, count, text in (
-        ("--node", "ID", 1, "a node by its id"),
-        ("--at", "X,Y", 2, "the node nearest to a place, m (--at=X,Y if X is negative)"),
-        ("--box", "X0,Y0,X1,Y1", 4, "the mean of the nodes in a box, m, with their range"),
+        ("--node", "ID", (1,), "a node by its id"),
+        ("--at", "X,Y", (2, 3), "the node nearest to a place, m (--at=X,Y if X is negative), in a body X,Y,Z"),
+        ("--box", "X0,Y0,X1,Y1", (4, 6), "the mean of the nodes in a box, m, with their range; in a body six numbers"),
     ):
         history.add_argument(
             name,
             action="append",
             dest="places",
-            type=_place(name, count),
+            type=_place(name, *count),
             metavar=words,
             help=f"{text}; may be repeated",
         )
@@ -42,8 +42,8 @@ def add(commands: Commands) -> None:
         "--component",
         action="append",
         dest="components",
-        choices=("x", "y", "magnitude"),
-        help="which one; may be repeated (default: magnitude)",
+        choices=("x", "y", "z", "magnitude"),
+        help="which one, z of a body; may be repeated (default: magnitude)",
     )
     history.set_defaults(run=_history)
     delivery.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
@@ -56,14 +56,17 @@ def add(commands: Commands) -> None:
         "--condition", action="append", default=[], metavar="NAME", help="one by name or number; may be repeated"
     )
     reaction.add_argument(
-        "--component", choices=("x", "y"), help="of force and displacement (default: the larger force's)"
+        "--component",
+        choices=("x", "y", "z"),
+        help="of force and displacement, z of a body (default: the larger force's)",
     )
     reaction.add_argument(
         "--gap",
         nargs=2,
-        type=_place("--gap", 2),
+        type=_place("--gap", 2, 3),
         metavar="X,Y",
-        help="draw the force against the opening between the nodes nearest to two places, m (' -1,0' if X is negative)",
+        help="draw the force against the opening between the nodes nearest to two places, m (' -1,0' if X is negative;"
+        " X,Y,Z in a body)",
     )
     reaction.add_argument(
         "--smooth", type=int, default=1, metavar="N", help="with --gap: take means over N steps (default: 1)"
@@ -71,9 +74,10 @@ def add(commands: Commands) -> None:
     reaction.set_defaults(run=_reaction)
 
 
-def _place(name: str, count: int) -> Any:
+def _place(name: str, *counts: int) -> Any:
     def place(text: str) -> Place:
-        found = finite_numbers(text, count)
+        given = text.count(",") + 1
+        found = finite_numbers(text, given if given in counts else counts[0])
         if name == "--node" and found[0] != int(found[0]):
             raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number")
         return name, found
@@ -83,14 +87,12 @@ def _place(name: str, count: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.fields import FIELDS
-    from pdpost.measures.slices import expect_plate
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         if len(results.masses()):
             return _masses(args, results, path)
-        expect_plate(results)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
@@ -143,6 +145,8 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
 
 def _usual(results: Results) -> list[Place]:
     """Where to look if nobody said: the probes, or the node that has moved most at the end."""
+    from functools import reduce
+
     import numpy as np
 
     from pdpost.reading.frames import last_frame
@@ -151,7 +155,7 @@ def _usual(results: Results) -> list[Place]:
     probed = np.unique(results.probes()["node"])
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
-    moved = np.hypot(*vector(results, "displacement", last_frame(results)).T)
+    moved = reduce(np.hypot, vector(results, "displacement", last_frame(results)).T)
     return [("--node", (float(results.nodes().ids[int(np.nanargmax(moved))]),))]
 
 
@@ -163,14 +167,14 @@ def _curve(results: Results, place: Place, *what: str) -> History:
     if option == "--node":
         return histories.of_node(results, int(values[0]), *what)
     if option == "--at":
-        return histories.at_place(results, (values[0], values[1]), *what)
-    return histories.in_box(results, (values[0], values[1], values[2], values[3]), *what)
+        return histories.at_place(results, values, *what)
+    return histories.in_box(results, values, *what)
 
 
 def _told(curve: History, unit: str) -> str:
     import numpy as np
 
-    where = "" if curve.place is None else f" at ({curve.place[0]:g}, {curve.place[1]:g}) m"
+    where = "" if curve.place is None else f" at ({', '.join(f'{x:g}' for x in curve.place)}) m"
     off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
     known = np.isfinite(curve.value)
     if not known.any():
@@ -183,37 +187,42 @@ def _told(curve: History, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import balance
+    from pdpost.measures.balance import balance, per_thickness
     from pdpost.reading.times import told
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".balance.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books = balance(results)
+        books, per = balance(results), per_thickness(results)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.balance(books), path)
+            style.save(charts.balance(books, per), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
     lines = [
-        f"at {told(last['time'])}, J/m: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
+        f"at {told(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
         f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g} (balance {last['error']:+.1e})",
         f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
         f" at {told(float(books.time[worst]))}",
     ]
     found = {
-        "units": "SI, per unit thickness",
+        "units": _units(per),
         "last": last,
         "largest_error": float(books.error[worst]),
         **books._asdict(),
     }
-    header = ("step", "time, s", *(f"{name}, J/m" for name in ("kinetic", "strain", "dissipated", "put in", "total")))
-    header = (*header, "error", "momentum x, N s/m", "momentum y, N s/m")
+    header = (
+        "step",
+        "time, s",
+        *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "put in", "total")),
+    )
+    header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
     return delivery.deliver(args, found, lines, header, zip(*books, strict=True), path)
 
 
 def _reaction(args: argparse.Namespace) -> int:
+    from pdpost.measures.balance import per_thickness
     from pdpost.measures.forces import chosen, reactions
     from pdsolve.results import Results
 
@@ -222,21 +231,21 @@ def _reaction(args: argparse.Namespace) -> int:
     if args.smooth != 1:
         raise commandline.UsageError("--smooth: found it without --gap, expected both")
     path = delivery.picture_path(args, ".reaction.png")
-    axis = None if args.component is None else "xy".index(args.component)
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        axis, per, ways = _axis(results, args), per_thickness(results), "xyz"[: results.dimension]
         found = chosen(reactions(results), args.condition)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.reactions(found, axis), path)
+            style.save(charts.reactions(found, axis, per), path)
     lines = []
     for one in found:
         along = one.axis if axis is None else axis
         force, way = float(one.force[-1, along]), float(one.displacement[-1, along])
         most = float(one.force[abs(one.force[:, along]).argmax(), along])
         lines.append(
-            f"{one.name} ({one.kind}): {force:+.4g} N/m along {'xy'[along]} at {way * 1e3:+.4g} mm in the end,"
-            f" {most:+.4g} N/m at most"
+            f"{one.name} ({one.kind}): {force:+.4g} N{per} along {ways[along]} at {way * 1e3:+.4g} mm in the end,"
+            f" {most:+.4g} N{per} at most"
         )
     rows = [
         (one.name, one.kind, step, time, *force, *way)
@@ -248,16 +257,15 @@ def _reaction(args: argparse.Namespace) -> int:
         "kind",
         "step",
         "time, s",
-        "force x, N/m",
-        "force y, N/m",
-        "displacement x, m",
-        "displacement y, m",
+        *(f"force {way}, N{per}" for way in ways),
+        *(f"displacement {way}, m" for way in ways),
     )
-    result = {"units": "SI, per unit thickness", "conditions": [one._asdict() for one in found]}
+    result = {"units": _units(per), "conditions": [one._asdict() for one in found]}
     return delivery.deliver(args, result, lines, header, rows, path)
 
 
 def _gap(args: argparse.Namespace) -> int:
+    from pdpost.measures.balance import per_thickness
     from pdpost.measures.forces import chosen, reactions
     from pdpost.measures.gaps import against, gap
     from pdsolve.results import Results
@@ -265,8 +273,8 @@ def _gap(args: argparse.Namespace) -> int:
     if args.smooth < 1:
         raise commandline.UsageError(f"--smooth: found {args.smooth}, expected 1 or more")
     path = delivery.picture_path(args, ".gap.png")
-    axis = None if args.component is None else "xy".index(args.component)
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        axis, per = _axis(results, args), per_thickness(results)
         (_, one), (_, other) = args.gap
         opened = gap(results, one, other)
         conditions = chosen(reactions(results), args.condition)
@@ -274,17 +282,30 @@ def _gap(args: argparse.Namespace) -> int:
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.openings(found), path)
+            style.save(charts.openings(found, per), path)
     lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
     for each in found:
         at = int(abs(each.force).argmax())
-        last, most = (f"{each.force[k]:+.4g} N/m at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, at))
-        lines.append(f"{each.name}, along {'xy'[each.axis]}: {last} of opening in the end, {most} at most")
+        last, most = (f"{each.force[k]:+.4g} N{per} at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, at))
+        lines.append(f"{each.name}, along {'xyz'[each.axis]}: {last} of opening in the end, {most} at most")
     rows = [
         (each.name, opening, force) for each in found for opening, force in zip(each.opening, each.force, strict=True)
     ]
-    result = {"units": "SI, per unit thickness", "nodes": opened.nodes, "forces": [each._asdict() for each in found]}
-    return delivery.deliver(args, result, lines, ("condition", "opening, m", "force, N/m"), rows, path)
+    result = {"units": _units(per), "nodes": opened.nodes, "forces": [each._asdict() for each in found]}
+    return delivery.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
+
+
+def _axis(results: Results, args: argparse.Namespace) -> int | None:
+    """The component asked for, if there is one. Raises ResultsError for a z in the plane."""
+    from pdsolve.results import ResultsError
+
+    if args.component == "z" and results.dimension == 2:
+        raise ResultsError(f"--component: found z of a plate, {results.name}, expected x or y")
+    return None if args.component is None else "xyz".index(args.component)
+
+
+def _units(per: str) -> str:
+    return "SI, per unit thickness" if per else "SI"
 
 
 __all__ = ["add"]

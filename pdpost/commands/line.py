@@ -51,9 +51,9 @@ def _line(args: argparse.Namespace) -> int:
         step, time = chosen_frame(results, args)
         found = lines.line(results, args.field, step, args.begins, args.ends)
         if path is not None:
-            from pdpost.figures import charts, field_figure, style
+            from pdpost.figures import charts, colours, style
 
-            style.save(charts.line(found, args.field, parts, f"{field.title} {field_figure.at(results, step)}"), path)
+            style.save(charts.line(found, args.field, parts, f"{field.title} {colours.at(results, step)}"), path)
     words = []
     for part in parts:
         values = found.values[part]

@@ -57,7 +57,7 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "solid": "draw the share of the nodes that is solid",
 }
 PARTS = {
-    **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y"),
+    **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y, of a body z"),
     "strain": "largest principal (default), smallest; xx, yy, xy, zz",
     "stress": "largest principal (default), smallest; xx, yy, xy, zz; mises",
 }
@@ -102,11 +102,11 @@ def _field(args: argparse.Namespace) -> int:
     from pdpost.measures import fields
 
     name = args.picture
-    part = fields.component(name, args.component)
     if args.frames is not None:
-        return _sheet(args, name, part)
+        return _sheet(args, name, fields.component(name, args.component))
 
     def show(results: Results, step: int, scale: float) -> Drawn:
+        part = fields.component(name, args.component, results.dimension)
         shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
         figure = field_figure.field(results, name, step, shown=shown, **how)

@@ -35,10 +35,12 @@ def add_journal(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_frame(command: argparse.ArgumentParser, several: bool = False) -> None:
-    """Which frame: --frame or --time, or, of `several`, --frames."""
+def add_frame(command: argparse.ArgumentParser, several: bool = False, default: int | None = -1) -> None:
+    """Which frame: --frame or --time, or, of `several`, --frames; of all where the `default` is none."""
     which = command.add_mutually_exclusive_group()
-    which.add_argument("--frame", type=int, default=-1, metavar="N", help="frame, from 0; from the end if negative")
+    which.add_argument(
+        "--frame", type=int, default=default, metavar="N", help="frame, from 0; from the end if negative"
+    )
     which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, in seconds")
     if several:
         which.add_argument(
@@ -55,6 +57,7 @@ def _frames(text: str) -> list[int]:
 
 def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
     """The steps of --frames. Raises ResultsError, saying which there are."""
+    _expect_plate(results, "--frames")
     found = []
     for number in args.frames:
         args.frame = number
@@ -109,9 +112,11 @@ def _scale(text: str) -> float | None:
 
 
 def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
-    """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none."""
+    """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none. Raises ResultsError."""
     from pdpost.figures.sheets import chosen_scale
 
+    if args.scale != 0:
+        _expect_plate(results, "--scale")
     if args.scale is not None:
         return float(args.scale)
     if not {"ux", "uy"} <= set(results.stored(step)):
@@ -166,6 +171,7 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     """Raises ResultsError where there is no plate to be seen."""
     if args.window is None:
         return
+    _expect_plate(results, "--window")
     from pdpost.measures.plates import plate
     from pdsolve.results import ResultsError
 
@@ -173,6 +179,14 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     if args.window[0] >= x1 or args.window[2] <= x0 or args.window[1] >= y1 or args.window[3] <= y0:
         found = ",".join(f"{edge:g}" for edge in args.window)
         raise ResultsError(f"--window: found {found}, expected some of the plate, {x0:g},{y0:g},{x1:g},{y1:g}")
+
+
+def _expect_plate(results: Results, option: str) -> None:
+    """Raises ResultsError for a body in space, whose planes are drawn whole and where they were."""
+    from pdsolve.results import ResultsError
+
+    if results.dimension == 3:
+        raise ResultsError(f"{option}: found it of a body in space, expected none (pdpost export is for ParaView)")
 
 
 def add_colours(command: argparse.ArgumentParser) -> None:

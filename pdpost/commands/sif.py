@@ -5,13 +5,24 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from pdmesh import commandline
 from pdpost.commands import delivery
-from pdpost.commands.shared import add_every, add_window, check_window, counted, finite_numbers, point
+from pdpost.commands.shared import (
+    add_every,
+    add_frame,
+    add_window,
+    check_window,
+    chosen_frame,
+    counted,
+    finite_numbers,
+    point,
+)
 
 if TYPE_CHECKING:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
     from pdpost.measures.fracture import Series
+    from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
 
@@ -26,6 +37,7 @@ def add(commands: Commands) -> None:
         metavar="R0,R1",
         help="the ring around a tip that is summed over, m (default: it fills the room there is, from two horizons on)",
     )
+    add_frame(sif, default=None)
     add_every(sif)
     add_window(sif)
     sif.set_defaults(run=_sif)
@@ -44,7 +56,6 @@ def _sif(args: argparse.Namespace) -> int:
     from pdpost.measures.release import release
     from pdpost.measures.tips import tips
     from pdpost.reading.embedded import expect_mechanics
-    from pdpost.reading.frames import chosen
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".sif.png")
@@ -52,7 +63,7 @@ def _sif(args: argparse.Namespace) -> int:
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
         check_window(results, args)
-        steps = chosen(results, args.every)
+        steps = _steps(results, args)
         found = fracture.follow(results, steps, args.tip, ring, counted(args, "summing"))
         spent = release(results, tips(results, max(steps)))
         beside = spent.at(found[0].time)
@@ -60,11 +71,26 @@ def _sif(args: argparse.Namespace) -> int:
             from pdpost.figures import sif_figure, style
 
             style.save(sif_figure.sif(results, found, spent, args.window), path)
+    left_out = [one for one in found if one.last is None and one.refused]
+    for one in left_out:
+        commandline.note(f"{args.results}: {one.front.name} left out: {one.refused}", args)
+    lines = [_words(one) for one in found if one not in left_out]
     result = {"steps": steps, "units": UNITS, "G0": spent.G0, "tips": [_told(one, beside) for one in found]}
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("tip", "step", "time, s", "x, m", "y, m", *names, "dD/da, J/m^2")
     rows = (row for one in found for row in _rows(one, beside))
-    return delivery.deliver(args, result, [_words(one) for one in found], header, rows, path)
+    return delivery.deliver(args, result, lines, header, rows, path)
+
+
+def _steps(results: Results, args: argparse.Namespace) -> list[int]:
+    """The steps of the frames that are asked for."""
+    from pdpost.reading.frames import chosen
+
+    if args.frame is None and args.time is None:
+        return chosen(results, args.every)
+    if args.every != 1:
+        raise commandline.UsageError("--every: found with --frame or --time, which are one frame")
+    return [chosen_frame(results, args)[0]]
 
 
 def _told(one: Series, beside: Any) -> dict[str, Any]:
@@ -95,7 +121,7 @@ def _words(one: Series) -> str:
 
     known = np.flatnonzero(np.isfinite(one.value["J"]))
     if not len(known):
-        return f"{one.front.name}: {one.refused or 'at none of these frames'}"
+        return f"{one.front.name}: at none of these frames"
     at = int(known[-1])
     values = {name: (one.value[name][at], one.low[name][at], one.high[name][at]) for name in UNITS}
     said = []

@@ -16,6 +16,7 @@ from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.columns import csv, of_frame
 from pdpost.measures import fields
+from pdpost.reading.stored import diffuses
 from pdsolve.results import Nodes, Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
@@ -44,7 +45,8 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     for name, column in SCALARS.items():
         if column in stored:
             data[name] = results.field(column, step)
-    data["damage"] = fields.values(results, "damage", step).astype(np.float32)
+    if not diffuses(results):
+        data["damage"] = fields.values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
         whole = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
         if set(whole) <= set(stored):

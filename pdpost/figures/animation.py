@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 from PIL import Image
 
-from pdpost.figures import field_figure
+from pdpost.figures import colours, field_figure, slice_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
@@ -51,9 +51,13 @@ def frames(
     """Pictures of the field `name` of every so many frames of a run, all of one size, with the same colours.
 
     `part`, `scale`, `largest`, `window` as in `field_figure.field`; colours end at the usual largest value of all.
-    Raises FieldError, and ResultsError, naming what there is.
+    Of a body in space three planes through its middle, the whole of it, in the reference. Raises FieldError, and
+    ResultsError, naming what there is.
     """
-    part = fields.component(name, part)
+    part = fields.component(name, part, results.dimension)
+    if results.dimension == 3:
+        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+        return
     steps = chosen(results, every)
     still = shape(results, steps[0], 0.0)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
@@ -67,7 +71,7 @@ def frames(
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)
     extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
-    range_of = field_figure.colours(name, part, extremes, largest)
+    range_of = colours.colours(name, part, extremes, largest)
     mappable = field_figure.bar(on, range_of)
     mark(on, still._replace(scale=scale))
     edge = border(on, still) + ([] if len(still.grown) else grown(on, last))
@@ -80,7 +84,7 @@ def frames(
             still = shape(results, step, scale, still)
             cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn)
             cells += border(on, still) + grown(on, still)
-        on.axes.set_title(field_figure.title(results, name, part, step, scale))
+        on.axes.set_title(colours.title(results, name, part, step, scale))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
         for artist in cells:
@@ -102,7 +106,7 @@ def gif(
 ) -> bytes:
     """The frames of a run as a GIF that starts again, `rate` of them a second; see `frames`. The same bytes each
     time. Raises FieldError and ResultsError."""
-    palette = _palette(name, fields.component(name, part))
+    palette = _palette(name, fields.component(name, part, results.dimension))
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
     shots = frames(results, name, dpi=dpi, progress=progress, **how)
     pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
@@ -165,7 +169,7 @@ def check_format(path: Path) -> str:
 
 def _palette(name: str, part: str) -> Image.Image:
     """256 colours: those of the field, then greys for what is written."""
-    shown = field_figure.colours(name, part, np.zeros(1), 1.0)
+    shown = colours.colours(name, part, np.zeros(1), 1.0)
     field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
     unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
     greys = np.repeat(np.linspace(0, 1, 253 - SHADES)[:, None], 3, axis=1)
@@ -178,4 +182,4 @@ def _usual(results: Results, name: str, step: int, part: str, box: Box) -> float
     """Where the colours of a frame would end, of the nodes in a box, undeformed."""
     shot = field_figure.values_of(results, name, step, part)
     values = shot.values[seen(results.nodes(step).position, box) & ~shot.torn]
-    return field_figure.usual(values[np.isfinite(values)])
+    return colours.usual(values[np.isfinite(values)])

@@ -9,6 +9,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
 from pdpost.figures import field_figure, raster, sheets
+from pdpost.figures.colours import at
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
 from pdpost.figures.style import SKY_BLUE, VERMILION
@@ -49,7 +50,7 @@ def bonds(
         _draw_lines(on, where, drawn)
     mark(on, where)
     legend(on)
-    on.axes.set_title(f"Bonds {field_figure.at(results, step, scale)}")
+    on.axes.set_title(f"Bonds {at(results, step, scale)}")
     return on.figure
 
 

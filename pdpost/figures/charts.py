@@ -64,16 +64,16 @@ def histories(curves: list[History], quantity: str) -> Figure:
     return figure
 
 
-def balance(books: Balance) -> Figure:
-    """Energies over time, and below what the balance of energy misses."""
+def balance(books: Balance, per: str = "/m") -> Figure:
+    """Energies over time, and below what the balance of energy misses; `per` the end of the unit."""
     figure = Figure(figsize=(WIDTH, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
     second, seconds = scaled([books.time], "s")
-    factor, unit = scaled([books.total, books.work], "J/m")
+    factor, unit = scaled([books.total, books.work], f"J{per}")
     for number, name in enumerate(("kinetic", "strain", "dissipated", "total")):
         above.plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=name, **look(number))
     above.plot(books.time * second, books.work * factor, color="black", ls=(0, (4, 3)), lw=1.2, label="put in")
-    above.set_ylabel(f"energy per thickness, {unit}")
+    above.set_ylabel(f"energy per thickness, {unit}" if per else f"energy, {unit}")
     above.legend(frameon=False)
     small, _ = scaled([books.error], "")
     below.plot(books.time * second, books.error * small, lw=1.2, color="black")
@@ -111,23 +111,24 @@ def masses(books: Masses) -> Figure:
     return figure
 
 
-def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
-    """Forces over time and over the mean displacement of their nodes, none at rest; along `axis` or each one's own."""
+def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -> Figure:
+    """Forces over time and over the mean displacement of their nodes, none at rest; along `axis` or each one's own,
+    `per` the end of their unit."""
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
     axes_of = [one.axis if axis is None else axis for one in found]
     second, seconds = scaled((one.time for one in found), "s")
-    newton, newtons = scaled((one.force[:, at] for one, at in zip(found, axes_of, strict=True)), "N/m")
+    newton, newtons = scaled((one.force[:, at] for one, at in zip(found, axes_of, strict=True)), f"N{per}")
     metre, metres = scaled((one.displacement[:, at] for one, at in zip(found, axes_of, strict=True)), "m")
     most = max(float(np.ptp(one.displacement[:, at])) for one, at in zip(found, axes_of, strict=True)) * metre
     for number, (one, at) in enumerate(zip(found, axes_of, strict=True)):
         force = one.force[:, at] * newton
-        label = f"{one.name} ({one.kind}), {'xy'[at]}"
+        label = f"{one.name} ({one.kind}), {'xyz'[at]}"
         over_time.plot(one.time * second, force, lw=1.2, label=label, **look(number))
         way = one.displacement[:, at] * metre
         if np.ptp(way) >= STILL * most:
             over_way.plot(way, force, lw=1.2, **look(number))
-    over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the plate, {newtons}")
+    over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     over_way.set(xlabel=f"mean displacement, {metres}")
     for panel in (over_time, over_way):
         plain(panel)
@@ -135,17 +136,17 @@ def reactions(found: list[Reaction], axis: int | None = None) -> Figure:
     return figure
 
 
-def openings(found: list[Pulled]) -> Figure:
-    """Forces against the opening of a gap."""
+def openings(found: list[Pulled], per: str = "/m") -> Figure:
+    """Forces against the opening of a gap, `per` the end of their unit."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
-    newton, newtons = scaled((one.force for one in found), "N/m")
+    newton, newtons = scaled((one.force for one in found), f"N{per}")
     metre, metres = scaled((one.opening for one in found), "m")
     for number, one in enumerate(found):
-        label = f"{one.name}, {'xy'[one.axis]}"
+        label = f"{one.name}, {'xyz'[one.axis]}"
         axes.plot(one.opening * metre, one.force * newton, lw=1.2, label=label, **look(number))
-    axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the plate, {newtons}")
+    axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure
 
@@ -167,5 +168,5 @@ def line(found: Line, name: str, parts: Sequence[str], title: str) -> Figure:
     return figure
 
 
-def _millimetres(place: tuple[float, float]) -> str:
-    return f"({place[0] * 1e3:.4g}, {place[1] * 1e3:.4g}) mm".replace("-", "\N{MINUS SIGN}")
+def _millimetres(place: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{x * 1e3:.4g}' for x in place)}) mm".replace("-", "\N{MINUS SIGN}")

@@ -6,16 +6,13 @@ from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from pdpost.figures import field_figure
+from pdpost.figures import colours, field_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, mark, on_axes, paint, seen, shape
-from pdpost.figures.style import UNKNOWN, narrow
+from pdpost.figures.style import narrow
 from pdpost.measures import fields
 from pdpost.reading.times import told
 from pdsolve.results import Results
@@ -43,10 +40,8 @@ def frames(
     shapes = [shape(results, step, scale) for step in steps]
     box = window or box_of(shapes)
     known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
-    range_of = field_figure.colours(name, part, np.concatenate(known), largest)
-    low, high = range_of.low * range_of.factor, range_of.high * range_of.factor
-    cmap = colormaps[range_of.cmap].with_extremes(bad=UNKNOWN)
-    mappable = ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
+    range_of = colours.colours(name, part, np.concatenate(known), largest)
+    mappable = colours.mappable(range_of)
     figure, columns = _figure(box, len(steps))
     rows = -(-len(steps) // columns)
     panels = [figure.add_subplot(rows, columns, number + 1) for number in range(len(steps))]

@@ -10,6 +10,7 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from pdpost.figures import field_figure
+from pdpost.figures.colours import at
 from pdpost.figures.labels import prefixed
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, paint, shape, sheet
@@ -47,7 +48,7 @@ def nodes(results: Results, step: int | None = None, *, scale: float = 0.0, wind
             on.axes.plot([], [], "o", color=SHADES[number], markersize=4, label=label)
     mark(on, where)
     legend(on)
-    on.axes.set_title(f"Nodes {field_figure.at(results, step, scale)}")
+    on.axes.set_title(f"Nodes {at(results, step, scale)}")
     return on.figure
 
 

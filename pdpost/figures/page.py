@@ -1,4 +1,7 @@
-"""A run on one page of HTML that needs nothing else: what it found first, then what was solved and how."""
+"""A run on one page of HTML that needs nothing else: what it found first, then what was solved and how.
+
+Of bodies in space fields are planes through the middle, and cracks and the scene are not drawn.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,23 @@ from matplotlib.figure import Figure
 from pdmesh.model.wordings import called
 from pdpost.figures import charts, crack_figure, field_figure
 from pdpost.figures.animation import gif
-from pdpost.figures.labels import spelled
+from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_summary
-from pdpost.measures.balance import balance
+from pdpost.measures.balance import balance, per_thickness
+from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
-from pdpost.reading.embedded import expect_mechanics
+from pdpost.measures.masses import masses
 from pdpost.reading.frames import frames
+from pdpost.reading.stored import OF_DIFFUSION, diffuses
 from pdpost.reading.times import told
 from pdsolve.results import Nodes, Results, ResultsError
 
 DPI = 110
 FRAMES = 24  # of the animation
-FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy")
-UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²"}
+FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy", *OF_DIFFUSION)
+UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²", "D": "m²/s", "C_solid": "mol/m³", "C_sat": "mol/m³"}
 VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
 STYLE = """
 :root { color-scheme: light dark; --ink: #222; --paper: #fff; --line: #ccc; }
@@ -57,15 +62,16 @@ PROVENANCE = {
 
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
-    expect_mechanics(results)
     steps, times = frames(results)
     model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes(0)
+    shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
+    drawn = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
-        ("Crack", _crack(results)),
-        ("Animation", [_picture(_film(results), "gif", "damage over time")]),
+        *([("Crack", _crack(results))] if moves and flat else []),
+        ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
         (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
-        ("Balance", _balance(results)),
-        ("Scene", [_image(scene(results, model), "the plate, its grid and its conditions"), _conditions(nodes, model)]),
+        ("Balance", _balance(results) if moves else _masses(results)),
+        ("Scene", [*drawn, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
         ("Settings", [_table(_settings(model, meta))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
@@ -77,25 +83,31 @@ def report(results: Results, name: str) -> str:
     )
 
 
-def _film(results: Results) -> bytes:
-    """Damage over time, in at most `FRAMES` frames."""
-    return gif(results, "damage", every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
+def _film(results: Results, name: str) -> bytes:
+    """A field over time, in at most `FRAMES` frames."""
+    return gif(results, name, every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
 
 
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
     levels, counts = np.unique(nodes.delta, return_counts=True)
-    bonds = int((nodes.family - nodes.cut).sum())
+    bonds, whole = int((nodes.family - nodes.cut).sum()), float(nodes.area.sum())
+    extent = {"area": f"{whole * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{whole * 1e9:.6g} mm³"}
     return {
         "nodes": str(len(nodes.ids)) + _later(results),
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
-        "from, to": f"({low[0]:.4g}, {low[1]:.4g}) to ({high[0]:.4g}, {high[1]:.4g}) mm",
-        "area": f"{nodes.area.sum() * 1e6:.6g} mm²",
+        "from, to": f"{_text(low.tolist(), '.4g')} to {_text(high.tolist(), '.4g')} mm",
+        **extent,
         "bonds": f"{bonds}, and {int(nodes.cut.sum())} cut by pre-cracks",
-        "pre-cracks": _text([[float(end) for end in line] for line in results.cracks()]) + " m"
-        if len(results.cracks())
-        else "none",
+        "pre-cracks": _pre_cracks(results),
     }
+
+
+def _pre_cracks(results: Results) -> str:
+    cracks = results.cracks()
+    if not len(cracks):
+        return "none"
+    return f"{len(cracks)} triangles" if results.dimension == 3 else _text(cracks.tolist()) + " m"
 
 
 def _later(results: Results) -> str:
@@ -106,12 +118,13 @@ def _later(results: Results) -> str:
 
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
     run = model.get("run", {})
-    found = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in model["material"].items()}
+    made_of = model.get("medium") or model["material"]
+    found = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in made_of.items()}
     found |= {f"region {number + 1}": _text(one["material"]) for number, one in enumerate(model.get("regions", []))}
     found["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
-    found["time step"] = (
-        f"{meta['time_step'] * 1e9:.4g} ns, surely stable up to {meta['stable_time_step'] * 1e9:.4g} ns"
-    )
+    second, prefix = prefixed(float(meta["time_step"]))
+    step, sure = (f"{meta[name] * second:.4g} {prefix}s" for name in ("time_step", "stable_time_step"))
+    found["time step"] = f"{step}, surely stable up to {sure}"
     found |= {name: _text(value) for name, value in run.items() if name != "time_step"}
     found |= {name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()}
     return {"drawing": model.get("source", ""), **found}
@@ -129,15 +142,24 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
 
 
 def _balance(results: Results) -> list[str]:
-    books = balance(results)
-    last = {name: f"{getattr(books, name)[-1]:.5g} J/m" for name in ("work", "kinetic", "strain", "dissipated")}
+    books, per = balance(results), per_thickness(results)
+    last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in ("work", "kinetic", "strain", "dissipated")}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(len(results.breaks().step))
-    parts = [_table(last), _image(charts.balance(books), "energies over time")]
+    parts = [_table(last), _image(charts.balance(books, per), "energies over time")]
     if len(results.reactions()):
-        parts.append(_image(charts.reactions(reactions(results)), "forces of loads and grips"))
+        parts.append(_image(charts.reactions(reactions(results), per=per), "forces of loads and grips"))
     return parts
+
+
+def _masses(results: Results) -> list[str]:
+    books, names = masses(results), {"inside": "inside", "through": "gone out", "supplied": "supplied"}
+    last = {word: f"{getattr(books, name)[-1]:.6g} mol" for name, word in names.items()}
+    last["balance error"] = f"{books.error[-1]:+.1e} of what there was"
+    if np.isfinite(books.left[-1]):
+        last["solid left"] = f"{books.left[-1]:.2%}"
+    return [_table(last), _image(charts.masses(books), "amounts over time")]
 
 
 def _crack(results: Results) -> list[str]:
@@ -151,7 +173,7 @@ def _fields(results: Results, step: int) -> list[str]:
     for name in FIELDS:
         try:
             parts.append(_image(field_figure.field(results, name, step), name))
-        except ResultsError:  # a field that was not stored
+        except ResultsError:  # a field that was not stored, or is of another physics
             continue
     return parts
 
@@ -162,13 +184,13 @@ def _table(rows: Mapping[str, object] | Iterable[tuple[str, object]]) -> str:
     return f"<table>\n{cells}</table>"
 
 
-def _text(value: object) -> str:
+def _text(value: object, digits: str = "g") -> str:
     if isinstance(value, float):
-        return f"{value:g}"
+        return f"{value:{digits}}"
     if isinstance(value, dict):
         return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
     if isinstance(value, list):
-        return f"({', '.join(_text(item) for item in value)})"
+        return f"({', '.join(_text(item, digits) for item in value)})"
     return str(value)
 
 

@@ -1,45 +1,137 @@
-"""A picture of a plane through a body: each node that it cuts is a square."""
+"""Pictures of a body in space: a plane through it, or three through its middle; each node that it cuts is a square."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+
 import numpy as np
-from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from pdpost.figures.field_figure import at, usual
-from pdpost.figures.labels import scaled, unit
-from pdpost.figures.style import UNKNOWN
-from pdpost.measures import fields
-from pdpost.measures.slices import Cut
+from pdpost.figures.colours import Colours, at, caption, colours, mappable, usual
+from pdpost.figures.labels import scaled
+from pdpost.measures.slices import AXES, Cut, cut, middle, values
+from pdpost.reading.frames import chosen
 from pdsolve.results import Results
 
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-WIDTH, TALLEST = 6.0, 7.0  # inches
+WIDTH, TALLEST, LEAST = 6.0, 7.0, 3.2  # inches
+AROUND = 1.3  # inches, for axes and what is written
+FLATTEST = 0.3  # of the larger of two panels side by side or below each other: room for what is written
+GAP = 0.02  # of the body, around it
+
+Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 
 def plane(results: Results, found: Cut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
     """The field `name` on a plane, its colours up to `largest` (SI) or the usual largest."""
-    known = found.values[np.isfinite(found.values)]
-    high = largest or (1.0 if name in ("damage", "solid") else usual(known))
-    low = -high if part in ("x", "y", "z") else 0.0
-    factor, label = unit(fields.FIELDS[name].unit, high)
-    metre, metres = scaled([found.place], "m")
+    range_of = colours(name, part, found.values, largest)
     size = np.ptp(found.place, axis=0) + found.delta.max()
     figure = Figure(figsize=(WIDTH, min(TALLEST, 1.0 + (WIDTH - 1.5) * size[1] / size[0])), layout="constrained")
     axes = figure.add_subplot(aspect="equal")
-    colours = colormaps["coolwarm" if low else "viridis"].with_extremes(bad=UNKNOWN)
-    mappable = ScalarMappable(Normalize(low * factor, high * factor if high > low else low * factor + 1.0), colours)
-    squares = (found.place[:, None, :] + found.delta[:, None, None] * CORNERS) * metre
-    paint = mappable.to_rgba(np.ma.masked_invalid(found.values * factor))
-    axes.add_collection(PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2))
+    painted = mappable(range_of)
+    metre, metres = scaled([found.place], "m")
+    _paint(axes, found, range_of, painted, metre)
     axes.autoscale_view()
     axes.margins(0.01)
-    title = fields.FIELDS[name].title + (f", {part}" if part else "")
-    figure.colorbar(mappable, ax=axes, label=f"{title.lower()}, {label}" if label else title.lower())
-    third = next(axis for axis in "xyz" if axis not in found.axes)
-    axes.set(xlabel=f"{found.axes[0]}, {metres}", ylabel=f"{found.axes[1]}, {metres}")
-    axes.set_title(f"{title} at {third} = {found.at * metre:.4g} {metres} {at(results, step)}")
+    figure.colorbar(painted, ax=axes, label=range_of.label, extend=range_of.beyond)
+    _named(axes, found, metres)
+    axes.set_title(f"{caption(name, part)} at {_place(found, metre, metres)} {at(results, step)}")
     return figure
+
+
+class Sections:
+    """Three planes through the middle of a body, as it is drawn: from the front, from a side, from above."""
+
+    def __init__(self, results: Results, name: str, part: str, range_of: Colours) -> None:
+        self._results, self._name, self._part, self._range = results, name, part, range_of
+        nodes, self._middle = results.nodes(0), middle(results)
+        low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
+        reach = nodes.delta.max() / 2 + GAP * float((high - low).max())
+        self._low, self._high = low - reach, high + reach
+        self._metre, self._metres = scaled([low, high], "m")
+        x, y, z = self._high - self._low
+        wide, tall = (max(y, FLATTEST * x), max(y, FLATTEST * z))
+        scale = min((WIDTH + 1.0) / (x + wide), TALLEST / (z + tall))
+        size = scale * (x + wide) + AROUND, max(scale * (z + tall) + AROUND, LEAST)
+        self.figure = Figure(figsize=size, layout="constrained")
+        grid = self.figure.add_gridspec(2, 2, width_ratios=(x, wide), height_ratios=(z, tall))
+        places = ("y", grid[0, 0]), ("x", grid[0, 1]), ("z", grid[1, 0])
+        self._panels = {axis: self.figure.add_subplot(place, aspect="equal") for axis, place in places}
+        rest = self.figure.add_subplot(grid[1, 1])
+        rest.set_axis_off()
+        self._colours = mappable(range_of)
+        self.figure.colorbar(
+            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.label, extend=range_of.beyond
+        )
+
+    def draw(self, step: int, shown: NDArray[np.float64]) -> list[Artist]:
+        """Put a frame's values (n,) on the planes; what comes back may be removed again."""
+        painted: list[Artist] = []
+        for axis, axes in self._panels.items():
+            found = cut(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
+            painted.append(_paint(axes, found, self._range, self._colours, self._metre))
+            _named(axes, found, self._metres)
+            axes.set_title(_place(found, self._metre, self._metres), fontsize="small")
+            rows = [AXES.index(each) for each in found.axes]
+            (x0, y0), (x1, y1) = self._low[rows] * self._metre, self._high[rows] * self._metre
+            axes.set(xlim=(x0, x1), ylim=(y0, y1))
+        self.figure.suptitle(f"{caption(self._name, self._part)} {at(self._results, step)}", fontsize="medium")
+        return painted
+
+
+def sections(
+    results: Results, name: str, step: int, part: str, shown: NDArray[np.float64], largest: float | None = None
+) -> Figure:
+    """Values (n,) of the component `part` of a field on three planes through the middle of a body."""
+    drawn = Sections(results, name, part, colours(name, part, shown, largest))
+    drawn.draw(step, shown)
+    return drawn.figure
+
+
+def film(
+    results: Results,
+    name: str,
+    part: str,
+    every: int,
+    dpi: float,
+    largest: float | None,
+    progress: Callable[[list[int]], Iterable[int]],
+) -> Iterator[Pixels]:
+    """Pictures of `sections` of every so many frames, with the same colours, as `animation.frames` has them."""
+    steps = chosen(results, every)
+    if largest is None and name != "damage":
+        each = (values(results, name, step, part or None) for step in steps)
+        largest = max(usual(one[np.isfinite(one)]) for one in each) or None
+    extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
+    drawn = Sections(results, name, part, colours(name, part, extremes, largest))
+    canvas = FigureCanvasAgg(drawn.figure)
+    drawn.figure.set_dpi(dpi)
+    for step in progress(steps):
+        painted = drawn.draw(step, values(results, name, step, part or None))
+        canvas.draw()
+        yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+        for artist in painted:
+            artist.remove()
+
+
+def _paint(axes: Axes, found: Cut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
+    squares = (found.place[:, None, :] + found.delta[:, None, None] * CORNERS) * metre
+    paint = painted.to_rgba(np.ma.masked_invalid(found.values * range_of.factor))
+    drawn = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
+    axes.add_collection(drawn)
+    return drawn
+
+
+def _named(axes: Axes, found: Cut, metres: str) -> None:
+    axes.set(xlabel=f"{found.axes[0]}, {metres}", ylabel=f"{found.axes[1]}, {metres}")
+
+
+def _place(found: Cut, metre: float, metres: str) -> str:
+    (third,) = set(AXES) - set(found.axes)
+    return f"{third} = {found.at * metre + 0.0:.4g} {metres}"

@@ -12,7 +12,7 @@ from pdsolve.results import Results, ResultsError
 
 
 class Balance(NamedTuple):
-    """The books of t steps, per unit thickness."""
+    """The books of t steps, of a plate per unit thickness: its J/m are J of a body."""
 
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
@@ -24,6 +24,11 @@ class Balance(NamedTuple):
     error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
     momentum_x: NDArray[np.float64]  # (t,) N s/m
     momentum_y: NDArray[np.float64]  # (t,) N s/m
+
+
+def per_thickness(results: Results) -> str:
+    """What units of energies and forces end in: those of a plate are per metre of thickness."""
+    return "/m" if results.dimension == 2 else ""
 
 
 def balance(results: Results) -> Balance:

@@ -1,12 +1,12 @@
 """What became of a crack: when it started, branched, split the plate, and at which angle it left its notch.
 
-A crack runs along a direction, x unless told otherwise: its tip is the furthest cracked node along it. Where all tips
-were, and when, is in `tips`.
+A crack runs along a direction, x unless told otherwise: its tip is the furthest cracked node along it, or, of cracks
+that are particles, the furthest of these. Where all tips were, and when, is in `tips`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from pdmesh.model.graphs import connected
 from pdpost.measures.cracked import LINKED, ROUND_OFF, cracked_since, pre_crack_tips
 from pdpost.measures.regions import grown
 from pdpost.measures.segments import distances
+from pdpost.measures.tips import forks, tips
 from pdsolve.results import Nodes, Results
 
 ADVANCE = 1.5  # of the finest spacing: a crack this far from what was cracked at first has started
@@ -57,7 +58,7 @@ class Direction:
 
     tip: tuple[float, float]  # m
     angle: float  # degrees from the line of the pre-crack
-    nodes: int  # that the line was fitted to
+    nodes: int  # that the line was fitted to; of cracks that are particles, these
 
 
 def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), threshold: float = CRACKED) -> Growth:
@@ -65,7 +66,8 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
 
     Start: a node is cracked that is 1.5 of the finest spacings away from all that were at first, or, where none was,
     the first. Branching: at least three columns across the direction hold two arms of a crack, see `branch_place`; the
-    flanks of pre-cracks do not count. Split: see `is_split`.
+    flanks of pre-cracks do not count. Of cracks that are particles these are the first that grows, and the first fork.
+    Split: see `is_split`.
     """
     nodes, breaks, since = results.nodes(), results.breaks(), cracked_since(results, threshold)
     time_step = float(results.meta()["time_step"])
@@ -81,7 +83,7 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
         if place is not None and step >= start:
             branching = Event(step, step * time_step, place)
             break
-    return Growth(
+    found = Growth(
         None if first is None else Event(first, first * time_step),
         _furthest(along[since == 0]),
         None if start is None else Event(start, start * time_step, _furthest(along[since == start])),
@@ -89,6 +91,21 @@ def growth(results: Results, direction: tuple[float, float] = (1.0, 0.0), thresh
         _split(nodes, since, time_step),
         _furthest(along[since >= 0]),
     )
+    return _of_particles(results, found, np.array(direction)) if len(results.particles().place) else found
+
+
+def _of_particles(results: Results, found: Growth, direction: NDArray[np.float64]) -> Growth:
+    """What became of cracks that are particles."""
+    place, _, _, step = results.particles()
+    time_step, along = float(results.meta()["time_step"]), place @ direction
+    start = branching = None
+    if step.any():
+        first = int(step[step > 0].min())
+        start = Event(first, first * time_step, _furthest(along[step == first]))
+    for fork in forks(tips(results))[:1]:
+        branching = Event(round(fork.time / time_step), fork.time, float(np.array(fork.place) @ direction))
+    ends = _furthest(along[step == 0]), _furthest(along)
+    return replace(found, initial_tip=ends[0], start=start, branching=branching, final_tip=ends[1])
 
 
 def _start(nodes: Nodes, since: NDArray[np.int64]) -> int | None:
@@ -172,8 +189,11 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
     """The directions of the cracks from each inner tip of a pre-crack, after `step`.
 
     A straight line through the nodes of the crack at the tip, weighted by damage, as far as they are more than three
-    spacings to one side of the line of the pre-crack. Sides without such a crack are left out.
+    spacings to one side of the line of the pre-crack. Sides without such a crack are left out. Of cracks that are
+    particles: their first arms.
     """
+    if len(results.particles().place):
+        return _first_arms(results, step)
     nodes, here = results.nodes(step), grown(results, step, threshold)
     if not len(here.position):
         return []
@@ -194,4 +214,17 @@ def directions(results: Results, step: int, threshold: float = CRACKED) -> list[
                 slope, _ = np.polyfit(side * across[used], along[used], 1, w=np.sqrt(here.damage[used]))
                 angle = side * float(np.degrees(np.arctan2(1.0, slope)))
                 found.append(Direction((float(tip[0]), float(tip[1])), angle, int(used.sum())))
+    return found
+
+
+def _first_arms(results: Results, step: int) -> list[Direction]:
+    """The directions in which cracks that are particles left the tips of pre-cracks."""
+    found = []
+    branches = tips(results, step)
+    for tip, heading in pre_crack_tips(results.cracks()):
+        for branch in branches:
+            if np.hypot(*(branch.place[0] - tip)) <= ROUND_OFF * branch.spacing[0]:
+                along, across = branch.direction[0] @ heading, branch.direction[0] @ [-heading[1], heading[0]]
+                angle = float(np.degrees(np.arctan2(across, along)))
+                found.append(Direction((float(tip[0]), float(tip[1])), angle, len(branch.place) - 1))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from pdmesh.model.fields import CRACKED
 from pdmesh.model.gradients import green, hooke, thinning
 from pdpost.measures.cracked import damage_at
 from pdpost.measures.strain import gradients, stiffness
-from pdpost.reading.stored import scalar, vector
+from pdpost.reading.stored import OF_DIFFUSION, diffuses, scalar, vector
 from pdsolve.results import Results
 
 VECTOR = ("magnitude", "x", "y")
@@ -37,6 +38,14 @@ class Field:
     def fitted(self) -> bool:
         """Whether it is fitted to the bonds that are left: strain and stress."""
         return self.components[: len(TENSOR)] == TENSOR
+
+    def parts(self, dimension: int = 2) -> tuple[str, ...]:
+        """Its components in the plane, or in a body in space. Raises FieldError where there it is not known."""
+        if dimension == 2 or not self.components:
+            return self.components
+        if self.name == "strain":
+            raise FieldError("found no field 'strain' of a body in space, which nothing fits, expected another")
+        return (*self.components, *(("z",) if self.components == VECTOR else ("xz", "yz")))
 
 
 def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
@@ -65,17 +74,26 @@ FIELDS = {
 }
 
 
-def component(name: str, given: str | None) -> str:
+def component(name: str, given: str | None, dimension: int = 2) -> str:
     """The component of a field to show: the given one, or its first; "" of a scalar. Raises FieldError."""
     if name not in FIELDS:
         raise FieldError(f"found no field '{name}', expected one of {', '.join(FIELDS)}")
-    there = FIELDS[name].components
+    there = FIELDS[name].parts(dimension)
     if given is None:
         return there[0] if there else ""
     if given not in there:
         expected = f"one of {', '.join(there)}" if there else "none, it is a scalar"
         raise FieldError(f"{name}: found no component '{given}', expected {expected}")
     return given
+
+
+def usual(results: Results, step: int) -> str:
+    """The field that is shown if none is asked for: damage, of what dissolves its content, else the concentration."""
+    if not diffuses(results):
+        return "damage"
+    first = "content" if results.masses()["solid"][0] > 0 else "concentration"
+    there = results.stored(step)
+    return next((name for name in (first, *OF_DIFFUSION) if fields.FIELDS[name].columns[0] in there), first)
 
 
 def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
@@ -99,21 +117,22 @@ def values(results: Results, name: str, step: int, part: str | None = None) -> N
     Damage is known at every step, the others at frames that stored what they need. Raises FieldError, and
     ResultsError naming what is stored.
     """
-    return components(results, name, step)[component(name, part)]
+    return components(results, name, step)[component(name, part, results.dimension)]
 
 
 def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the field `name` after `step`, a scalar's own under ""."""
     field = FIELDS[name]
-    if name == "damage":
+    if name == "damage" and not diffuses(results):
         return {"": damage_at(results, step)}
-    if name == "energy":
-        return {"": scalar(results, "energy", step)}
-    if field.components == VECTOR:
-        x, y = vector(results, name, step).T
-        return {"magnitude": np.hypot(x, y), "x": x, "y": y}
     if not field.components:
-        return {"": scalar(results, fields.FIELDS[name].columns[0], step)}
+        return {"": scalar(results, name, step)}
+    if field.components == VECTOR:
+        ways = vector(results, name, step).T
+        return {"magnitude": reduce(np.hypot, ways), **dict(zip("xyz", ways, strict=False))}
+    field.parts(results.dimension)
+    if results.dimension == 3:
+        return _in_space(vector(results, "stress", step))
     if name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
@@ -130,3 +149,13 @@ def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     xx, yy, xy = tensor.T
     middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}
+
+
+def _in_space(stress: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Components (n,) of xx, yy, xy, zz, xz and yz (n, 6)."""
+    xx, yy, xy, zz, xz, yz = stress.T
+    principal = np.linalg.eigvalsh(np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0))
+    mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
+    names = ("xx", "yy", "xy", "zz", "xz", "yz")
+    found = {"largest": principal[:, 2], "smallest": principal[:, 0], "mises": mises}
+    return found | dict(zip(names, stress.T, strict=True))

@@ -19,31 +19,34 @@ class _Named(msgspec.Struct):
     conditions: list[dict[str, Any]] = []
 
 
+WHAT = ("force", "displacement")
+
+
 class Reaction(NamedTuple):
-    """One condition at t steps, per unit thickness."""
+    """One condition at t steps, of a plate per unit thickness; d is 2 in the plane and 3 in space."""
 
     number: int  # in the model's list of conditions
     name: str  # its name there, or its number
     kind: str  # "load", "displacement", "velocity" or "acceleration"
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
-    force: NDArray[np.float64]  # (t, 2) N/m, on the plate
-    displacement: NDArray[np.float64]  # (t, 2) m, mean of its nodes
+    force: NDArray[np.float64]  # (t, d) N/m, of a body N, on the solid
+    displacement: NDArray[np.float64]  # (t, d) m, mean of its nodes
 
     @property
     def axis(self) -> int:
-        """0 or 1: the direction it acts in."""
+        """0, 1 or 2: the direction it acts in."""
         return int(np.abs(self.force).max(axis=0).argmax())
 
 
 def reactions(results: Results) -> list[Reaction]:
     """All conditions that act throughout the run. Raises ResultsError if there are none."""
-    rows = results.reactions()
+    rows, ways = results.reactions(), "xyz"[: results.dimension]
     conditions = read(results, _Named).conditions
     found = []
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]
-        force, moved = (np.column_stack([mine[f"{what}_x"], mine[f"{what}_y"]]) for what in ("force", "displacement"))
+        force, moved = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
         name = called(condition.get("name"), number)
         found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
     if not found:

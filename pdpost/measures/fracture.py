@@ -52,7 +52,7 @@ class Series(NamedTuple):
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
     last: Rings | None  # of the last frame with room
-    refused: str  # why there was no room, the last time; "" if there always was
+    refused: str  # why there was no room, the last time, and what would give it; "" if there always was
 
 
 NAMES = ("J", "K1", "K2", "T", "angle")
@@ -75,7 +75,8 @@ def follow(
     """What the tips of a run feel at the frames `steps`: all of them, or the one that comes nearest to a place, m.
 
     `ring` is the widest of the rings, m; by default they fill the room there is. Raises ResultsError where there is
-    no tip inside the plate, where none of them ever has room for a ring, and for frames that lack fields.
+    no tip inside the plate, where none of them ever has room for a ring, naming them all, and for frames that lack
+    fields.
     """
     every = fronts(results, max(steps))
     time_step = float(results.meta()["time_step"])
@@ -97,7 +98,8 @@ def follow(
                     rings = state.around(step, tip, _rings(results, step, tip, room, ring))
             got[number].append(rings)
     if not any(any(some) for some in got):
-        raise ResultsError(f"{results.name}: {next(filter(None, refused), 'found no tip of a crack at these frames')}")
+        all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
+        raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
     when = np.array(steps, dtype=np.int64)
     return [_series(front, when, time_step, some, why) for front, some, why in zip(chosen, got, refused, strict=True)]
 
@@ -144,23 +146,34 @@ def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: t
     return min(every, key=far)
 
 
-def _horizon(results: Results, step: int, tip: Tip) -> float:
+def _spacing(results: Results, step: int, tip: Tip) -> float:
+    """That of the node nearest to a tip, m."""
     nodes = results.nodes(step)
-    return read(results, _Model).horizon.ratio * float(nodes.delta[nearest(nodes, tip.place)])
+    return float(nodes.delta[nearest(nodes, tip.place)])
 
 
 def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
-    """Why a tip has no room for rings, "" if it has."""
+    """Why a tip has no room for rings, and what spacing would give it; "" if it has."""
     x, y = tip.place
-    least = LEAST * _horizon(results, step, tip) if ring is None else ring.outer
+    spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
+    if ring is not None and ring.outer - ring.inner < spacing:
+        wide = f"{ring.outer - ring.inner:.3g} m wide, expected at least a spacing, {spacing:.3g} m"
+        return f"found a ring around the tip at ({x:.4g}, {y:.4g}) m {wide}"
+    least = LEAST * ratio * spacing if ring is None else ring.outer
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
-    words = (
-        f"{LEAST:g} horizons, {least:.3g} m (finer nodes around the tip have shorter ones)"
-        if ring is None
-        else f"{least:.3g} m"
-    )
-    return f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of {words}"
+    found = f"found {room.limit} {room.radius:.3g} m from the tip at ({x:.4g}, {y:.4g}) m, expected room of"
+    if ring is not None:
+        return f"{found} {least:.3g} m"
+    enough = room.radius / (LEAST * ratio)
+    finer = f" (nodes {_rounded_down(enough)} m apart have it)" if enough > 0 else ""
+    return f"{found} {LEAST:g} horizons, {least:.3g} m{finer}"
+
+
+def _rounded_down(number: float) -> str:
+    """Two digits of a positive number, no more than it."""
+    unit = 10.0 ** (np.floor(np.log10(number)) - 1)
+    return f"{np.floor(number / unit * (1 + ROUND_OFF)) * unit:.2g}"
 
 
 def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None) -> tuple[Ring, ...]:
@@ -168,7 +181,8 @@ def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None
     if given is not None:
         quarter = (given.outer - given.inner) / 4
         return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)
-    least = max(BLURRED * _horizon(results, step, tip), 0.2 * room.radius)
+    horizon = read(results, _Model).horizon.ratio * _spacing(results, step, tip)
+    least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
 

@@ -24,6 +24,7 @@ from pdpost.reading.embedded import read
 from pdsolve.results import Nodes, Results
 
 BEGINS = 0.2  # spacings: a branch that begins so near to the tip of a pre-crack carries it on
+TOUCHES = 1e-3  # spacings: a crack that ends so near to another ends on it
 BESIDE, SLANT = 1.5, 0.1  # spacings beside a tip's line, and of the way back: what is nearer to it is its own crack
 FREE = ("initial velocity",)  # conditions that leave their nodes alone
 
@@ -36,7 +37,7 @@ class Front:
     start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
     heading: NDArray[np.float64]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
     branch: Branch | None
-    last: float  # s: when it forked or met another crack; inf if never
+    last: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 
     def at(self, time: float) -> Tip | None:
         """The tip at a time, s; None where it is not there yet or not any more."""
@@ -46,6 +47,8 @@ class Front:
         if time > self.last:
             return None
         place = passed(branch, time)
+        if branch.exact:
+            return Tip(place[-1], branch.direction[len(place) - 1])
         back = branch.along[min(len(place), len(branch.along)) - 1] - branch.along[: len(place)]
         near = place[back <= ARM * branch.spacing[min(len(place), len(branch.along)) - 1]]
         if len(near) < 2:
@@ -84,14 +87,28 @@ def fronts(results: Results, step: int) -> list[Front]:
     for number, branch in enumerate(branches):
         near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.place[0])) < BEGINS * spacing]
         carried |= set(near)
-        others = [other for other in branches if other is not branch]
-        ends = any(branch.end in (other.begin, other.end) for other in others)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
-        found.append(Front(f"branch {number}", start, heading, branch, float(branch.time[-1]) if ends else np.inf))
+        found.append(Front(f"branch {number}", start, heading, branch, _last(results, branch, branches)))
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
             found.append(Front(f"pre-crack {k}", tip, heading, None, np.inf))
     return found
+
+
+def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
+    """When the tip of a branch, one of all, was there last, s."""
+    arms = [other for other in branches if other.begin == branch.end]
+    if not branch.exact:
+        met = any(other.end == branch.end for other in branches if other is not branch)
+        return float(branch.time[-1]) if arms or met else np.inf
+    if arms:
+        return float(np.nextafter(arms[0].time[0], 0))
+    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], plate(results).shape
+    grown = (np.stack([one.place[:-1], one.place[1:]], axis=1) for one in branches)
+    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *grown]))
+    on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
+    on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
+    return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
 
 
 def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:
@@ -108,7 +125,7 @@ def passed(branch: Branch, time: float) -> NDArray[np.float64]:
     """The points (k, 2) of a branch up to where its tip is at a time, s, not before its first."""
     count = int(np.searchsorted(branch.time, time, side="right"))
     place = branch.place[:count]
-    if count < len(branch.time):
+    if count < len(branch.time) and not branch.exact:
         share = (time - branch.time[count - 1]) / (branch.time[count] - branch.time[count - 1])
         if share > 0:
             place = np.vstack([place, place[-1] + share * (branch.place[count] - place[-1])])

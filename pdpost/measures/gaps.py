@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from pdpost.measures.forces import Reaction
 from pdpost.measures.histories import at_place
 from pdsolve.results import Results, ResultsError
 
-Place = tuple[float, float]
+Place = tuple[float, ...]  # x, y and in a body z, m
 
 
 class Gap(NamedTuple):
@@ -26,9 +27,9 @@ class Pulled(NamedTuple):
     """A force against a gap, at t times that both are known of."""
 
     name: str  # of the condition
-    axis: int  # 0 or 1
+    axis: int  # 0, 1 or 2
     opening: NDArray[np.float64]  # (t,) m
-    force: NDArray[np.float64]  # (t,) N/m, on the plate
+    force: NDArray[np.float64]  # (t,) N/m, of a body N
 
 
 def gap(results: Results, one: Place, other: Place) -> Gap:
@@ -36,7 +37,8 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
 
     Raises ResultsError for places off the plate, for one node, and where nothing was noted of them.
     """
-    ends = [[at_place(results, place, "displacement", component) for component in "xy"] for place in (one, other)]
+    ways = "xyz"[: results.dimension]
+    ends = [[at_place(results, place, "displacement", component) for component in ways] for place in (one, other)]
     nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
     if nodes[0] == nodes[1]:
         raise ResultsError(f"--gap: found node {nodes[0]} nearest to both places, expected two nodes")
@@ -44,8 +46,8 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
     times = [end[0].time for end in ends]
     time = times[0][np.isin(times[0], times[1])]
     u = [np.column_stack([part.value[np.isin(part.time, time)] for part in end]) for end in ends]
-    way = np.hypot(*(second - first + u[1].astype(float) - u[0]).T)
-    return Gap(nodes, time, way - float(np.hypot(*(second - first))))
+    way = reduce(np.hypot, (second - first + u[1].astype(float) - u[0]).T)
+    return Gap(nodes, time, way - float(reduce(np.hypot, second - first)))
 
 
 def against(found: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:

@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.fields import FIELDS
+from pdmesh.model.fields import of_dimension
+from pdpost.measures.fields import FieldError
 from pdpost.reading.frames import frames
 from pdpost.reading.stored import vector
 from pdsolve.results import Nodes, Results, ResultsError
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
-COMPONENTS = ("x", "y", "magnitude")
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
+
+
+Place = tuple[float, ...]  # x, y and in a body z, m
 
 
 class History(NamedTuple):
     """A quantity of a node, or the mean of several, at t times."""
 
     label: str
-    component: str  # x, y or magnitude
+    component: str  # x, y, of a body z, or magnitude
     nodes: tuple[int, ...]  # ids
     source: str  # "probe" or "frames"
     time: NDArray[np.float64]  # (t,) s
     value: NDArray[np.float64]  # (t,)
     low: NDArray[np.float64]  # (t,) smallest of the nodes
     high: NDArray[np.float64]  # (t,) largest
-    place: tuple[float, float] | None  # m, of the one node
+    place: Place | None  # m, of the one node
     off: float  # m, from the place that was asked for
 
 
@@ -42,34 +46,34 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
         raise ResultsError(
             f"{results.name}: found no node {node}, expected one of {nodes.ids.min()} to {nodes.ids.max()}"
         )
-    x, y = nodes.position[rows[-1]].tolist()
+    place = tuple(nodes.position[rows[-1]].tolist())
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
     if len(mine) and (len(results.epochs()) == 1 or len(mine) == _booked(results, node)):
-        x_column, y_column = FIELDS[quantity].columns
-        value = _component(mine[x_column], mine[y_column], component)
-        return History(label, component, (node,), "probe", mine["time"], value, value, value, (x, y), 0.0)
+        columns = of_dimension(quantity, results.dimension)
+        value = _component(np.column_stack([mine[column] for column in columns]), component)
+        return History(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
     time, values = _of_frames(results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component)
     value = np.array([some[0] if len(some) else np.nan for some in values])
-    return History(label, component, (node,), "frames", time, value, value, value, (x, y), 0.0)
+    return History(label, component, (node,), "frames", time, value, value, value, place, 0.0)
 
 
-def at_place(
-    results: Results, place: tuple[float, float], quantity: str = "displacement", component: str = "magnitude"
-) -> History:
+def at_place(results: Results, place: Place, quantity: str = "displacement", component: str = "magnitude") -> History:
     """The history of the node nearest to a place, m; where nodes change, of whichever is nearest at each frame.
 
     Raises ResultsError where that is not on the plate.
     """
+    _expect(results, "--at", place, 1)
     nodes = results.nodes()
     far = _away(nodes, place)
     row = int(far.argmin())
     if not far[row] <= OUTSIDE * nodes.delta[row]:
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: found no node near {place[0]:g},{place[1]:g}: node {nodes.ids[row]} is {far[row]:.3g} m"
-            f" away; expected a place on the plate, from {low[0]:g},{low[1]:g} to {high[0]:g},{high[1]:g}"
+            f"{results.name}: found no node near {_written(place)}: node {nodes.ids[row]} is {far[row]:.3g} m"
+            f" away; expected a place {'on' if len(place) == 2 else 'in'} the {_kind(results)}, from {_written(low)} to"
+            f" {_written(high)}"
         )
     if len(results.epochs()) == 1:
         return of_node(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
@@ -78,26 +82,28 @@ def at_place(
     ids = tuple(dict.fromkeys(int(results.nodes(step).ids[at]) for step, at in nearest.items()))
     time, values = _of_frames(results, lambda nodes: np.array([_away(nodes, place).argmin()]), quantity, component)
     value = np.concatenate(values)
-    where = nodes.position[row].tolist()
+    where = tuple(nodes.position[row].tolist())
     label = f"node {ids[0]}" if len(ids) == 1 else f"nearest of {len(ids)} nodes"
-    return History(label, component, ids, "frames", time, value, value, value, (where[0], where[1]), float(far[row]))
+    return History(label, component, ids, "frames", time, value, value, value, where, float(far[row]))
 
 
 def in_box(
     results: Results,
-    box: tuple[float, float, float, float],
+    box: tuple[float, ...],
     quantity: str = "displacement",
     component: str = "magnitude",
 ) -> History:
-    """The mean of all nodes in a box x0, y0, x1, y1, m, with the smallest and the largest. Raises ResultsError."""
-    corners = np.sort(np.reshape(box, (2, 2)), axis=0)
+    """The mean of all nodes in a box, m, with the smallest and the largest; of a plate x0, y0, x1, y1, of a body six
+    numbers. Raises ResultsError."""
+    _expect(results, "--box", box, 2)
+    corners = np.sort(np.reshape(box, (2, -1)), axis=0)
     nodes = results.lives().nodes
     inside = selection.in_box(nodes, corners)
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: found no node in the box {','.join(f'{side:g}' for side in box)}, expected some; the"
-            f" plate goes from {low[0]:g},{low[1]:g} to {high[0]:g},{high[1]:g}"
+            f"{results.name}: found no node in the box {_written(box)}, expected some; the {_kind(results)} goes from"
+            f" {_written(low)} to {_written(high)}"
         )
     ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
@@ -117,7 +123,7 @@ def _of_frames(
     """Times (t,) of the frames and the quantity of the nodes that are meant there, of each frame's (k,)."""
     steps, times = frames(results)
     found = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
-    return times, [_component(both[:, 0], both[:, 1], component) for both in found]
+    return times, [_component(ways, component) for ways in found]
 
 
 def _booked(results: Results, node: int) -> int:
@@ -126,10 +132,29 @@ def _booked(results: Results, node: int) -> int:
     return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
 
 
-def _away(nodes: Nodes, place: tuple[float, float]) -> NDArray[np.float64]:
-    far: NDArray[np.float64] = np.hypot(*(nodes.position - place).T)
-    return far
+def _away(nodes: Nodes, place: Place) -> NDArray[np.float64]:
+    return reduce(np.hypot, (nodes.position - place).T)
 
 
-def _component(x: NDArray[np.float64], y: NDArray[np.float64], component: str) -> NDArray[np.float64]:
-    return {"x": x, "y": y}.get(component, np.hypot(x, y))
+def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]:
+    """Of vectors (t, d). Raises FieldError for a z in the plane."""
+    if component == "magnitude":
+        return reduce(np.hypot, ways.T)
+    if component not in "xyz"[: ways.shape[1]]:
+        raise FieldError(f"found no component '{component}' in a plate, expected x, y or magnitude")
+    return np.asarray(ways[:, "xyz".index(component)])
+
+
+def _expect(results: Results, option: str, given: tuple[float, ...], places: int) -> None:
+    """Raises ResultsError where places have not as many coordinates as the nodes."""
+    expected = places * results.dimension
+    if len(given) != expected:
+        raise ResultsError(f"{option}: found {len(given)} numbers, expected {expected} in a {_kind(results)}")
+
+
+def _kind(results: Results) -> str:
+    return "plate" if results.dimension == 2 else "body"
+
+
+def _written(place: Iterable[float]) -> str:
+    return ",".join(f"{number:g}" for number in place)

@@ -1,4 +1,4 @@
-"""Fields of bodies in space: all components of them, and what nodes have where a plane cuts through their cells."""
+"""Fields of bodies in space: what nodes have where a plane cuts through their cells."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import fields as stored
-from pdpost.measures.cracked import damage_at
-from pdpost.measures.fields import FieldError
+from pdpost.measures import fields
 from pdsolve.results import Results, ResultsError
 
 AXES = "xyz"
-OF_BODIES = ("content", "concentration", "solid", "damage", "energy", "displacement", "velocity", "acceleration")
+ROUND_OFF = 1e-6  # of a spacing
 
 
 class Cut(NamedTuple):
@@ -33,40 +31,25 @@ def expect_body(results: Results) -> None:
         raise ResultsError(f"{results.name}: found a plate, expected a body in space")
 
 
-def expect_plate(results: Results) -> None:
-    """Raises ResultsError for a body in space."""
-    if results.dimension == 3:
-        raise ResultsError(f"{results.name}: found a body in space, expected a plate, or a model of diffusion")
-
-
-def usual(results: Results, step: int) -> str:
-    """The field that is shown if none is asked for."""
-    return "content" if "h" in results.stored(step) else "damage"
-
-
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
-    """A field (n,) of a body after `step`, or its `part`: x, y, z or magnitude. Raises FieldError, ResultsError."""
-    if name not in OF_BODIES:
-        raise FieldError(f"found no field '{name}', expected, of a body, one of {', '.join(OF_BODIES)}")
-    if name == "damage":
-        return damage_at(results, step)
-    columns = (*stored.FIELDS[name].columns, *stored.IN_SPACE.get(name, ()))
-    parts = (*AXES[: len(columns)], "magnitude") if len(columns) > 1 else ()
-    if part is not None and part not in parts:
-        expected = f"one of {', '.join(parts)}" if parts else "none, it is a scalar"
-        raise FieldError(f"{name}: found no component '{part}', expected {expected}")
-    found = np.column_stack([results.field(column, step).astype(float) for column in columns])
-    if part in (None, "magnitude"):
-        return found[:, 0] if len(columns) == 1 else np.sqrt((found**2).sum(axis=1))
-    return np.asarray(found[:, AXES.index(part)])
+    """A component (n,) of a field after `step`, NaN where it says nothing. Raises FieldError, ResultsError."""
+    part = fields.component(name, part, results.dimension)
+    return np.where(fields.torn(results, name, step), np.nan, fields.values(results, name, step, part or None))
+
+
+def middle(results: Results) -> NDArray[np.float64]:
+    """The middle (3,) of the box around the nodes at the start, m."""
+    position = results.nodes(0).position
+    return np.asarray((position.min(axis=0) + position.max(axis=0)) / 2)
 
 
 def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: float) -> Cut:
     """What nodes have, `shown` (n,), where the plane `axis` = `at` (m) cuts. Raises ResultsError where it cuts none."""
     nodes, number = results.nodes(step), AXES.index(axis)
     along = nodes.position[:, number]
-    # a plane between two layers of cells shows one of them
-    rows = np.flatnonzero((along - nodes.delta / 2 <= at) & (at < along + nodes.delta / 2))
+    # a plane between two layers of cells shows the upper one, whatever places were rounded to
+    above = (at - along) / nodes.delta + ROUND_OFF
+    rows = np.flatnonzero((above >= -0.5) & (above < 0.5))
     if not len(rows):
         low, high = float((along - nodes.delta / 2).min()), float((along + nodes.delta / 2).max())
         raise ResultsError(f"{results.name}: found no node at {axis} = {at:g} m, expected {low:g} to {high:g} m")

@@ -6,6 +6,7 @@
 A tip comes to a place when the nodes there crack, or, where they cracked ahead of it, when the crack joins them (see
 `regions`); its way is the skeleton of the nodes that cracked (see `skeleton`). So time never falls along a branch.
 Nodes cracked from the start, by a pre-crack, are left out: a crack begins at the pre-crack's tip, if it does.
+Cracks that are particles need no looking for: their arms are branches as they stand, and a tip is at a particle.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.particles import Particles, until
+from pdmesh.model.trees import tree_of
 from pdpost.measures.cracked import ROUND_OFF, pre_crack_tips
 from pdpost.measures.regions import Grown, grown
 from pdpost.measures.skeleton import SLAB, Chain, Skeleton
@@ -42,6 +45,7 @@ class Branch:
     line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
     begin: int  # number of the joint it begins at
     end: int  # number of the joint it ends at
+    exact: bool = False  # whether these are particles, so that the tip was at each, and nowhere between
 
     @property
     def length(self) -> float:
@@ -77,8 +81,12 @@ class _Point(NamedTuple):
 def tips(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
     """All branches of the cracks after `step` (default: the last), the longest first.
 
-    Nodes of more damage than `threshold` are cracked. Mirrored cracks have mirrored branches.
+    Nodes of more damage than `threshold` are cracked; where cracks are particles, that is not asked. Mirrored cracks
+    have mirrored branches.
     """
+    particles = results.particles()
+    if len(particles.place):
+        return _of_particles(results, particles if step is None else until(particles, step))
     last = int(results.breaks().step.max(initial=0)) if step is None else step
     cracked = grown(results, last, threshold)
     skeleton = Skeleton(cracked)
@@ -113,6 +121,34 @@ def forks(branches: Sequence[Branch]) -> list[Fork]:
         x, y = arms[0].place[0].tolist()
         found.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
     return sorted(found, key=lambda fork: fork.time)
+
+
+def _of_particles(results: Results, particles: Particles) -> list[Branch]:
+    """The arms that were grown, from the tip of a pre-crack or a fork to an end or the next fork."""
+    place, _, parent, step = particles
+    after: list[list[int]] = [[] for _ in parent]
+    for number in np.flatnonzero(step > 0).tolist():
+        after[parent[number]].append(number)
+    nodes, time_step = results.nodes(), float(results.meta()["time_step"])
+    spacing = nodes.delta[tree_of(nodes.position).query(place)[1]]
+    length, found = np.zeros(len(place)), []
+    for first in np.flatnonzero(step > 0).tolist():
+        begin = int(parent[first])
+        if step[begin] > 0 and len(after[begin]) == 1:
+            continue
+        chain = [begin, first]
+        while len(after[chain[-1]]) == 1:
+            chain += after[chain[-1]]
+        arms = np.diff(place[chain], axis=0)
+        far = np.hypot(*arms.T)
+        along = np.asarray(length[begin] + np.concatenate([[0.0], np.cumsum(far)]), dtype=float)
+        time = np.asarray(step[[first, *chain[1:]]] * time_step, dtype=float)
+        length[chain[-1]] = along[-1]
+        line, ways = np.ones(len(chain), dtype=bool), (arms / far[:, None])[[0, *range(len(arms))]]
+        fast = speeds(along, time, spacing[chain], line, time_step)
+        points = place[chain], time, ways, along, fast, spacing[chain], line
+        found.append(Branch(*points, begin, chain[-1], exact=True))
+    return sorted(found, key=lambda branch: -branch.length)
 
 
 def _branch(chain: Chain, points: list[_Point], began: float, length: float, time_step: float) -> Branch:

@@ -5,29 +5,39 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import FIELDS
+from pdmesh.model.fields import of_dimension
 from pdsolve.results import Results, ResultsError
+
+OF_DIFFUSION = ("concentration", "content", "solid")
 
 
 def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:
     """A field (n,) of the frame at `step`, SI. Raises ResultsError, naming those there are."""
-    return _fields(results, (name,), step)[0]
+    return _columns(results, name, step)[0]
 
 
 def vector(results: Results, name: str, step: int) -> NDArray[np.float64]:
-    """The components (n, 2) of displacement, velocity or acceleration of the frame at `step`, SI.
+    """The components (n, c) of a field of the frame at `step`, SI: x and y, and z in a body.
 
     Raises ResultsError, naming what there is.
     """
-    return np.column_stack(_fields(results, FIELDS[name].columns, step))
+    return np.column_stack(_columns(results, name, step))
 
 
-def _fields(results: Results, names: tuple[str, ...], step: int) -> list[NDArray[np.float64]]:
+def diffuses(results: Results) -> bool:
+    """Whether the model is one of diffusion."""
+    return len(results.masses()) > 0  # noted from the start on
+
+
+def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]]:
+    columns = of_dimension(name, results.dimension)
     there = results.stored(step)
-    missing = [name for name in names if name not in there]
+    missing = [column for column in columns if column not in there]
     if missing and there:
-        raise ResultsError(
-            f"{results.name}: found no field '{missing[0]}', expected one of {', '.join(there)}"
-            + ("" if "h" in there else f" (pdsolve --fields +{','.join(missing)} stores it)")
-        )
-    return [results.field(name, step).astype(float) for name in names]
+        if (name in OF_DIFFUSION) != diffuses(results):
+            found, other = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
+            shown = f" (this has {', '.join(OF_DIFFUSION)})" if found == "diffusion" else ""
+            raise ResultsError(f"{results.name}: found a model of {found}, expected one of {other} for {name}{shown}")
+        expected = f"one of {', '.join(there)} (pdsolve --fields +{','.join(missing)} stores it)"
+        raise ResultsError(f"{results.name}: found no field '{missing[0]}', expected {expected}")
+    return [results.field(column, step).astype(float) for column in columns]

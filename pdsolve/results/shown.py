@@ -12,16 +12,15 @@ DPI = 110
 
 
 def png(results: Results) -> bytes | None:
-    """The damage, or of diffusion the content, after the last frame as a PNG; None without a frame, and of a body."""
+    """The damage, or of diffusion what diffuses, after the last frame as a PNG; None without a frame."""
     steps = results.frames()[0]
-    if results.dimension == 3 or not len(steps):
+    if not len(steps):
         return None
     from pdpost.figures.field_figure import field  # drawing is pdpost's, and is needed by those alone who look
     from pdpost.figures.style import styled, written
 
     with styled():
-        name = "content" if "h" in results.stored(int(steps[-1])) else "damage"
-        return written(field(results, name), "png", DPI)
+        return written(field(results), "png", DPI)
 
 
 def words(results: Results) -> str:

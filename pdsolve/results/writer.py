@@ -253,8 +253,9 @@ class Writer:
 
     def _write_checkpoint(self, step: int, state: Mapping[str, NDArray[np.floating]]) -> None:
         self.connection.execute("DELETE FROM checkpoint")
-        rows = [(name, step, array.dtype.str, array.tobytes()) for name, array in state.items()]
-        self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row) for row in rows])
+        for name, array in state.items():  # one by one, as they are large
+            row = (name, step, array.dtype.str, array.tobytes())
+            self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row)])
         self._add_up("checkpoint")
 
     def _alone(self) -> bool:

@@ -8,9 +8,12 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from matplotlib import colormaps
+from PIL import Image
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
+from pdpost.figures import field
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import read_model
 from pdsolve.results import Results
@@ -86,11 +89,26 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdmesh, ["build", "body.py", "--set", "thin=0.2"], "where the body is thinner than 3 of them"),
         (pdmesh, ["build", "body.py", "--refine", "crack:1"], "--refine: found a body in space"),
         (pdmesh, ["plan", "body.py", "--within", "2%"], "--within: found a body in space"),
+        (
+            pdmesh,
+            ["plan", "body.py", "--mode", "thesis"],
+            "found a body in space in the thesis mode, expected the cons",
+        ),
         (pdmesh, ["preview", "body.json", "--bonds"], "--bonds: found a body in space"),
         (pdsolve, ["body.json", "--mode", "thesis"], "found a body in space in the thesis mode"),
         (pdsolve, ["body.json", "--adapt", "hybrid"], "found 'hybrid', expected none in a body"),
         (pdsolve, ["body.json", "--cracks", "particles"], "found particles, expected bonds in a body in space"),
-        (pdpost, ["damage", "body.sqlite"], "found a body in space, expected a plate"),
+        (
+            pdpost,
+            ["strain", "body.sqlite"],
+            "found a body in space, expected a plate; damage and other fields, animate",
+        ),
+        (pdpost, ["damage", "body.sqlite", "--scale", "auto"], "--scale: found it of a body in space, expected none"),
+        (pdpost, ["damage", "body.sqlite", "--window", "0,0,1,1"], "--window: found it of a body in space"),
+        (pdpost, ["damage", "body.sqlite", "--frames", "0,1"], "--frames: found it of a body in space"),
+        (pdpost, ["velocity", "body.sqlite", "--component", "xx"], "expected one of magnitude, x, y, z"),
+        (pdpost, ["content", "body.sqlite"], "found a model of mechanics, expected one of diffusion for content"),
+        (pdpost, ["history", "body.sqlite", "--at", "0.5,0.2"], "--at: found 2 numbers, expected 3 in a body"),
         (pdpost, ["crack", "body.sqlite"], "found a body in space, expected a plate"),
         (pdpost, ["export", "body.sqlite", "--also", "strain"], "--also: found strain, expected none of a body"),
     ],
@@ -112,10 +130,68 @@ def test_what_is_of_plates_is_refused_in_one_line(
     assert sorted(path.name for path in solved.iterdir()) == before
 
 
-def test_a_notebook_shows_no_picture_of_a_body(solved: Path) -> None:
+def test_a_notebook_shows_planes_of_a_body(solved: Path) -> None:
     assert read_model(solved / "body.json")._repr_svg_() is None
     with Results.open(solved / "body.sqlite") as results:
-        assert results._repr_png_() is None
+        assert (results._repr_png_() or b"")[:4] == b"\x89PNG"
+
+
+def test_planes_through_a_body_show_what_their_nodes_have(solved: Path) -> None:
+    """The nodes on the one side of the middle, front, side and from above, each in the colour of its value."""
+    with Results.open(solved / "body.sqlite") as results:
+        figure, uz = field(results, "displacement", 20, part="z"), results.field("uz", 20)
+        position = results.nodes().position
+    largest = float(np.abs(uz).max())
+    factor = {"displacement, z, mm": 1e3, "displacement, z, µm": 1e6}[figure.axes[-1].get_xlabel()]
+    assert figure.axes[-1].get_xlim()[1] == pytest.approx(factor * largest, rel=1e-6)
+    assert [axes.get_title() for axes in figure.axes[:3]] == ["y = 200 mm", "x = 500 mm", "z = 200 mm"]
+    for axes, (axis, at) in zip(figure.axes, ((1, 0.25), (0, 0.55), (2, 0.25)), strict=False):
+        rows = np.isclose(position[:, axis], at)
+        (squares,) = axes.collections
+        middle = np.array([path.vertices[:4].mean(axis=0) for path in squares.get_paths()])
+        assert middle == pytest.approx(1e3 * np.delete(position[rows], axis, axis=1))
+        expected = colormaps["coolwarm"]((uz[rows] / largest + 1) / 2)
+        assert np.abs(squares.get_facecolor() - expected).max() < 0.02
+
+
+def test_a_film_of_a_body_has_its_frames(solved: Path) -> None:
+    path = solved / "film.gif"
+    assert pdpost(["animate", str(solved / "body.sqlite"), "--field", "velocity", "-o", str(path), "-q"]) == 0
+    with Image.open(path) as film:
+        assert film.n_frames == 3
+        first = np.asarray(film.convert("RGB"), dtype=int)
+        film.seek(2)
+        assert np.abs(np.asarray(film.convert("RGB"), dtype=int) - first).max() > 50
+
+
+def test_curves_of_a_body_know_z(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    results = str(solved / "body.sqlite")
+    with Results.open(solved / "body.sqlite") as found:
+        uz, work = found.field("uz", 20), float(found.history()[-1]["work"])
+    asked = ["history", results, "--at", "1,0.4,0.4", "--component", "z", "--json"]
+    assert pdpost(asked) == 0
+    (curve,) = json.loads(capsys.readouterr().out)["curves"]
+    assert (curve["place"], curve["value"][-1]) == (pytest.approx([0.95, 0.35, 0.35]), pytest.approx(uz[-1], rel=1e-6))
+    assert pdpost(["history", results, "--box", "0,0,0,1,1,1", "--component", "z", "--json"]) == 0
+    (curve,) = json.loads(capsys.readouterr().out)["curves"]
+    assert (len(curve["nodes"]), curve["high"][-1]) == (160, pytest.approx(uz.max(), rel=1e-6))
+    assert pdpost(["balance", results, "--json"]) == 0
+    books = json.loads(capsys.readouterr().out)
+    assert (books["units"], books["last"]["work"]) == ("SI", pytest.approx(work))
+    assert pdpost(["reaction", results, "--condition", "right", "--component", "z", "--csv", "-"]) == 0
+    head, *_, last = capsys.readouterr().out.splitlines()
+    assert '"force z, N"' in head
+    assert float(last.split(",")[6]) == pytest.approx(10 * 0.16)
+
+
+def test_a_report_of_a_body_leaves_its_cracks_out(solved: Path) -> None:
+    path = solved / "body.html"
+    assert pdpost(["report", str(solved / "body.sqlite"), "-o", str(path), "-q"]) == 0
+    page = path.read_text()
+    titles = [part.split("<")[0] for part in page.split("<h2>")[1:]]
+    assert (titles[0], titles[2]) == ("Animation", "Balance")
+    assert page.count("<img") == 8  # a film, five fields, energies and forces
+    assert "1.6e+08 mm³" in page
 
 
 def test_a_study_of_bodies_has_the_measures_that_they_have(

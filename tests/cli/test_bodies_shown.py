@@ -63,9 +63,9 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["slice", "--plane", "z=1"], "found no node at z = 1 m, expected -0.0"),
-        (["slice", "--field", "stress"], "found no field 'stress', expected, of a body, one of content, concentration"),
+        (["slice", "--field", "stress"], "found a model of diffusion, expected one of mechanics for stress (this has"),
         (["slice", "--component", "x"], "content: found no component 'x', expected none, it is a scalar"),
-        (["concentration"], "expected a plate; export, history (of diffusion), render, slice, sql show bodies"),
+        (["damage"], "found a model of diffusion, expected one of mechanics for damage (this has concentration, conte"),
         (["history", "--node", "7"], "found a node or a component, expected none: masses are of the whole"),
     ],
 )

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
@@ -63,11 +65,11 @@ def test_pictures(results: Path, tmp_path: Path, name: str, capsys: pytest.Captu
         assert json.loads(capsys.readouterr().out)["largest"] == pytest.approx(largest[name], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["balance", "bonds", "crack", "report", "sif"])
+@pytest.mark.parametrize("name", ["balance", "bonds", "crack", "damage", "displacement", "sif", "stress"])
 def test_what_shows_mechanics_says_so(
     results: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / ("never.html" if name == "report" else "never.png")
+    path = tmp_path / "never.png"
     assert pdpost([name, str(results), "-o", str(path)]) == 2
     said = capsys.readouterr().err
     assert "found a model of diffusion, expected one of mechanics" in said
@@ -76,9 +78,14 @@ def test_what_shows_mechanics_says_so(
 
 
 def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words in (["--mode", "thesis"], ["--precision", "float32"]):
-        assert pdsolve([str(disc), "--dry-run", *words]) == 2
+    for program in ([pdsolve, "--dry-run", "--mode", "thesis"], [pdsolve, "--dry-run", "--precision", "float32"]):
+        assert program[0]([str(disc), *program[1:]]) == 2
         assert "expected the usual mode, precision and kernel of diffusion" in capsys.readouterr().err
+    for command, model in (("info", str(disc)), ("plan", str(GEOMETRIES / "disc.geo"))):
+        assert pdmesh([command, model, "--mode", "thesis"]) == 2
+        said = capsys.readouterr().err
+        assert "expected the usual mode, precision and kernel of diffusion" in said
+        assert said.count("\n") == 1
 
 
 def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,6 +100,18 @@ def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str])
             assert f"{drawing}: found a model of diffusion, expected one of mechanics" in said
             assert said.count("\n") == 1
     assert not disc.with_name("study.sqlite").exists()
+
+
+def test_a_film_and_a_report_show_what_diffuses(results: Path, tmp_path: Path) -> None:
+    film, page = tmp_path / "film.gif", tmp_path / "page.html"
+    assert pdpost(["animate", str(results), "-o", str(film), "--json"]) == 0
+    with Image.open(film) as first:
+        assert len(np.unique(np.asarray(first.convert("RGB")).reshape(-1, 3), axis=0)) > 5
+    assert pdpost(["report", str(results), "-o", str(page), "-q"]) == 0
+    text = page.read_text()
+    assert [part.split("<")[0] for part in text.split("<h2>")[1:]][:2] == ["Animation", "Fields at 500 s"]
+    assert text.count("<img") == 6  # a film, three fields, amounts, the plate
+    assert "solid left" in text
 
 
 def test_a_notebook_shows_the_content(results: Path) -> None:

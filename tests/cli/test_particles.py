@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from grown import pulled
 from whole import contents, kill_when
 
 from pdmesh.drawing import parameters
+from pdmesh.model.particles import until
 from pdpost.__main__ import main as pdpost
+from pdpost.measures.fronts import fronts
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
 from pdsolve.results.errors import DamagedError
@@ -46,6 +49,33 @@ def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFi
     assert pdsolve(["strip.notch.json", "--cracks", "bonds", "--dry-run"]) == 0
     assert pdpost(["notch", "strip.sqlite", "--frame", "0", "--csv", "-"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 2
+
+
+def test_tips_are_those_of_the_particles(strip: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At every frame, each with the way of its last arm; nodes that are cracked are not asked."""
+    assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
+    with Results.open(Path("strip.sqlite")) as results:
+        particles, every, dt = results.particles(), fronts(results, 240), float(results.meta()["time_step"])
+        fork = int(np.argmax(np.bincount(particles.parent[1:])))
+        for step in results.frames()[0].tolist():
+            there = until(particles, step)
+            ends = np.setdiff1d(np.arange(1, len(there.place)), there.parent)
+            arms = there.place[ends] - there.place[there.parent[ends]]
+            tips = sorted(filter(None, (front.at(step * dt) for front in every)), key=lambda tip: tip.place[1])
+            assert np.array([tip.place for tip in tips]) == pytest.approx(there.place[ends])
+            ways = arms / np.hypot(*arms.T)[:, None]
+            assert np.array([tip.way for tip in tips]) == pytest.approx(ways)
+    capsys.readouterr()
+    assert pdpost(["crack", "strip.sqlite", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    first, forked = int(particles.step[2]), int(particles.step[np.argmax(particles.parent == fork)])
+    assert [len(branch["points"]) for branch in told["branches"]] == [
+        fork,
+        *[(len(particles.place) - fork + 1) // 2] * 2,
+    ]
+    assert [told[name]["step"] for name in ("start", "branching")] == [first, forked]
+    assert told["forks"][0]["place"] == pytest.approx(particles.place[fork])
+    assert [way["angle"] for way in told["directions"]] == pytest.approx([0.0])
 
 
 @pytest.mark.slow
@@ -89,6 +119,7 @@ def test_a_particle_that_is_missing_is_noticed(strip: Path) -> None:
         ),
         (["--set", "run.particles.toughness=1"], "toughness: found 1, expected none as the criterion is stress"),
         (["--mode", "thesis"], "mode: found thesis, expected conservative with cracks that are particles"),
+        (["--mode", "thesis", "--dry-run"], "mode: found thesis, expected conservative with cracks that are particles"),
     ],
 )
 def test_bad_input_is_one_line(strip: Path, capsys: pytest.CaptureFixture[str], more: list[str], said: str) -> None:

@@ -88,9 +88,45 @@ def test_a_tip_without_room(small_results: Path, here: Path, capsys: pytest.Capt
     assert list(here.glob("*.png")) == []
 
 
+def cracked(x0: float, x1: float, path: str) -> str:
+    """Results of a pulled plate, 40 mm wide, nodes 1 mm apart, with a crack in it."""
+    grid = dataclasses.replace(square_grid(40, 40), cracks=np.array([[x0, 19.5e-3, x1, 19.5e-3]]))
+    load = Load(box=(-1.0, -1.0, 1.0, 0.5e-3), body_force=(0.0, -1e9))
+    simulate(plate(grid, conditions=(load,), run=Run(steps=4, every=2)), Path(path), Options(threads=1)).close()
+    return path
+
+
+def test_tips_without_room_are_named_and_the_others_go_on(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = cracked(4.3e-3, 20e-3, "one.sqlite")
+    assert main(["sif", one, "--frame", "-1", "--json"]) == 0
+    out, err = capsys.readouterr()
+    words = "found the edge of the plate 0.0048 m from the tip at (0.0043, 0.0195) m, expected room of 3.5 horizons"
+    assert err == f"one.sqlite: pre-crack 0 left out: {words}, 0.0105 m (nodes 0.00045 m apart have it)\n"
+    tips = json.loads(out)["tips"]
+    assert [tip["K1"][0] is not None for tip in tips] == [False, True]
+    assert main(["sif", one, "--frame", "-1", "--csv", "one.csv"]) == 0
+    out, err = capsys.readouterr()
+    assert ("pre-crack 1 at" in out, "pre-crack 0" in out, "pre-crack 0" in err) == (True, False, True)
+    both = cracked(4.3e-3, 35e-3, "both.sqlite")
+    line = said([both], capsys)
+    assert [line.count(f"pre-crack {number}: found the edge of the plate") for number in (0, 1)] == [1, 1]
+
+
+def test_one_frame(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["--frame", "1"], ["--time", "0.5"], ["--frame=-2"]):
+        assert main(["sif", str(pulled), *words, "--json"]) == 0
+        (tip,) = json.loads(capsys.readouterr().out)["tips"]
+        assert tip["time"] == [0.5]
+        assert np.array(tip["K1"]) / case.K1 == pytest.approx([0.51], abs=0.02)
+    assert "found no frame 3, expected 0 to 2 or -3 to -1" in said([str(pulled), "--frame", "3"], capsys)
+    assert "--every: found with --frame or --time" in said([str(pulled), "--time", "1", "--every", "2"], capsys)
+
+
 def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     expected = "found the edge of the plate 0.487 m from the tip at (0.4875, 0) m, expected room of 0.9 m"
     assert expected in said([str(pulled), "--ring", "0.1,0.9"], capsys)
+    expected = "found a ring around the tip at (0.4875, 0) m 1e-09 m wide, expected at least a spacing, 0.025 m"
+    assert expected in said([str(pulled), "--ring", "0,1e-9"], capsys)
     with pytest.raises(SystemExit) as stop:
         main(["sif", str(pulled), "--ring", "0.9,0.1"])
     assert stop.value.code == 2

@@ -218,6 +218,7 @@ BAD = {
     "unknown condition": (changed(conditions=[{"kind": "heat"}]), r"'heat' - at `\$.conditions\[0\].kind`"),
     "horizon of nothing": (changed(horizon={"ratio": 0}), r"at `\$.horizon.ratio`"),
     "crack of five numbers": (changed(notch=[[0, 0, 0, 1, 1]]), r"at `\$.notch\[0\]`"),
+    "crack of one place": (changed(notch=[[0, 0, 0, 1, 1, 0], [1, 2, 0, 1, 2, 3]]), "found both ends in one place"),
     "outline of two points": (changed(outline=[[[0, 0], [1, 1]]]), r"\$.outline\[0\]: found 2 points"),
     "crossing outline": (changed(outline=[[[0, 0], [1, 1], [1, 0], [0, 1]]]), r"\$.outline\[0\]: found Self-inter"),
     "condition on no node": (changed(conditions=[{"kind": "load", "rows": 1}]), r"\$.conditions\[0\]: found"),

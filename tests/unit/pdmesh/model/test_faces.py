@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pdmesh.model.faces import apart, around, front, parted
+from pdmesh.model.triangles import meets, normals
 
 Array = NDArray[np.float64]
 
@@ -45,6 +48,36 @@ def test_pairs_are_parted_where_they_pass_through() -> None:
     assert np.array_equal(found, parted(b, a, HALF))
     mirror = np.array([1, 1, -1])
     assert np.array_equal(found, parted(a * mirror, b * mirror, HALF[:, ::-1]))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "expected"),
+    [
+        ((1, 1, 1), (1, 1, -1), True),  # through the face
+        ((1, 1, 1), (1, 1, 0), True),  # an end on it
+        ((1, 1, 1), (1, 1, 0.01), False),
+        ((2, 0, 1), (2, 0, -1), True),  # through an edge
+        ((1, -1, 1), (3, 1, -1), True),  # the same, aslant
+        ((4, 0, 1), (4, 0, -1), True),  # through a corner
+        ((2, -1e-11, 1), (2, -1e-11, -1), False),  # beside an edge, by more than 1e-12 of the size
+        ((2, -1e-13, 1), (2, -1e-13, -1), True),  # by less
+        ((1, 1, 1), (1, 1, 1e-13), True),
+        ((-1, 1, 0), (1, 1, 0), True),  # in its plane, an end on it
+        ((-1, 1, 0), (5, 1, 0), True),  # its middle on it
+        ((-1, 1, 0), (-3, 1, 0), False),
+        ((-5, 1, 0), (1, -5, 0), False),
+        ((-9, 1, 0), (6, 1, 0), False),  # across it, but neither ends nor middle
+        ((1, 1, 1), (2, 2, 1), False),  # beside its plane
+    ],
+)
+def test_what_touches_a_triangle_meets_it(a: tuple[float, ...], b: tuple[float, ...], expected: bool) -> None:
+    """Of legs of 4, in all six orders of its corners, both ways along the segment, and mirrored."""
+    triangle, ends = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([a, b], dtype=float)
+    for order in itertools.permutations(range(3)):
+        for mirror in ([1, 1, 1], [1, 1, -1], [-1, 1, 1]):
+            corners, (p, q) = triangle[list(order)][None] * mirror, ends[:, None] * mirror
+            found = {bool(meets(*way, corners, normals(corners))[0]) for way in ((p, q), (q, p))}
+            assert found == {expected}
 
 
 def test_the_front_is_what_is_of_one_triangle_alone() -> None:

@@ -24,13 +24,24 @@ from pdmesh.model.wordings import explained
             '{"conditions": [{"kind": "load", "bodyforce": 3, "box": [0, 0, 1, 1]}]}',
             "expected one such as `body_force`",
         ),
-        ('{"run": 3}', "Expected `object`, got `int` - at `$.run`"),
+        ('{"run": 3}', "Expected `object`, got `int` - at `$.run`, found 3"),
+        ('{"run": {"probes": [[0, 0], [1, "a"]]}}', "got `str` - at `$.run.probes[1][1]`, found 'a'"),
+        ('{"run": {"damping": -2.5}}', "Expected `float` >= 0.0 - at `$.run.damping`, found -2.5"),
+        ('{"run": {"damping": -2.5}', "Expected `float` >= 0.0 - at `$.run.damping`"),
+        ('{"run": {', "Input data was truncated"),
     ],
 )
 def test_an_unknown_word_is_followed_by_those_that_are_known(text: str, ending: str) -> None:
-    with pytest.raises(msgspec.ValidationError) as error:
+    with pytest.raises(msgspec.DecodeError) as error:
         msgspec.json.decode(text, type=Settings)
-    assert ending in explained(error.value, Settings)
+    assert ending in explained(error.value, Settings, lambda: msgspec.json.decode(text))
+
+
+def test_a_value_of_no_certain_place() -> None:
+    text = '{"notch": [], "nodes": [], "parameters": {"a": 1, "b": null}}'
+    with pytest.raises(msgspec.ValidationError) as error:
+        msgspec.json.decode(text, type=Document)
+    assert explained(error.value, Document, lambda: msgspec.json.decode(text)).endswith("at `$.parameters[...]`")
 
 
 def test_a_word_deep_in_a_grid_file() -> None:
@@ -39,4 +50,4 @@ def test_a_word_deep_in_a_grid_file() -> None:
     )
     with pytest.raises(msgspec.ValidationError) as error:
         msgspec.json.decode(text, type=Document)
-    assert explained(error.value, Document).endswith("at `$.nodes[0].border`, expected false or true")
+    assert explained(error.value, Document, dict).endswith("at `$.nodes[0].border`, expected false or true")

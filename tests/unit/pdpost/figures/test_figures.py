@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pages import TOLD
 from plates import ROOT
 
-from pdpost.figures import bond_figure, field_figure, level_figure, sheets, style, tradeoff_figure
+from pdpost.figures import bond_figure, colours, field_figure, level_figure, sheets, style, tradeoff_figure
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import plates
@@ -118,16 +118,16 @@ def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -
 def test_colours_end_at_the_usual_largest() -> None:
     """One value in a thousand that is far above all others does not make the others all alike."""
     values = np.full(1000, 2.0)
-    assert field_figure.usual(values) == 2.0
+    assert colours.usual(values) == 2.0
     values[7] = -3.9
-    assert field_figure.usual(values) == 3.9
+    assert colours.usual(values) == 3.9
     values[7] = -100.0
-    assert field_figure.usual(values) == 2.0
-    shown = field_figure.colours("stress", "xx", values)
+    assert colours.usual(values) == 2.0
+    shown = colours.colours("stress", "xx", values)
     assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
-    assert field_figure.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
-    assert field_figure.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
-    assert field_figure.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
+    assert colours.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
+    assert colours.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
+    assert colours.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
 
 
 def torn_plate() -> tuple[Results, NDArray[np.float64]]:
@@ -165,7 +165,7 @@ def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
         assert np.abs(shown.values[shown.torn]).max() > few  # what is fitted to the bonds that are left
         figure = field_figure.field(results, name, 1, part="xy")
         low, high = figure.axes[0].collections[0].get_clim()
-        factor, _ = field_figure.unit(FIELDS[name].unit, few / 10)
+        factor, _ = colours.unit(FIELDS[name].unit, few / 10)
         assert high == -low
         assert high < few * factor
         grey = next(one for one in figure.axes[0].collections if len(one.get_paths()) == 2 and one.get_array() is None)

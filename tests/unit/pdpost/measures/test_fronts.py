@@ -44,6 +44,37 @@ def test_arms_have_tips_of_their_own_from_the_fork_on() -> None:
         assert abs(np.degrees(np.arctan2(tip.way[1], tip.way[0]))) == pytest.approx(45, abs=12)
 
 
+def test_tips_of_particles_are_where_the_particles_are() -> None:
+    """With the way of the last arm; not asked is which nodes are cracked. A fork has two from its step on, and one that
+    has come to the edge of the plate is none any more."""
+    grown = [(0, -1, 0.0, 0.0), (0, 0, 4.5, 0.0), (10, 1, 6.0, 0.0), (20, 2, 7.0, 1.0)]
+    grown += [(30, 3, 8.5, 0.5), (30, 3, 8.0, 2.5), (40, 5, 8.0, 4.5)]
+    results = run(lattice(), [(x + 5, x, 0) for x in range(5, 16)], particles=grown)
+    every, sharp = fronts(results, 100), np.sqrt([0.5, 0.5])
+    lower, upper = ([8.5, 0.5], np.array([3.0, -1.0]) / np.sqrt(10)), ([8.0, 2.5], np.array([2.0, 3.0]) / np.sqrt(13))
+    for steps, expected in (
+        ((0, 9), [([4.5, 0.0], [1.0, 0.0])]),
+        ((10, 19), [([6.0, 0.0], [1.0, 0.0])]),
+        ((20, 29), [([7.0, 1.0], sharp)]),
+        ((30, 39), [lower, upper]),
+        ((40, 100), [lower]),
+    ):
+        for step in steps:
+            tips = sorted(filter(None, (front.at(step * US) for front in every)), key=lambda tip: tip.place[1])
+            assert len(tips) == len(expected)
+            for tip, (place, way) in zip(tips, expected, strict=True):
+                assert tip.place == pytest.approx(1e-3 * np.array(place))
+                assert tip.way == pytest.approx(way)
+
+
+def test_a_crack_of_particles_that_ends_on_another_has_no_tip() -> None:
+    notch = np.array([[0.0, 0.0, 4.5e-3, 0.0], [12e-3, -3e-3, 12e-3, 3e-3]])
+    grown = [(0, -1, 0, 0), (0, 0, 4.5, 0), (0, -1, 12, -3), (0, 2, 12, 3), (10, 1, 8, 0.5), (20, 4, 12, 0.5)]
+    every = fronts(run(lattice(), [], notch, particles=grown), 100)
+    there = [sum(front.at(step * US) is not None for front in every) for step in (0, 10, 19, 20, 100)]
+    assert there == [3, 3, 3, 2, 2]  # two are of the other crack
+
+
 def test_mouths_of_pre_cracks_are_no_tips() -> None:
     through = np.array([[-1.0, 0.0, 1.0, 0.0]])
     assert fronts(run(lattice(), [], through), 100) == []

@@ -1,0 +1,84 @@
+"""How the numbers of a field are shown: which colours, which unit, what is written above them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+
+from pdpost.figures.labels import prefixed, unit
+from pdpost.figures.style import UNKNOWN, narrow
+from pdpost.measures import fields
+from pdsolve.results import Results
+
+USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
+ROUND_OFF = 1e-6  # of the largest: what is so little beyond the colours is not told of
+PARTS = {"largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
+
+
+class Colours(NamedTuple):
+    """How a field's numbers are shown."""
+
+    low: float  # SI
+    high: float
+    cmap: str
+    factor: float  # from SI to the unit of the label
+    label: str
+    beyond: str  # which ends are arrows: "neither", "min", "max", "both"
+
+
+def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
+    """Damage from 0 to 1, signed values from minus to plus, others from 0; up to `largest`, or the usual largest."""
+    finite = values[np.isfinite(values)]
+    high = largest or (1.0 if name == "damage" else usual(finite))
+    signed = fields.signed(name, part)
+    low = -high if signed else 0.0
+    slack = ROUND_OFF * high
+    above, below = bool((finite > high + slack).any()), bool((finite < low - slack).any())
+    beyond = ("both" if below else "max") if above else ("min" if below else "neither")
+    factor, label = unit(fields.FIELDS[name].unit, high)
+    if name == "damage":
+        factor, label = 1.0, ""
+    cmap = "magma_r" if name == "damage" else "coolwarm" if signed else "viridis"
+    text = caption(name, part)
+    text = text[0].lower() + text[1:]
+    return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond)
+
+
+def usual(values: NDArray[np.float64]) -> float:
+    """The largest size of values (k,), or, where a few are far above the others, what 99.5 % stay below."""
+    size = np.abs(values)
+    largest = float(size.max(initial=0.0))
+    most = float(np.percentile(size, USUAL)) if len(size) else 0.0
+    return most if 0 < 2 * most < largest else largest
+
+
+def mappable(shown: Colours) -> ScalarMappable:
+    """Turns numbers in the label's unit into colours."""
+    low, high = shown.low * shown.factor, shown.high * shown.factor
+    cmap = colormaps[shown.cmap].with_extremes(bad=UNKNOWN)
+    return ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
+
+
+def caption(name: str, part: str) -> str:
+    """What a component is called."""
+    text = fields.FIELDS[name].title
+    return text if part in ("", "magnitude") else f"{text}, {PARTS.get(part, part)}"
+
+
+def title(results: Results, name: str, part: str, step: int, scale: float) -> str:
+    """What is written above a picture."""
+    return ("\n" if narrow() else " ").join([caption(name, part), at(results, step, scale)])
+
+
+def at(results: Results, step: int, scale: float = 0.0) -> str:
+    """When a picture is, and how deformed, in the unit of the run's last frame."""
+    time_step = float(results.meta()["time_step"])
+    _, times = results.frames()
+    factor, prefix = prefixed(float(times[-1]) if len(times) else step * time_step)
+    when = f"at {step * time_step * factor:.4g} {prefix}s (step {step})"
+    return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
