@@ -23,8 +23,10 @@ class UsageError(ValueError):
     """A command line that asks for something that cannot be done; the message is one line."""
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """Says in one line what is wrong with a command line."""
+
+    others: dict[str, Callable[[], argparse.ArgumentParser]]  # of words that other parsers take over, for completion
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
@@ -48,19 +50,32 @@ class _Completion(argparse.Action):
             import shtab
         except ImportError:
             parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
-        _complete_files(parser, shtab.FILE)
+        for word, other in getattr(parser, "others", {}).items():
+            _complete_word(parser, word, other())
+        _complete_files(parser, shtab)
         print(shtab.complete(parser, shell=str(shell)))
         parser.exit(OK)
 
 
-def _complete_files(parser: argparse.ArgumentParser, files: Any) -> None:
+def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.ArgumentParser) -> None:
+    """Let the first word of a command line be `word` too, and what `other` takes follow it."""
+    first = next(action for action in parser._actions if not action.option_strings)
+    first.choices = [*(first.choices or ()), word]
+    for action in other._actions:
+        if not set(action.option_strings) & set(parser._option_string_actions):
+            parser._add_action(action)
+
+
+def _complete_files(parser: argparse.ArgumentParser, shtab: Any) -> None:
     """Mark all words of a parser that are paths, those of its commands too."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
-                _complete_files(command, files)
+                _complete_files(command, shtab)
+        elif action.type is Path and action.choices:
+            action.choices = [*shtab.Required.FILE, *action.choices]
         elif action.type is Path:
-            action.complete = files  # type: ignore[attr-defined]
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 def dependencies() -> dict[str, str | None]:
@@ -76,9 +91,9 @@ def dependencies() -> dict[str, str | None]:
     return found
 
 
-def program(name: str, description: str) -> argparse.ArgumentParser:
+def program(name: str, description: str) -> Parser:
     """A parser with ``--version`` and ``--completion``."""
-    parser = _Parser(prog=name, description=description)
+    parser = Parser(prog=name, description=description)
     parser.add_argument("--version", action=_Version, nargs=0, help="say which version it is, and of which libraries")
     parser.add_argument(
         "--completion",

@@ -7,7 +7,7 @@ import gc
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
     program.epilog = "`pdsolve study study.toml` solves many (`pdsolve study --help`)."
+    program.others = {"study": _study_parser}
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
         program,
@@ -75,6 +76,12 @@ def parser() -> argparse.ArgumentParser:
     return program
 
 
+def _study_parser() -> argparse.ArgumentParser:
+    from pdsolve.study import command
+
+    return command.parser()
+
+
 def _leave_out_blas() -> None:
     """Load numba's arrays where they do not find SciPy's BLAS: no kernel uses it, and it imports as slowly as numba."""
     blas = "scipy.linalg.cython_blas"
@@ -109,7 +116,7 @@ def _solve(args: argparse.Namespace) -> int:
     with Watch(args.quiet) as watch, warnings.catch_warnings():
         for kind in (ModelWarning, ResultsWarning):
             warnings.simplefilter("always", kind)
-        warnings.showwarning = lambda message, *_: commandline.note(f"pdsolve: warning: {message}", args)
+        warnings.showwarning = _once(args)
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
             given = [name for name in (*kept, "static", "float", "adapt", "cracks") if getattr(args, name)]
@@ -140,6 +147,18 @@ def _solve(args: argparse.Namespace) -> int:
     return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
 
 
+def _once(args: argparse.Namespace) -> Callable[..., None]:
+    """Tells of warnings; of what several parts of a run find, once."""
+    said = set()
+
+    def show(message: Warning | str, *_: object) -> None:
+        if str(message) not in said:
+            said.add(str(message))
+            commandline.note(f"pdsolve: warning: {message}", args)
+
+    return show
+
+
 @contextmanager
 def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
     """Says how to go on with a run that was stopped where something is lost."""
@@ -153,14 +172,11 @@ def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
 
 def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raises UsageError for a setting given here that a run of this kind would not use."""
-    from pdmesh.model.unheard import unused
+    from pdmesh.model.unheard import in_vain
 
-    for name, _ in (*args.assignments, *_flags(args)):
-        for one in unused(settings):
-            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
-                raise commandline.UsageError(
-                    f"{name}: found it given for {one.switch} {one.found}, expected {one.expected}"
-                )
+    said = in_vain(settings, [name for name, _ in (*args.assignments, *_flags(args))])
+    if said is not None:
+        raise commandline.UsageError(said)
 
 
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:

@@ -136,7 +136,9 @@ def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
 
 def _refuse_messages(path: Path, found: Mapping[str, Any]) -> None:
     for message in found["messages"]:
-        raise SceneError(f"{path}: Gmsh says: {message}")
+        renumbered = " (Boolean operations number anew: Surface{:} is all, Surface In BoundingBox{...} some)"
+        hint = renumbered if "unknown surface" in message or "unknown curve" in message else ""
+        raise SceneError(f"{path}: Gmsh says: {message}{hint}")
 
 
 def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:

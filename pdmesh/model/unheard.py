@@ -5,7 +5,7 @@ What asks for something that cannot be had is refused by who would do it; here a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import msgspec
@@ -67,6 +67,16 @@ def unused(settings: Settings) -> Iterator[Unused]:
         if found is not None and all(value_of(settings, name) != value for name, value in row.switches):
             expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
             yield Unused(row.names, first, found, expected)
+
+
+def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
+    """What to say of the first of these dotted names that was given to a run which does not use it."""
+    rows = list(unused(settings))
+    for name in names:
+        for one in rows:
+            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
+                return f"{name}: found it given for {one.switch} {one.found}, expected {one.expected}"
+    return None
 
 
 def remarks(settings: Settings) -> list[str]:

@@ -25,6 +25,7 @@ WALLS = (
 )
 EXTRAS = {
     "distributed": ("studies by several processes", "pip install 'pdsuite[study]'"),
+    "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),
     "shtab": ("completion in the shell", "pip install 'pdsuite[completion]'"),
 }
 

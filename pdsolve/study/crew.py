@@ -10,6 +10,7 @@ import logging
 import signal
 import tempfile
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -169,7 +170,8 @@ def _client(crew: Crew, tasks: int) -> Iterator[Client]:
     settings: dict[str, Any] = {"n_workers": min(workers, tasks), "threads_per_worker": 1, "memory_limit": 0}
     settings |= {"dashboard_address": None, "silence_logs": logging.CRITICAL}
     with dask.config.set(ONE_BY_ONE), _scratch() as scratch:
-        with _uninterrupted():
+        with _uninterrupted(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a port that another study listens at, which nobody looks at
             cluster = LocalCluster(local_directory=scratch, **settings)
         with cluster, Client(cluster) as client:
             yield client

@@ -8,6 +8,7 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -156,6 +157,7 @@ def read_study(path: Path) -> Study:
     try:
         text = read_bytes(path).decode("utf-8")
         about = msgspec.convert(tomllib.loads(text), Description)
+        _refuse_odd(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:  # TOML's, UTF-8's and msgspec's
@@ -171,6 +173,15 @@ def read_study(path: Path) -> Study:
         raise StudyError(f"{path}: $.drawing: found no file {study.drawing}, expected a drawing")
     study.cases()
     return study
+
+
+def _refuse_odd(value: Any, place: str) -> None:
+    """Raises ValueError for what TOML has and no parameter can be: dates and times."""
+    if isinstance(value, date | time):
+        raise ValueError(f"{place}: found {value}, expected a number, a word, a list or a table")
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for name, part in parts:
+        _refuse_odd(part, f"{place}[{name}]" if isinstance(name, int) else f"{place}.{name}")
 
 
 def word(value: Any, toml: bool = False) -> str:

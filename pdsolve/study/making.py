@@ -10,6 +10,7 @@ from typing import Any
 from pdmesh.drawing import sources
 from pdmesh.model.cloud import Grid, grid_of
 from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
+from pdmesh.model.unheard import in_vain
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdsolve.estimate import Plan, plan
@@ -28,6 +29,9 @@ def made(drawing: Path, case: Case, trust: bool = False) -> Model:
     """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
     grid, settings = _built(drawing, case, trust)
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
+    said = in_vain(model.settings, case.model)
+    if said is not None:
+        raise ModelError(f"{drawing}: {said}")
     if not case.repetition:
         return model
     step = model.settings.run.time_step or 0.0

@@ -63,7 +63,7 @@ class Table:
         """
         new = not path.exists() or path.stat().st_size == 0  # a run that was killed has left nothing in it
         if not new and not is_study(path):
-            raise StudyError(f"{path}: found a file that is no table of a study, expected one or none")
+            raise StudyError(f"{path}: found a file that is no table of a study, expected one or none (-o: another)")
         table = cls(sqlite3.connect(path), path)
         with table.connection:
             if new:

@@ -120,11 +120,22 @@ def test_bash_completes_a_command_and_a_file(here: Path, capsys: pytest.CaptureF
     pytest.importorskip("shtab")
     with pytest.raises(SystemExit):
         pdpost(["--completion", "bash"])
-    Path("words").write_text(capsys.readouterr().out)
+    Path("pdpost.words").write_text(capsys.readouterr().out)
+    with pytest.raises(SystemExit):
+        pdsolve(["--completion", "bash"])
+    Path("pdsolve.words").write_text(capsys.readouterr().out)
     Path("plate.sqlite").touch()
-    for words, found in ((("cra",), "crack"), (("crack", "pla"), "plate.sqlite"), (("crack", "--al"), "--along")):
-        line = f"COMP_WORDS=(pdpost {' '.join(words)}); COMP_CWORD={len(words)}"
-        script = f"source ./words; {line}; _shtab_pdpost pdpost; echo ${{COMPREPLY[@]}}"
+    for name, words, found in (
+        ("pdpost", ("cra",), "crack"),
+        ("pdpost", ("crack", "pla"), "plate.sqlite"),
+        ("pdpost", ("crack", "--al"), "--along"),
+        ("pdsolve", ("stu",), "study"),
+        ("pdsolve", ("pla",), "plate.sqlite"),
+        ("pdsolve", ("study", "--work"), "--workers"),
+        ("pdsolve", ("study", "pla"), "plate.sqlite"),
+    ):
+        line = f"COMP_WORDS=({name} {' '.join(words)}); COMP_CWORD={len(words)}"
+        script = f"source ./{name}.words; {line}; _shtab_{name} {name}; echo ${{COMPREPLY[@]}}"
         ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
         assert ran.stdout.split() == [found]
 

@@ -18,7 +18,10 @@ from pdpost.__main__ import main as pdpost
 from pdpost.measures.scatter import chosen
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
+from pdsolve.model import ModelError
 from pdsolve.study import crew
+from pdsolve.study.description import Case
+from pdsolve.study.making import made
 from pdsolve.study.table import Column, Row, Table
 
 STUDY = """
@@ -153,6 +156,14 @@ def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(
         assert said in error
         assert error.count("\n") == 2
         assert not Path("study.sqlite").exists()
+
+
+def test_a_setting_that_its_runs_do_not_use_is_refused(here: Path) -> None:
+    small(here)
+    with pytest.raises(
+        ModelError, match=r"run.theta: found it given for run.solver explicit, expected run.solver impl"
+    ):
+        made(Path("plate.json"), Case({}, {"run.theta": 0.6}, {}))
 
 
 def test_without_the_extra_it_is_named(

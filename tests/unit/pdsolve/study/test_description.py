@@ -79,6 +79,7 @@ def test_values_are_words_as_the_command_line_has_them() -> None:
         ("vary.drawing.length = []", "$.vary: length: found [], expected a list of values"),
         ("vary.mode = ['quick']", "Invalid enum value 'quick'"),
         ("varied.mode = ['thesis']", "unknown field `varied`"),
+        ("vary.drawing.length = [1979-05-27]", "$.vary.drawing.length[0]: found 1979-05-27, expected a number, a word"),
         ("set.threads = 3", "unknown field `threads`"),
         ("set = ", "Invalid value"),
         (
