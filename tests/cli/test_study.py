@@ -160,9 +160,7 @@ def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(
 
 def test_a_setting_that_its_runs_do_not_use_is_refused(here: Path) -> None:
     small(here)
-    with pytest.raises(
-        ModelError, match=r"run.theta: found it given for run.solver explicit, expected run.solver impl"
-    ):
+    with pytest.raises(ModelError, match=r"run.theta: found it given for run.solver explicit, expected run.solver"):
         made(Path("plate.json"), Case({}, {"run.theta": 0.6}, {}))
 
 
