@@ -27,6 +27,7 @@ from pdmesh.drawing.sources import build
 from pdsolve.adapt import zone_moved
 from pdsolve.measures import books, damage
 from pdsolve.model import Model, ModelWarning
+from pdsolve.splitting import changing
 from pdsolve.system import Options, prepare
 
 ROOT = Path(__file__).parent.parent
@@ -112,16 +113,19 @@ def solved(
     if share is not None:
         step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.bound
         plate = with_run(plate, time_step=step, steps=round(duration / step))
-    problem, steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
-    begins = problem.system.hybrid.told().fine_share if problem.system.hybrid else 1.0
+    (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
+    begins = system.told.fine_share if system.told else 1.0
+    splits = changing(system)
     began, done = time.thread_time(), 0
     while done < steps:
-        last = min(done + LOOK, steps)
-        problem.march(done + 1, last + 1)
+        change = splits.epoch(system, state, done) if splits else None
+        system, state = (system, state) if change is None else (change.system, change.state)
+        last = min(done + (splits.every if splits else LOOK), steps)
+        system.stepper.march(state, done + 1, last + 1)
         done = last
     cpu = time.thread_time() - began
-    change = zone_moved(problem.system) if problem.system.hybrid else None
-    system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+    change = zone_moved(system) if system.hybrid else None
+    system, state = (system, state) if change is None else (change.system, change.state)
     broken, energies = system.operator.broken(), books(system, state, steps)
     cracked = system.model.grid.position[damage(system, broken) > CRACKED]
     if box is not None:
@@ -240,12 +244,12 @@ Simul. 9 (2011) 905-932). A linear field is at rest, edges included, momentum an
 Fine nodes at edges, faces of pre-cracks and interfaces have the bonds of a uniform run; a coarse cell has the mean
 stiffness and mass of its materials.
 
-**What it takes**: nodes on one lattice, horizons up to 6 spacings, the conservative mode in double precision; both
-laws, several materials of one micromodulus, holes, notches and any outline, pre-cracks without width in any
-direction, loads, held displacements and velocities, regions that do not break. Frames, histories and all that
-`pdpost` shows are of the coarse nodes and of the fine ones there are; nodes that come and go do so in the first step
-after the last look (ledger or frame) before which they did. `pdmesh build` lays the finest spacing of a drawing
-everywhere and moves cracks, by half a spacing at most, where they would meet a node, and says so.
+**What it takes**: nodes on one lattice, horizons up to 6 spacings (5.5 with a constant micromodulus), the conservative
+mode in double precision; both laws, several materials of one micromodulus, holes, notches and any outline, pre-cracks
+without width in any direction, loads, held displacements and velocities, regions that do not break. Frames, histories
+and all that `pdpost` shows are of the coarse nodes and of the fine ones there are; nodes that come and go do so in the
+first step after the last look (ledger or frame) before which they did. `pdmesh build` lays the finest spacing of a
+drawing everywhere and moves cracks, by half a spacing at most, where they would meet a node, and says so.
 
 **What it refuses**, in one line: imported meshes and other nodes on no lattice, several spacings, the thesis mode,
 single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on

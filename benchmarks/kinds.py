@@ -1,11 +1,12 @@
 """Fine zones of all kinds on the same scenes, in one table and one chart: python -m benchmarks.kinds.
 
-Drawn zones, those that move with cracks and a compact lattice elsewhere (hybrid), or stencils (collocation), each
-beside uniform nodes of the finest spacing, with the same horizon over spacing. Cost: CPU time of the loop on one
-thread, over that of the uniform run. Error: the distance of the crack's path from those of uniform runs, over its
-length, for four steps, as a crack is known no better than runs that differ by the step alone. Besides, free vibration
-that noise sets in motion: how much energy there is of it after 4000 units of time. Writes its part of
-docs/adaptivity.md, and docs/adaptivity.png. Another kind is another row of `KINDS`.
+Drawn zones, those that move with cracks and a compact lattice elsewhere (hybrid), cells that split, or stencils
+(collocation), each beside uniform nodes of the finest spacing, with the same horizon over spacing. Cost: CPU time of
+the loop on one thread, over that of the uniform run. Error: the distance of the crack's path from those of uniform
+runs, over its length, for four steps, as a crack is known no better than runs that differ by the step alone. Besides,
+free vibration that noise sets in motion: how much energy there is of it after 4000 units of time; and what of a pulse
+comes back from the seam (`benchmarks.pulses`). Writes its part of docs/adaptivity.md, and docs/adaptivity.png. Another
+kind is another row of `KINDS`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from benchmarks.adaptivity import GEOMETRIES, KINDS_BEGIN, PAGE, ROOT, STEPS, Found, distance, solved, with_run
 from benchmarks.pages import put_section
+from benchmarks.pulses import WIDTHS, sent_back, split_where
 from pdmesh import Scene, box
 from pdmesh.drawing.sources import read_scene
 from pdmesh.grid.building import build
@@ -33,8 +35,11 @@ from pdsolve.system import Options, prepare
 from pdsolve.unstable import UnstableError
 
 CHART = ROOT / "docs" / "adaptivity.png"
+EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)  # m
 UNITS = 4000.0  # spacing sqrt(rho / E): how long a plate vibrates
 DIRECTIONS = 8  # of the noise
+SHAKEN = (0.0, 0.03, 0.05, 0.05)  # m: what is fine then, where it is drawn or split
+COSTS, SHARES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.1, 1.0, 10.0, 100.0)  # marked in the chart; %
 GROWN = 1e6  # of the energy at the start: enough to know
 
 
@@ -44,6 +49,7 @@ class Plate(NamedTuple):
     title: str
     file: str
     assignments: tuple[tuple[str, str], ...]
+    coarse: tuple[tuple[str, str], ...]  # with nodes twice as far apart, which are to be split
     drawn: Callable[[Scene], Scene]  # with zones drawn by one who knows where cracks go
     duration: float  # s
     box: tuple[float, float, float, float]  # where its path is compared, m
@@ -59,16 +65,24 @@ class Kind(NamedTuple):
 
     def model(self, plate: Plate) -> Model:
         """A plate's model for it."""
-        scene = read_scene(GEOMETRIES / plate.file, plate.assignments).one_scale()
+        splits = self.adapt == "split"
+        scene = read_scene(GEOMETRIES / plate.file, plate.coarse if splits else plate.assignments).one_scale()
         if self.drawn:
             scene = plate.drawn(scene)
-        elif self.adapt == "none":
-            scene = scene.adapt("hybrid")  # whose nodes a uniform run is of too
-        built = build(scene if self.adapt == "none" else scene.adapt(self.adapt))  # type: ignore[arg-type]
-        return with_run(Model(built.grid, built.settings, plate.file), **self._run())
+        return self.built(scene, plate.file)
 
-    def _run(self) -> dict[str, object]:
-        return {"adapt": self.adapt, "collocation": Collocation(damping=self.damping)}
+    def built(self, scene: Scene, name: str = "") -> Model:
+        """The model of a scene, whose zones are drawn for it."""
+        if self.adapt == "split":
+            scene = scene.zone(box(*EVERYWHERE), scene.finest / 2)  # all may split once
+        lattice = "hybrid" if self == UNIFORM else self.adapt  # whose nodes a uniform run is of too
+        built = build(scene if lattice == "none" else scene.adapt(lattice))  # type: ignore[arg-type]
+        return with_run(Model(built.grid, built.settings, name), adapt=self.adapt, collocation=self.collocation)
+
+    @property
+    def collocation(self) -> Collocation:
+        """How it is solved if it is that."""
+        return Collocation(damping=self.damping)
 
 
 def _steel(scene: Scene) -> Scene:
@@ -88,6 +102,7 @@ PLATES = (
         "Kalthoff and Winkler's steel, 0.5 mm",
         "kalthoff_winkler_steel.py",
         (("spacing", "5e-4"),),
+        (("spacing", "1e-3"),),
         _steel,
         86e-6,
         (0.05, 0.1262, 1.0, 0.185),
@@ -96,6 +111,7 @@ PLATES = (
         "Duran's glass, 0.25 mm",
         "duran50.geo",
         (("Zones/fine/Spacing", "2.5e-4"), ("Zones/coarse/Spacing", "2.5e-4")),
+        (("Zones/fine/Spacing", "5e-4"), ("Zones/coarse/Spacing", "5e-4")),
         _glass,
         40e-6,
         (0.0505, -1.0, 0.068, 1.0),
@@ -106,6 +122,7 @@ KINDS = (
     UNIFORM,
     Kind("drawn zones", drawn=True),
     Kind("hybrid", "hybrid"),
+    Kind("split", "split"),
     Kind("collocation", "collocation"),
     Kind("collocation, undamped", "collocation", damping=0.0),
 )
@@ -164,20 +181,19 @@ def vibrating(kind: Kind) -> tuple[float, float]:
     """Energy over that at the start of a plate that noise sets in motion, and after how many units of time: when
     there is enough to know, or at the end."""
     material = Material(E=1e9, rho=1e3, G0=1e30, plane="strain")
-    scene = Scene(box(0, 0, 0.08, 0.08), 1e-3, material, 4, Run(steps=1)).crack([(0, 0.0405), (0.0245, 0.0405)])
+    h = 2e-3 if kind.adapt == "split" else 1e-3
+    tip, level = 0.024 + h / 2, 0.04 + h / 2
+    scene = Scene(box(0, 0, 0.08, 0.08), h, material, 4, Run(steps=1)).crack([(0, level), (tip, level)])
     if kind.drawn:
-        scene = replace(scene.zone(box(0.0, 0.03, 0.05, 0.05), 1e-3), spacing=2e-3)
-    built = build(scene if kind.adapt == "none" else scene.adapt(kind.adapt))  # type: ignore[arg-type]
-    model = with_run(Model(built.grid, built.settings), **kind._run())
-    group = np.random.default_rng(5).integers(DIRECTIONS, size=len(model.grid))
-    angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    conditions = tuple(
-        InitialVelocity(nodes=tuple(model.grid.ids[group == number].tolist()), x=float(x), y=float(y))
-        for number, (x, y) in enumerate(1e-3 * np.column_stack([np.cos(angle), np.sin(angle)]))
-    )
-    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, conditions=conditions))
+        scene = replace(scene.zone(box(*SHAKEN), 1e-3), spacing=2e-3)
+    model = kind.built(scene)
+    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, conditions=_noise(model)))
     bound = prepare(model, Options(threads=1)).system.bound
     problem = prepare(with_run(model, time_step=0.8 * bound), Options(threads=1))
+    if kind.adapt == "split":
+        problem = split_where(problem, lambda at: ((at > SHAKEN[:2]) & (at < SHAKEN[2:])).all(axis=1))
+        random = np.random.default_rng(5).standard_normal(problem.state.rate.shape)
+        problem.state.rate[:] = 1e-3 * random / np.sqrt(2)
     unit, begins, done = 1e-3 * np.sqrt(material.rho / material.E), 0.0, 0
     steps = int(UNITS * unit / problem.system.time_step)
     for part in range(9):
@@ -191,7 +207,36 @@ def vibrating(kind: Kind) -> tuple[float, float]:
     return energy, done * problem.system.time_step / unit
 
 
-def table(rows: list[Row]) -> str:
+def _noise(model: Model) -> tuple[InitialVelocity, ...]:
+    """Velocities of one size, in directions at random."""
+    group = np.random.default_rng(5).integers(DIRECTIONS, size=len(model.grid))
+    angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return tuple(
+        InitialVelocity(nodes=tuple(model.grid.ids[group == number].tolist()), x=float(x), y=float(y))
+        for number, (x, y) in enumerate(1e-3 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    )
+
+
+class Seam(NamedTuple):
+    """What the seam of a kind does by itself."""
+
+    kind: str
+    energy: float  # of free vibration, over that at the start
+    units: float  # of time, after which
+    back: tuple[float, ...]  # share of a pulse, by its width
+
+
+def seam_of(kind: Kind) -> Seam:
+    """All of that."""
+    return Seam(kind.name, *vibrating(kind), sent_back(kind.adapt, kind.drawn, kind.collocation))
+
+
+def number(value: float) -> str:
+    """Four digits at least, thousands apart."""
+    return f"{value:,.0f}".replace(",", " ") if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def table(rows: list[Row], seams: list[Seam]) -> str:
     """The section of the page."""
     lines = [
         KINDS_BEGIN,
@@ -199,7 +244,9 @@ def table(rows: list[Row]) -> str:
         "Written by `python -m benchmarks.kinds`; horizon 4 spacings, conical, coarse nodes twice as far apart. Cost is"
         " CPU time of the loop over that of the uniform run, one thread, of the fastest of four; the rest are means of"
         " four runs whose steps differ, and of the path the least and most. Free vibration: energy over that at the"
-        f" start after {UNITS:g} spacing sqrt(rho / E), or when it has grown a million times.",
+        f" start after {number(UNITS)} h sqrt(rho / E), or when it has grown a million times. Pulse: a P pulse"
+        " exp(-(x / w)^2) that leaves the fine part through a straight seam, velocity that comes back over that sent."
+        " Cells that split are drawn twice as coarse, and the steel's pre-cracks a quarter of a millimetre elsewhere.",
         "",
         "![Cost against error of fine zones of all kinds](adaptivity.png)",
         "",
@@ -213,43 +260,65 @@ def table(rows: list[Row]) -> str:
             continue
         off = f"{100 * row.off:.1f} ({100 * row.scatter[0]:.1f} to {100 * row.scatter[1]:.1f})"
         lines.append(
-            f"| {row.plate} | {row.kind} | {row.cost:.2f} | {1e6 * row.first:.2f} | {off} | {row.dissipated:.4g} |"
+            f"| {row.plate} | {row.kind} | {row.cost:.2f} | {1e6 * row.first:.2f} | {off} | {number(row.dissipated)} |"
             f" {100 * row.balance:+.2f} | {100 * row.fine:.1f} |"
         )
-    lines += ["", "| kind | free vibration: energy over that at the start | after |", "|---|---|---|"]
-    for kind in KINDS:
-        energy, units = vibrating(kind)
-        print(kind.name, energy, units, file=sys.stderr, flush=True)
-        lines.append(f"| {kind.name} | {energy:.4g} | {units:.0f} |")
+    widths = ", ".join(f"{width} h" for width in WIDTHS)
+    lines += [
+        "",
+        f"| kind | free vibration: energy over that at the start | after | of a pulse {widths} wide comes back, % |",
+        "|---|---|---|---|",
+    ]
+    for seam in seams:
+        back = ", ".join(f"{100 * share:.1f}" for share in seam.back)
+        energy = f"{seam.energy:.3g}" if seam.energy < GROWN else f"more than {number(GROWN)}"
+        lines.append(f"| {seam.kind} | {energy} | {number(seam.units)} | {back} |")
     return "\n".join([*lines, "", WORDS])
 
 
-def chart(rows: list[Row]) -> None:
-    """Cost against error, a plate each."""
+def chart(rows: list[Row], seams: list[Seam]) -> None:
+    """Cost against error, a plate each, and what comes back of pulses."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     plates = list(dict.fromkeys(row.plate for row in rows))
-    figure, every = plt.subplots(1, len(plates), figsize=(5 * len(plates), 4), squeeze=False, layout="constrained")
-    for axes, plate in zip(every[0], plates, strict=True):
-        for number, row in enumerate(one for one in rows if one.plate == plate and not one.said):
+    colours = {kind.name: f"C{number}" for number, kind in enumerate(KINDS)}
+    figure, (*every, pulses) = plt.subplots(1, len(plates) + 1, figsize=(5 * len(plates) + 5, 4), layout="constrained")
+    for axes, plate in zip(every, plates, strict=True):
+        for row in (one for one in rows if one.plate == plate and not one.said):
             away = [[100 * (row.off - row.scatter[0])], [100 * (row.scatter[1] - row.off)]]
-            axes.errorbar(row.cost, 100 * row.off, yerr=away, fmt="o", color=f"C{number}", capsize=3, label=row.kind)
+            axes.errorbar(
+                row.cost, 100 * row.off, yerr=away, fmt="o", color=colours[row.kind], capsize=3, label=row.kind
+            )
         axes.set(title=plate, xlabel="cost over that of the uniform run", ylabel="path off the uniform runs', %")
-        axes.set_xlim(left=0)
+        axes.set_xscale("log")
+        axes.set_xticks(COSTS, labels=[f"{cost:g}" for cost in COSTS], minor=False)
+        axes.minorticks_off()
         axes.set_ylim(bottom=0)
         axes.legend()
+    for seam in seams:
+        pulses.loglog(WIDTHS, [100 * share for share in seam.back], "o-", color=colours[seam.kind], label=seam.kind)
+    pulses.set(
+        title="What comes back from the seam", xlabel="width of the pulse, spacings", ylabel="%", ylim=(0.1, 300)
+    )
+    pulses.set_yticks(SHARES, labels=[f"{share:g}" for share in SHARES], minor=False)
+    pulses.set_xticks(WIDTHS, labels=[str(width) for width in WIDTHS], minor=False)
+    pulses.minorticks_off()
+    pulses.legend(loc="upper center", ncols=2)
     figure.savefig(CHART, dpi=120)
 
 
 WORDS = """**What to take when.** Where a family has few bonds, as in all shipped scenes, take `--adapt hybrid`: its
-lattice costs a few bonds a node, it conserves energy and momentum, and edges need no bonds. Take drawn zones
-where nodes are on no lattice, in the thesis mode, with dampers or at rest. Take `--adapt collocation` to
-compare with its source, and where the horizon is a length of the material, of many spacings: its cost is that
-of bonds within one and a half horizons of edges and cracks, and the coarse grid's is next to nothing. Small
-families need damping beside the seam, which takes motion out of the plate.
+lattice costs a few bonds a node, it conserves energy and momentum, edges need no bonds, and its seam sends back less
+than those of bonds of two sizes. Take drawn zones where nodes are on no lattice, in the thesis mode, with dampers or at
+rest. Take `--adapt split` to compare with the thesis, or in its mode where it is not known where cracks go: its bonds
+are summed one by one, and listed anew whenever cells change, which costs more than fine nodes everywhere in blocks.
+Take `--adapt collocation` to compare with its source, and where the horizon is a length of the material, of many
+spacings: its cost is that of bonds within one and a half horizons of edges and cracks, and the coarse grid's is next to
+nothing. Small families need damping beside the seam, which takes motion out of the plate and sends long pulses back
+that the seam alone lets through.
 """
 
 
@@ -262,8 +331,12 @@ def main(arguments: list[str]) -> int:
         for row in compared(plate):
             print(row, file=sys.stderr, flush=True)
             rows.append(row)
-    chart(rows)
-    put_section(PAGE, table(rows))
+    seams = []
+    for kind in KINDS:
+        seams.append(seam_of(kind))
+        print(seams[-1], file=sys.stderr, flush=True)
+    chart(rows, seams)
+    put_section(PAGE, table(rows, seams))
     print(PAGE)
     return 0
 

@@ -72,9 +72,14 @@ def in_space(material: Material) -> Material:
 
 
 def _clear(body: Body, cloud: Cloud) -> None:
-    """Raises SceneError for a crack that passes through nodes."""
+    """Raises SceneError for a crack that passes through nodes, is none, or is beside the body."""
     for crack in body.cracks:
-        near = distances(cloud.position, crack.sheet.triangles, CLEARANCE * float(cloud.delta.max()))
+        if not crack.sheet.areas.all():
+            flat = int(np.flatnonzero(crack.sheet.areas == 0)[0])
+            raise SceneError(f"crack '{crack.name}': found triangle {flat} without area, expected three corners apart")
+        near = distances(cloud.position, crack.sheet.triangles, float(cloud.delta.max()))
+        if not (near < cloud.delta).any():
+            raise SceneError(f"crack '{crack.name}': found outside the body, expected inside")
         on = np.flatnonzero(near < CLEARANCE * cloud.delta)
         if len(on):
             x, y, z = cloud.position[on[0]]

@@ -112,7 +112,10 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
         for zone, its in zip(body.zones, steps, strict=True):
             if its == step + 1:
                 assert isinstance(zone.solid, Shell)
-                asked[zone.grown] |= inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
+                own = inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
+                if not own.any():
+                    raise SceneError(f"zone '{zone.name}': found the middle of no cube in it, expected some")
+                asked[zone.grown] |= own
         if finer is not None:
             asked[True] |= _parents(finer)
         if asked[True].any():

@@ -22,13 +22,15 @@ from pdmesh.model.document import (
     Source,
 )
 from pdmesh.model.document import Solid as Dissolving
-from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.medium import Medium
 from pdmesh.scene import actions
+from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
 DEFAULT_RUN = Run()
+ROUND_OFF = 1e-6  # of a halving
 SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 Where: TypeAlias = str | Solid | Sheet
 R = TypeVar("R", Region, MediumRegion)
@@ -95,9 +97,22 @@ class Body:
 
     def __post_init__(self) -> None:
         checked(self.solid, "body")
-        wrong = None if self.medium is None else contradiction(self.medium)
-        if wrong is not None:
-            raise SceneError(f"medium: {wrong}")
+        if self.medium is not None:
+            passable(self.medium)
+        if self.material is not None:
+            composed(self.material, "material")
+        for region in self.regions:
+            composed(region.region.material, f"material '{region.region.name}'")
+        described(self.run, Run, "run")
+        ratio(self.horizon)
+        checked_spacing(self.spacing, "spacing")
+        for zone in self.zones:
+            halved = np.log2(self.spacing / checked_spacing(zone.spacing, f"zone '{zone.name}': spacing"))
+            if halved < -ROUND_OFF or abs(halved - round(halved)) > ROUND_OFF:
+                raise SceneError(
+                    f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected {self.spacing:g} m"
+                    " over 1, 2, 4, 8, ..."
+                )
 
     @property
     def shell(self) -> Shell:

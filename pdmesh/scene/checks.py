@@ -43,25 +43,35 @@ def check(scene: Plate) -> None:
 def _numbers(scene: Plate) -> None:
     """Whatever has no place: its kind, and whether it can be written down and computed with."""
     if scene.material is not None:
-        _material(scene.material, "material")
+        composed(scene.material, "material")
     for region in scene.regions:
-        _material(region.region.material, f"material '{region.region.name}'")
-    _described(scene.run, Run, "run")
+        composed(region.region.material, f"material '{region.region.name}'")
+    described(scene.run, Run, "run")
     if scene.medium is not None:
-        _described(scene.medium, Medium, "medium")
-        wrong = contradiction(scene.medium)
-        if wrong is not None:
-            raise SceneError(f"medium: {wrong}")
+        passable(scene.medium)
         if scene.run.adapt != "none":  # collocation wants each coarse cell parted into four, as bodies have them
             raise SceneError(f"run.adapt: found {scene.run.adapt}, expected none in a plate of diffusion")
     if scene.units not in (None, "m"):
         raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
-    _described(Settings(area_rule=scene.area_rule), Settings, "area rule")
-    if not isinstance(scene.horizon, float | int) or not 1 <= scene.horizon <= 64:
-        raise SceneError(f"horizon: found {scene.horizon!r}, expected a ratio to the spacing of 1 to 64")
+    described(Settings(area_rule=scene.area_rule), Settings, "area rule")
+    ratio(scene.horizon)
 
 
-def _described(struct: Any, kind: type, place: str) -> None:
+def ratio(horizon: float) -> None:
+    """Raises SceneError for a horizon over spacing that cannot be."""
+    if not isinstance(horizon, float | int) or not 1 <= horizon <= 64:
+        raise SceneError(f"horizon: found {horizon!r}, expected a ratio to the spacing of 1 to 64")
+
+
+def passable(medium: Medium) -> None:
+    """Raises SceneError for a medium that nothing can diffuse through, or a solid in it that cannot be one."""
+    described(medium, Medium, "medium")
+    wrong = contradiction(medium)
+    if wrong is not None:
+        raise SceneError(f"medium: {wrong}")
+
+
+def described(struct: Any, kind: type, place: str) -> None:
     """Raises SceneError for what is not of a kind, or has a value that the grid file may not have."""
     if not isinstance(struct, kind):
         raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
@@ -155,8 +165,9 @@ def _zones(scene: Plate) -> None:
         limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
 
 
-def _material(material: Material, place: str) -> None:
-    _described(material, Material, place)
+def composed(material: Material, place: str) -> None:
+    """Raises SceneError for a material that cannot be, or is in other units."""
+    described(material, Material, place)
     wave = math.sqrt(material.E / material.rho)
     if wave > FASTEST_WAVE or material.rho < LIGHTEST:
         raise SceneError(

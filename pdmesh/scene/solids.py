@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import LARGEST
 from pdmesh.scene.shapes import SceneError
 
+ROUND_OFF = 1e-12  # of a triangle's longest side squared
 Place: TypeAlias = tuple[float, float, float]  # m
 
 
@@ -95,10 +96,17 @@ class Sheet:
     triangles: NDArray[np.float64]  # (t, 3, 3) m
 
     @property
+    def areas(self) -> NDArray[np.float64]:
+        """Of each triangle (t,), m^2; 0 of one that is a line, but for round-off."""
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        twice = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1))
+        longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+        return np.asarray(np.where(twice > ROUND_OFF * longest, twice / 2, 0.0))
+
+    @property
     def area(self) -> float:
         """m^2"""
-        a, b, c = self.triangles.transpose(1, 0, 2)
-        return float(np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1)).sum() / 2)
+        return float(self.areas.sum())
 
 
 def name_of(where: object) -> str:

@@ -38,9 +38,14 @@ def values(results: Results, name: str, step: int, part: str | None = None) -> N
 
 
 def middle(results: Results) -> NDArray[np.float64]:
-    """The middle (3,) of the box around the nodes at the start, m."""
-    position = results.nodes(0).position
-    return np.asarray((position.min(axis=0) + position.max(axis=0)) / 2)
+    """The middle (3,) of the box around the nodes at the start, m, or, along an axis without nodes there, of the
+    nearest of them."""
+    nodes = results.nodes(0)
+    found = (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2
+    away = np.abs(nodes.position - found)
+    nearest = nodes.position[away.argmin(axis=0), np.arange(3)]
+    there = (away <= (0.5 + ROUND_OFF) * nodes.delta[:, None]).any(axis=0)
+    return np.asarray(np.where(there, found, nearest))
 
 
 def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: float) -> Cut:

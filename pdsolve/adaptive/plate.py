@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pdmesh.model.document import Absorb, Acceleration
+from pdmesh.model.full_lattice import has_partial_cells
 from pdsolve.adaptive.arrays import RING, TIPS
 from pdsolve.adaptive.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.model import Model, ModelError
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
-LARGEST = 6.0  # horizon over spacing: half of a family has a bit for each bond
+LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
 SAME = 1e-6  # of a cell: areas this near are the same
 
 
@@ -34,7 +35,8 @@ class Plate(NamedTuple):
 
 def plate_of(model: Model, mode: str, precision: str) -> Plate:
     """The lattice of a model's nodes. Raises ModelError for what cannot be solved so, in one sentence."""
-    refuse(model, mode, precision, LARGEST)
+    farther = any(has_partial_cells(material) for material in model.materials)
+    refuse(model, mode, precision, LARGEST - 0.5 if farther else LARGEST)
     return _on_lattice(model, float(model.grid.delta[0]), model.grid.position.min(axis=0))
 
 

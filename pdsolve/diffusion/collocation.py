@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, row_chunks
 from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
 from pdsolve.diffusion.links import Linking
+from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
 from pdsolve.stencils import Stencil, diffusion, stencil_of
 
@@ -111,7 +112,7 @@ class Collocated:
         self._links.rates(fine, self._rates[0])
         self._stencils.rates(every, self._rates[1])
         out[self._some[0]], out[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
-        out[self._seam] -= float((self.volume * out).sum()) / self._seam_volume
+        _give_back(self.volume, self._seam, self._seam_volume, out)
 
     def tangent(self) -> csr_array:
         """Nobody asks: implicit steps want symmetric links."""
@@ -120,6 +121,19 @@ class Collocated:
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by; as in `Operator`."""
         return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
+
+
+@compiled(fastmath={"reassoc", "contract", "nsz"})
+def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
+    """Take what is too much of all rates (n,) from the nodes at the seam."""
+    made = 0.0
+    for i in range(len(out)):
+        made += volume[i] * out[i]
+    for i in seam:
+        out[i] -= made / seam_volume
+
+
+KERNELS = (_give_back,)
 
 
 def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:

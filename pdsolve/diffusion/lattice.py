@@ -1,8 +1,8 @@
 """Links of a lattice in slots with a base: who is linked to whom follows from where nodes are.
 
 Nodes are cells of a box with a margin. A slot is a conductance and how many cells further the other end of a link is;
-all cells of a run along x take it together, from a base. Cells without a node hold nothing, so that links to them add
-nothing, and what leaves a node is that of the links it has.
+all cells of a run along one axis take it together, from a base. Cells without a node hold nothing, so that links to
+them add nothing, and what leaves a node is that of the links it has.
 """
 
 from __future__ import annotations
@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 TOGETHER = 8  # slots that a cell is summed up over before it is put down
+ABREAST = 8  # cells that are summed up at once: runs are as if longer, and what is beyond them is not put down
+FEWER = 0.7  # of the runs along x: worth that nodes, which are in its order, are read and written out of theirs
 LEAST_FILLED = 0.2  # cells of the box that have a node
 LEAST_NODES = 64
 
 
 class Runs(NamedTuple):
-    """Nodes that follow each other along x, r runs."""
+    """Nodes that follow each other along the axis with the fewest runs, r of them."""
 
     cell: NDArray[np.int64]  # (r,) of the first
     node: NDArray[np.int64]  # (r,) its place in the order of cells
@@ -35,7 +37,7 @@ class Runs(NamedTuple):
 
 
 class Slots(NamedTuple):
-    """What links of a lattice are like, s of them; those at the end that make them a multiple hold nothing."""
+    """What links of a lattice are like, s of them; one at the end that makes them even holds nothing."""
 
     ahead: NDArray[np.int64]  # (s,) cells
     conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
@@ -64,10 +66,17 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
     if len(position) < LEAST_FILLED * np.prod(high - low + 1):
         return None
     side = (high - low + 1 + 2 * margin).astype(np.int64)
-    strides = np.concatenate([[1], np.cumprod(side[:-1])])
-    cell = ((whole - low).astype(np.int64) + margin) @ strides
-    if len(np.unique(cell)) < len(cell):
+    place = (whole - low).astype(np.int64) + margin
+    there = np.zeros(side, dtype=bool)
+    there[tuple(place.T)] = True
+    if np.count_nonzero(there) < len(place):
         return None
+    begin = np.array([np.count_nonzero(there & ~np.roll(there, 1, axis)) for axis in range(len(side))])
+    along = int(np.argmin(begin)) if begin.min() < FEWER * begin[0] else 0
+    axes = np.roll(np.arange(len(side)), -along)
+    strides = np.empty(len(side), dtype=np.int64)
+    strides[axes] = np.concatenate([[1], np.cumprod(side[axes][:-1])])
+    cell = place @ strides
     order = np.argsort(cell[:wanted], kind="stable")
     step = np.diff(cell[order])
     first = np.concatenate([[0], np.flatnonzero(step != 1) + 1])
@@ -78,7 +87,7 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
     """Those of links (k,) to nodes so many `steps` (k, d) away, in the order of cells."""
     order = np.argsort(steps @ box.strides)
-    left = -len(order) % TOGETHER
+    left = -len(order) % 2
     ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
     return Slots(ahead, np.concatenate([conductance[order], np.zeros(left)]))
 
@@ -117,7 +126,7 @@ class OnLattice:
     ) -> None:
         self.volume, self.threads = volume, threads
         self._linking, self._box, self._slots = linking, box, slots
-        self._amount, self._whole = np.zeros((2, box.size))
+        self._amount, self._whole = np.zeros((2, box.size + ABREAST))
         self._whole[box.cell] = volume
         runs = box.runs
         ends = np.searchsorted(runs.node, np.linspace(0, len(box.order), threads + 1)[1:-1])
@@ -163,11 +172,12 @@ def _put(cell, potential, volume, amount):  # type: ignore[no-untyped-def]
 def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
     amount, potential, total, order = of
     ahead, g = slots
-    s = np.zeros(runs.cells[first:last].max() if last > first else 1)
+    eights = len(ahead) // TOGETHER * TOGETHER
+    s = np.zeros((runs.cells[first:last].max() if last > first else 1) + ABREAST)
     for r in range(first, last):
-        cell, cells = runs.cell[r], np.uint64(runs.cells[r])
-        s[: runs.cells[r]] = 0
-        for k in range(0, len(ahead), TOGETHER):
+        cell, cells = runs.cell[r], np.uint64((runs.cells[r] + ABREAST - 1) // ABREAST) * np.uint64(ABREAST)
+        s[:cells] = 0
+        for k in range(0, eights, TOGETHER):
             b0, b1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1])
             b2, b3 = np.uint64(cell + ahead[k + 2]), np.uint64(cell + ahead[k + 3])
             b4, b5 = np.uint64(cell + ahead[k + 4]), np.uint64(cell + ahead[k + 5])
@@ -177,6 +187,10 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
                 one = g0 * amount[b0 + x] + g1 * amount[b1 + x] + g2 * amount[b2 + x] + g3 * amount[b3 + x]
                 two = g4 * amount[b4 + x] + g5 * amount[b5 + x] + g6 * amount[b6 + x] + g7 * amount[b7 + x]
                 s[x] += one + two
+        for k in range(eights, len(ahead), 2):
+            b0, b1, g0, g1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1]), g[k], g[k + 1]
+            for x in range(cells):
+                s[x] += g0 * amount[b0 + x] + g1 * amount[b1 + x]
         for x in range(runs.cells[r]):
             i = order[runs.node[r] + x]
             out[i] = s[x] - total[i] * potential[i]

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Run
 from pdmesh.model.fields import USUAL
 from pdsolve.compiled import settle
-from pdsolve.diffusion import lattice
+from pdsolve.diffusion import collocation, lattice
 from pdsolve.diffusion import listed as listed_links
-from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import Deeds, begin, deeds
 from pdsolve.diffusion.dissolution import State, check, crossing
 from pdsolve.diffusion.euler import Euler, bound
@@ -26,7 +25,7 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.options import Options
 from pdsolve.threads import crew
 
-KERNELS = (*listed_links.KERNELS, *lattice.KERNELS)
+KERNELS = (*listed_links.KERNELS, *lattice.KERNELS, *collocation.KERNELS)
 OWN = ("c", "h", "solid")  # fields of a frame
 SLACK = 1e-9  # of a step: what is typed
 
@@ -91,7 +90,7 @@ def _operator(
     """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
     linking, medium = Linking(model), model.settings.medium
     if model.settings.run.adapt == "collocation":
-        return Collocated(linking, volume, threads), np.zeros(len(volume), dtype=np.int64)
+        return collocation.Collocated(linking, volume, threads), np.zeros(len(volume), dtype=np.int64)
     kinetic = medium is not None and medium.dissolution == "kinetic"  # a link asks both of its ends
     found = None if kinetic or listed else on_lattice(linking, volume, threads)
     if found is not None:

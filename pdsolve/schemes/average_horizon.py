@@ -14,9 +14,9 @@ is reflected less where spacings differ.
   uniform stretching along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V.
   Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families lack more of
   themselves, the stretching has the contraction of a free bar across it, and what corrected bonds hold is corrected
-  anew, four rounds: a bar four nodes thick is then 1.3 % stiffer than its lattice, in one round it were 12 %. Bonds
-  that a pre-crack cuts hold none, around its tip as well: to spare the tip makes displacements around it worse
-  (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
+  anew, four rounds: a bar four nodes thick is then 1.3 % stiffer than its lattice, in one round and as in the plane
+  12 %. Bonds that a pre-crack cuts hold none, around its tip as well: to spare the tip makes displacements around it
+  worse (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
 - A bond that goes round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of that length.
 - Where two materials meet, each end brings half the stiffness and half the energy a bond spends on breaking.
 """

@@ -2,8 +2,10 @@
 
 Stiffness of the bond i -> j: lambda_i c_i(xi) beta_ij A_j, with Hu's beta on the family |xi| <= horizon_i (thesis,
 eq. 14), areas by eq. 19 and the softening coefficient lambda_i = potential / actual bonds (thesis, "Effetti di
-bordo"). Where horizons differ, forces come without their reaction: momentum drifts, and the loaded rows lose part
-of their load. Where materials meet, a bond has the constants of its own node's.
+bordo"). Where cells split, a neighbour counts there by its cell over the node's own: four quarters are one bond, so
+that a node is not softened because it is beside finer ones. Where horizons differ, forces come without their
+reaction: momentum drifts, and the loaded rows lose part of their load. Where materials meet, a bond has the constants
+of its own node's.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ class Rule:
         self.area, self._model = areas(model, "eq19"), model
         self.neighbours = Neighbours(grid.position, grid.delta, model.horizons)
         self._sight, self._held = sight_of(grid, model.name), unbreakable(model)
-        self._full = full_family(model.settings.horizon.ratio)
+        self._full, self._splits = full_family(model.settings.horizon.ratio), model.settings.run.adapt == "split"
 
     def looked(self, pairs: Pairs) -> Paired:
         """Those of the pairs that no hole or edge parts, not softened yet."""
@@ -47,8 +49,10 @@ class Rule:
 
     def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
         """What softens rows (k,), which increase, with these pairs; see `softening`."""
-        place = np.searchsorted(rows, found.pairs.source[found.intact])
-        return np.asarray(softening(self._full, np.bincount(place, minlength=len(rows))))
+        source, target = found.pairs.source[found.intact], found.pairs.target[found.intact]
+        cells = (self._model.grid.delta[target] / self._model.grid.delta[source]) ** 2 if self._splits else None
+        actual = np.bincount(np.searchsorted(rows, source), cells, minlength=len(rows))
+        return np.asarray(softening(self._full, actual))
 
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
         """The bonds of consecutive rows with these pairs; nodes are softened by (n,)."""
@@ -68,7 +72,7 @@ def fill(model: Model) -> Filling:
     return Filling(rule.area, part)
 
 
-def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:
+def softening(full: int, actual: NDArray[np.number]) -> NDArray[np.float64]:
     """lambda (n,): the bonds a node of a `full` family has over its `actual` ones (n,), cut ones and edges counted
     out."""
-    return full / np.maximum(actual, 1)
+    return np.asarray(full / np.maximum(actual, 1), dtype=np.float64)

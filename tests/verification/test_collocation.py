@@ -8,10 +8,11 @@ from collocated import STEEL, H, accelerations, activate, cracked, places, prepa
 
 from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptive.collocation.engine import Engine
-from pdsolve.adaptive.collocation.ground import dilated
-from pdsolve.adaptive.collocation.zone import COARSE, FINE, LARGEST
+from pdsolve.adaptive.collocation.ground import EDGE, KNOWN, WHOLE, dilated
+from pdsolve.adaptive.collocation.zone import BETWEEN, COARSE, FINE, LARGEST
 from pdsolve.adaptive.family import fine_springs
 from pdsolve.measures import books
+from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.system import Options, prepare
 from pdsolve.unstable import UnstableError
 
@@ -157,3 +158,24 @@ def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=r"found a pair of coarse nodes stretched to 1\.2"):
         problem.march(1, 10)
+
+
+def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
+    """To the bit what each has by itself; places that no bond reaches flag no row, and change no force."""
+    engine = ragged(4.0)
+    ground, zone = engine.ground, engine.zone
+    zone.u[:] = 1e-7 * H * np.random.default_rng(1).standard_normal(zone.u.shape)
+    assert set(zone.kinds[zone.rows]) == {WHOLE, EDGE, KNOWN}
+    assert np.count_nonzero(zone.kinds[zone.rows] == KNOWN) > 3 * len(ground.known) // len(ground.ways)
+    found = accelerations(engine)
+    zone.kinds[zone.kinds == KNOWN] = EDGE
+    assert np.array_equal(accelerations(engine), found)
+    idle = np.ones(ground.at.places, dtype=bool)
+    for nodes in (zone.node == FINE, zone.node == COARSE):
+        idle &= ~dilated(nodes, ground.at, ground.at.below)
+    idle |= (zone.node == BETWEEN) & ~dilated(zone.node == FINE, ground.at, ground.at.below)
+    own = np.flatnonzero(zone.node != BETWEEN)
+    zone.u[:, idle] = 1.0
+    assert idle.reshape(-1, ROW)[zone.rows].any()
+    assert np.array_equal(accelerations(engine)[:, own], found[:, own])
+    assert not zone.flags.any()

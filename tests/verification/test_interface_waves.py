@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from periodic import joined
 from plates import GLASS, interface_grid, plate
 from systems import accelerate, at_step
 
+from benchmarks.pulses import sent_back
+from pdmesh.model.document import Collocation
+from pdsolve.model import ModelWarning
 from pdsolve.system import Options, Prepared, prepare
 
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
@@ -58,3 +63,26 @@ def test_the_thesis_mode_sends_much_back(width: float, measured: float, publishe
     found = reflected("thesis", width)
     assert found == pytest.approx(measured, rel=0.02)
     assert found == pytest.approx(published, rel=0.15)
+
+
+# Kind, share measured of a pulse of two horizons, share published for it by an independent code.
+SEAMS = [("hybrid", 0.0211, 0.021), ("split", 0.0686, 0.073)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("adapt", "measured", "published"), SEAMS)
+def test_the_seams_of_zones_that_move(adapt: str, measured: float, published: float) -> None:
+    """As the table of all kinds has it, whose cells split or stay fine left of a straight seam."""
+    warnings.simplefilter("ignore", ModelWarning)
+    found = sent_back(adapt, drawn=False, collocation=Collocation(), widths=(8,))[0]
+    assert found == pytest.approx(measured, rel=0.02)
+    assert found == pytest.approx(published, rel=0.1)
+
+
+@pytest.mark.slow
+def test_damping_beside_a_seam_sends_back_what_the_seam_does_not() -> None:
+    """Stencils beside bonds of four spacings, which need damping: ten times as much with it as without."""
+    warnings.simplefilter("ignore", ModelWarning)
+    damped, free = (sent_back("collocation", False, Collocation(damping=share), (8,))[0] for share in (None, 0.0))
+    assert free < 0.01  # measured 0.0090
+    assert damped == pytest.approx(0.101, rel=0.02)

@@ -30,28 +30,21 @@ def test_a_page_keeps_the_sections_of_others(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_branching_crack_is_followed() -> None:
-    """Start, branch, tip, cost; no bond between coarse nodes breaks."""
+@pytest.mark.parametrize("mode", ["conservative", "thesis"])
+def test_a_branching_crack_is_followed(mode: str) -> None:
+    """Start, branch, tip, cost; no bond between coarse nodes breaks. Measured in both modes, fine and split."""
     warnings.simplefilter("ignore", ModelWarning)
-    fine, split = (np.array([solved(way, dt) for dt in STEPS]) for way in (Way(COARSE / 2), Way(COARSE, 0.3)))
+    ways = Way(COARSE / 2, mode=mode), Way(COARSE, 0.3, mode=mode)
+    fine, split = (np.array([solved(way, dt) for dt in STEPS]) for way in ways)
     (start, branch, place, tip), (own, forked, at, ends) = (np.median(one[:, :4], axis=0) for one in (fine, split))
-    assert abs(own - start) <= 0.5  # us; measured 9.6 and 9.75
-    assert abs(forked - branch) <= 2.0  # us; 26.2 and 26.7
-    assert abs(at - place) <= 4.0  # mm; 72 and 72
-    assert abs(ends - tip) <= 2.0  # mm, at 30 us; 75.5 and 74.5
-    assert (split[:, 4] <= 0.55 * fine[:, 4]).all()  # 0.34
+    assert abs(own - start) <= 0.5  # us; 9.75 and 9.6, 9.0 and 8.5
+    assert abs(forked - branch) <= 2.0  # us; 26.7 and 26.2, 24.3 and 23.3
+    assert abs(at - place) <= 4.0  # mm; 72 and 72, 70 and 70
+    assert abs(ends - tip) <= 2.0  # mm, at 30 us; 74.5 and 75.5, 75.5 and 76.5
+    assert (split[:, 4] <= 0.55 * fine[:, 4]).all()  # 0.34, 0.38
     assert not split[:, 5].any()  # broken bonds between two coarse nodes
-    assert np.abs(split[:, 7]).max() < 1e-4  # of the energy; 1e-5
-
-
-@pytest.mark.slow
-def test_above_the_thesis_share_the_branch_is_lost_in_its_mode() -> None:
-    """60 % refines too narrow a strip for the thesis's bonds, 30 % does not; the uniform plate branches at 29.5 us."""
-    warnings.simplefilter("ignore", ModelWarning)
-    wide, narrow = ([solved(Way(COARSE, share, mode="thesis"), dt) for dt in STEPS] for share in (0.3, 0.6))
-    assert np.isnan([one.branch for one in narrow]).all()
-    assert np.mean([one.branch for one in wide]) == pytest.approx(29.5, abs=2.0)  # us; measured 31.0, 26.5, 27.4
-    assert np.mean([one.place for one in wide]) == pytest.approx(72.0, abs=4.0)  # mm; 74 to 76
+    if mode == "conservative":
+        assert np.abs(split[:, 7]).max() < 1e-4  # of the energy; 1e-5
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ class Engine:
 
     def _grow(self) -> None:
         """Make room for breaks."""
-        more = max(len(self.zone.breaks.step), int(self.zone.flags.sum()) * ROW * len(self.ground.ways))
+        more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([one, np.zeros(more, dtype=np.int32)]) for one in self.zone.breaks)
         self.zone = self.zone._replace(breaks=Breaks(*longer))
 

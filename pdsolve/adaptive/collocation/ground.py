@@ -29,10 +29,10 @@ from pdsolve.adaptive.precracks import lengthened, seen
 from pdsolve.conditions import unbreakable
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.blocks.pull import WIDE
 from pdsolve.stencils import Stencil
 
-WHOLE, CUT, EDGE = range(3)  # rows: of full families, of those with cut bonds, of those at edges
+WHOLE, CUT, EDGE, KNOWN = range(4)  # rows: of full families, of those with cut bonds, of those at edges; the last ones
+# with stiffnesses that are kept, as many rows have the same
 SAME = 1e-12  # relative: areas this near to a whole cell are one
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
@@ -60,9 +60,10 @@ class Ground(NamedTuple):
     ways: NDArray[np.int64]  # (k,) places to the neighbour
     there: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     lack: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
+    pattern: NDArray[np.int64]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
+    known: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
     lasting: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit: float  # e above which a bond breaks
-    careful: float  # |e| above which a row is looked at bond by bond
     stencil_ways: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
     theta: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
     pairs: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
@@ -123,9 +124,10 @@ def ground_of(
         ways=ways,
         there=there,
         lack=np.ones((2, at.places)),
+        pattern=np.full(at.places // ROW, -1),
+        known=np.zeros((0, 1, ROW)),
         lasting=lasting,
         limit=limit,
-        careful=min(limit, WIDE),
         stencil_ways=2 * (found.xi[:, 1] * at.stride + found.xi[:, 0]),
         theta=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         pairs=np.column_stack([2 * xi / square[:, None], 1 / square]),
@@ -165,10 +167,16 @@ def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.boo
 
 def kinds_of(ground: Ground, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """What each row of 16 places is like."""
+    at_edge = np.where(ground.pattern >= 0, KNOWN, EDGE)
+    return np.where(edges(ground), at_edge, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
+
+
+def edges(ground: Ground) -> NDArray[np.bool_]:
+    """Rows of 16 places (places / 16,) some of whose bonds are not those of a full family."""
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    edge = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
-    edge[-2:] = True
-    return np.where(edge, EDGE, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
+    found = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
+    found[-2:] = True
+    return found
 
 
 def _near(there: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:

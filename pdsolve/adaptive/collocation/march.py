@@ -96,20 +96,25 @@ def sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
 def add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
     """Forces on the nodes of active rows."""
     for n in range(first, last):
-        row = zone.rows[n]
-        found = add_row(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
-        zone.flags[n] = found & 1
-        if found & 2:
-            add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
+        zone.flags[n] = _add(ground, zone, zone.rows[n])
+
+
+@njit(**INNER)
+def _add(ground, zone, row):  # type: ignore[no-untyped-def]
+    """The same of one row; returns a bit for each node that has a bond over its bound."""
+    over, exact = add_row(ground, zone.cut, zone.kinds[row], zone.bounds, zone.u, zone.f, row)
+    if not exact:
+        add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
+    return over
 
 
 @njit(**INNER)
 def _room(ground, zone):  # type: ignore[no-untyped-def]
-    """Whether there is room for all bonds of the rows that need care to break."""
-    some = 0
+    """Whether there is room for all bonds of the flagged rows to break."""
+    flagged = 0
     for n in range(len(zone.rows)):
-        some += zone.flags[n]
-    return zone.number[BROKEN] + some * ROW * len(ground.ways) <= len(zone.breaks.step)
+        flagged += zone.flags[n] != 0
+    return zone.number[BROKEN] + flagged * ROW * len(ground.ways) <= len(zone.breaks.step)
 
 
 @njit(**INNER)
@@ -122,7 +127,7 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
         if zone.flags[n] == 0:
             continue
         for p in range(zone.rows[n] * ROW, zone.rows[n] * ROW + ROW):
-            if zone.node[p] != FINE:
+            if not (zone.flags[n] >> (p % ROW)) & 1:
                 continue
             for k in range(len(ground.ways)):
                 if not is_over(ground, zone, zone.u, p, k):
@@ -133,7 +138,7 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
         for n in range(len(zone.rows)):
             row = zone.rows[n]
             if zone.again[row]:
-                add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
+                _add(ground, zone, row)
         zone.again[:] = 0
     return zone.number[HOT] != 0
 

@@ -10,11 +10,11 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from pdsolve.adaptive.collocation.ground import CUT, EDGE, WHOLE, do_cut, is_cut
+from pdsolve.adaptive.collocation.ground import CUT, EDGE, KNOWN, WHOLE, do_cut, is_cut
 from pdsolve.operators.blocks.kernel import INNER, across
 from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.blocks.packed import Lanes, any_above, beside, keep, same, unless_none
-from pdsolve.operators.blocks.pull import WIDE, coefficients
+from pdsolve.operators.blocks.packed import Lanes, beside, keep, larger, same, stacked, unless_none, which_above
+from pdsolve.operators.blocks.pull import coefficients
 
 PLANE, ONE = (0, 0), (0,)
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
@@ -41,17 +41,26 @@ def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
 @njit(forceinline=True, **INNER)
 def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` of these nodes."""
-    k_ = same(u, ground.table[k, 5])
+    if kind == KNOWN:
+        w = stacked(ground.known, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
+    elif kind == EDGE:
+        w = corrected(ground, p, k, lack)
+    else:
+        w = same(u, ground.table[k, 5])
     if kind != WHOLE:
-        k_ = k_ * intact(cut, u, row, k, lane)
-        if kind == EDGE:
-            other = p + ground.ways[k]
-            there = beside(ground.lack, PLANE, other)
-            x, y = (lack[0] + there[0]) * 0.5, (lack[1] + there[1]) * 0.5
-            x2, y2 = x * x, y * y
-            factor = x * y / np.sqrt(y2 * ground.squares[k, 0] + x2 * ground.squares[k, 1])
-            k_ = k_ * (factor * beside(ground.there, ONE, other)[0])
-    return k_
+        w = w * intact(cut, u, row, k, lane)
+    return w
+
+
+@njit(forceinline=True, **INNER)
+def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k in the lanes from place p on, were it intact."""
+    other = p + ground.ways[k]
+    there = beside(ground.lack, PLANE, other)
+    x, y = (lack[0] + there[0]) * 0.5, (lack[1] + there[1]) * 0.5
+    x2, y2 = x * x, y * y
+    factor = x * y / np.sqrt(y2 * ground.squares[k, 0] + x2 * ground.squares[k, 1])
+    return ground.table[k, 5] * (factor * beside(ground.there, ONE, other)[0])
 
 
 @njit(forceinline=True, **INNER)
@@ -63,42 +72,51 @@ def _g(e):  # type: ignore[no-untyped-def]
     return (wide * (e2 * e2 * e) + narrow) * e + G0
 
 
+@njit(forceinline=True, **INNER)
+def _stretched(ground, u, own, p, k):  # type: ignore[no-untyped-def]
+    """eta of bond k in the lanes from place p on, and e; `own` are the displacements there."""
+    there = beside(u, PLANE, p + ground.ways[k])
+    x, y = there[0] - own[0], there[1] - own[1]
+    inverse = ground.table[k, 4]
+    return x, y, (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+
+
 @njit(**INNER)
-def add_row(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row; returns 1 where a bond may break, 2 more if not exact."""
-    found, none = 0, same(u, 0.0)
-    near, wide = same(u, ground.careful * ground.careful), same(u, WIDE * WIDE)
+def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-def]
+    """Forces (2, places), N/m, on the nodes of a row; returns a bit for each that has a bond over its limit, and
+    whether forces are exact.
+
+    `bounds` (2, places): of e, beyond which a bond breaks, and of e^2, beyond which forces are not exact.
+    """
+    over, wide, none = 0, 0, same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
         own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        most, widest = none, none
         for k in range(len(ground.ways)):
-            there = beside(u, PLANE, p + ground.ways[k])
-            x, y = there[0] - own[0], there[1] - own[1]
-            inverse = ground.table[k, 4]
-            e = (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+            x, y, e = _stretched(ground, u, own, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             if kind != WHOLE:
                 e = unless_none(w, e, none)
-            if any_above(e * e, near):
-                found |= 3 if any_above(e * e, wide) else 1
+            most, widest = larger(e, most), larger(e * e, widest)
             pull = w * (e * _g(e))
             fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
         keep((fx, fy), f, p)
-    return found
+        bound = beside(bounds, PLANE, p)
+        over |= which_above(most, bound[0]) << lane
+        wide |= which_above(widest, bound[1])
+    return over, wide == 0
 
 
 @njit(**INNER)
 def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
-    """The same whatever the stretches."""
+    """The same forces whatever the stretches."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
         own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
         for k in range(len(ground.ways)):
-            there = beside(u, PLANE, p + ground.ways[k])
-            x, y = there[0] - own[0], there[1] - own[1]
-            inverse = ground.table[k, 4]
-            e = (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+            x, y, e = _stretched(ground, u, own, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             q2 = e + 1.0
@@ -115,14 +133,11 @@ def hold_row(ground, cut, kind, u, held, row):  # type: ignore[no-untyped-def]
         p = row * ROW + lane
         own, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
         for k in range(len(ground.ways)):
-            there = beside(u, PLANE, p + ground.ways[k])
-            x, y = there[0] - own[0], there[1] - own[1]
-            inverse = ground.table[k, 4]
-            e = (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+            _, _, e = _stretched(ground, u, own, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
-            energy = energy + w * (stretch * stretch) * (part / inverse)
+            energy = energy + w * (stretch * stretch) * (part / ground.table[k, 4])
         keep((energy,), held, p)
 
 

@@ -10,6 +10,7 @@ from pdmesh.model.continuum import pressure_speed
 from pdmesh.model.document import Collocation
 from pdsolve.adaptive.collocation.engine import Engine, Manner
 from pdsolve.adaptive.collocation.ground import Ground, Plate, ground_of, placed
+from pdsolve.adaptive.collocation.patterns import with_patterns
 from pdsolve.adaptive.collocation.rows import stiffest
 from pdsolve.adaptive.collocation.shown import Collocated
 from pdsolve.adaptive.collocation.zone import begun, eligible
@@ -49,6 +50,7 @@ def collocation_of(
         raise refused(model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable") from None
     at, place = placed(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
     ground, plate = ground_of(model, springs, at, place, found)
+    ground = with_patterns(ground)
     bound = min(_bound(ground, plate), longest(found, 2 * h, material.rho))
     ground = ground._replace(dt=step_of(model, bound))
     how = model.settings.run.collocation

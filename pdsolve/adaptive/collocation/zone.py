@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptive.collocation.ground import Ground, Layout, Plate, dilated, kinds_of
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.operators.blocks.layout import aligned
+from pdsolve.operators.blocks.pull import WIDE
 from pdsolve.stencils import ball
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
@@ -48,7 +49,8 @@ class Zone(NamedTuple):
     between: NDArray[np.int64]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
     damping: NDArray[np.float64]  # (places,) 1/s
     damped: NDArray[np.float64]  # (places,) J/m^3
-    flags: NDArray[np.uint8]  # (r,) rows that need care
+    bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
+    flags: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
     again: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
     hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
     total: NDArray[np.float64]  # (3,) dissipated, J/m; made by switching, J/m; largest e of coarse pairs
@@ -130,7 +132,8 @@ def begun(ground: Ground, plate: Plate, active: NDArray[np.bool_], band: float) 
         between=nothing.reshape(0, 5),
         damping=damping,
         damped=damped,
-        flags=np.zeros(0, dtype=np.uint8),
+        bounds=np.full((2, places), np.inf),
+        flags=np.zeros(0, dtype=np.uint16),
         again=np.zeros(places // ROW, dtype=np.uint8),
         hot=np.zeros(places, dtype=np.bool_),
         total=np.zeros(3),
@@ -158,7 +161,8 @@ def renumbered(ground: Ground, plate: Plate, zone: Zone, active: NDArray[np.bool
         coarse=np.flatnonzero(node == COARSE),
         between=between,
         damping=damping,
-        flags=np.zeros(len(rows), dtype=np.uint8),
+        bounds=np.where([fine & ~ground.lasting, fine], [[ground.limit], [WIDE**2]], np.inf),
+        flags=np.zeros(len(rows), dtype=np.uint16),
     )
 
 

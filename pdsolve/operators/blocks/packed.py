@@ -143,15 +143,24 @@ def unless_none(typingctx, weight, one, other):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def any_above(typingctx, a, b):  # type: ignore[no-untyped-def]
-    """Whether a > b in any lane."""
+def larger(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """a in lanes where it is more than b, else b."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return builder.select(builder.fcmp_ordered(">", *values), *values)
+
+    return a(a, b), generate
+
+
+@intrinsic
+def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """A bit for each lane, from the lowest on: whether a > b."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         which = builder.fcmp_ordered(">", *values)
-        bits = ir.IntType(a.count)
-        return builder.icmp_unsigned("!=", builder.bitcast(which, bits), bits(0))
+        return builder.zext(builder.bitcast(which, ir.IntType(a.count)), INT)
 
-    return types.boolean(a, b), generate
+    return types.int64(a, b), generate
 
 
 def _row(context: Any, builder: Any, kind: Any, array: Any, row: int) -> Any:

@@ -18,7 +18,7 @@ from pdsolve.laws.law import Bond, exchange, finish, nears, nothing, say
 from pdsolve.laws.small import blank, summed
 from pdsolve.operators.blocks.kernel import INNER, LANES, across
 from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.blocks.packed import any_above, beside, keep, listed, repeated, same, stacked, unless_none
+from pdsolve.operators.blocks.packed import beside, keep, listed, repeated, same, stacked, unless_none, which_above
 from pdsolve.operators.blocks.vectors import FAR, VECTOR
 
 KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
@@ -112,7 +112,7 @@ def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no
                 c = _numbers(slots, slot, likes[0], lane)
                 there = _there(slots, slot, m, likes[1], at, lane)
                 found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there)
-                if any_above(found, limit * (1.0 - SAFE)):
+                if which_above(found, limit * (1.0 - SAFE)) != 0:
                     for k in range(across(u)):
                         near[at + k] = True
                     break

@@ -21,6 +21,7 @@ from pdsolve.adaptive.split.leaves import named
 from pdsolve.adaptive.split.motion import kinetic, moved
 from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES
+from pdsolve.schemes.one_sided import Rule, softening
 from pdsolve.state import State
 
 MODES = ("thesis", "conservative")
@@ -205,6 +206,26 @@ def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
             for one, row in ((filled, at), (expected, other))
         )
         assert own == pytest.approx(theirs, abs=1e-9 * np.abs(theirs).max())
+
+
+def test_nodes_beside_finer_ones_are_not_softened_by_these() -> None:
+    """In the thesis mode four quarters count as one bond, so that softening there is that of the shape of a family."""
+    of = tree(33, 33, ratio=4.0)
+    cells = of.roots()
+    x = of.model.grid.position[:, 0] * 1e3
+    new, _ = heirs_of(of, cells, x > 15.5, cells.taken(np.zeros(0, dtype=np.int64)))
+    rows, rule = np.arange(len(new.root)), Rule(of.model_of(new))
+    found = rule.looked(rule.neighbours.pairs(rows))
+    softened = rule.lack(rows, found)
+    place = 1e3 * of.place(new)
+    inside = ((place > 3.9) & (place < 28.1)).all(axis=1)
+    counted = softening(48, np.bincount(found.pairs.source, minlength=len(rows)))
+    assert counted[inside].min() < 0.5
+    assert counted[inside].max() > 1.4
+    assert softened[inside].min() > 0.9  # measured 0.92 to 1.02, by the nodes there are 0.41 to 1.41
+    assert softened[inside].max() < 1.1
+    away = inside & (np.abs(place[:, 0] - 15.5) > 4.1)
+    assert np.array_equal(softened[away], np.ones(away.sum()))
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -10,14 +12,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from pdmesh import Body, Box, Cylinder, Material, SceneError, Sphere
+from pdmesh import Body, Box, Cylinder, Material, Medium, SceneError, Sphere
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import Built, build
 from pdmesh.grid.filling import Cubes, inside, shares
 from pdmesh.model.cloud import grid_of
-from pdmesh.model.document import GridError, encode, read_document
+from pdmesh.model.document import GridError, Run, encode, read_document
 from pdmesh.model.triangles import facing, volume
-from pdmesh.scene.solids import Shell, Solid
+from pdmesh.scene.solids import Shell, Solid, brick
 
 GLASS = Material(E=1e9, rho=1000.0, G0=100.0)
 
@@ -154,6 +156,29 @@ def test_what_makes_no_body_is_refused() -> None:
         meshed(Body(Box((0, 0, 0), (1, 1, 1)) & Box((2, 2, 2), (3, 3, 3)), 0.1))
     with pytest.raises(SceneError, match="expected one of left, right"):
         Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (
+            lambda body: body.crack([[[5, 5, 5], [6, 5, 5], [5, 6, 5]]]),
+            "crack '1': found outside the body, expected in",
+        ),
+        (lambda body: body.crack([[[0, 0, 0.5], [1, 0, 0.5], [0.5, 0, 0.5]]]), "found triangle 0 without area"),
+        (lambda body: body.zone(Box((5, 5, 5), (6, 6, 6)), 0.05), "zone '1': found the middle of no cube in it"),
+        (lambda body: body.zone(body.solid, 0.2), "zone '1': spacing: found 0.2 m, expected 0.1 m over 1, 2, 4, 8"),
+        (lambda body: body.zone(body.solid, 0.03), "zone '1': spacing: found 0.03 m, expected 0.1 m over 1, 2, 4, 8"),
+        (lambda body: Body(body.solid, -0.1), "spacing: found -0.1, expected more than 0 m"),
+        (lambda body: Body(body.solid, 0.1, horizon=0.0), "horizon: found 0.0, expected a ratio to the spacing"),
+        (lambda body: Body(body.solid, 0.1, Material(E=-1.0, rho=1.0, G0=1.0)), "material: Expected `float` > 0.0"),
+        (lambda body: Body(body.solid, 0.1, medium=Medium(D=-1.0)), "medium: Expected `float` > 0.0"),
+        (lambda body: Body(body.solid, 0.1, run=Run(steps=-4)), "run: Expected `int` >= 0"),
+    ],
+)
+def test_odd_parts_are_refused(make: Callable[[Body], Body], said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said)):
+        build(meshed(make(Body(brick((0, 0, 0), (1, 1, 1)), 0.1, GLASS))))
 
 
 def test_zones_part_cubes_and_volumes_stay() -> None:

@@ -119,11 +119,13 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     assert abs(np.polyval(lines[0] - lines[1], 0.5)) < 0.15 * abs(slope) * spacing
 
 
-@pytest.mark.parametrize(("dimension", "reach"), [(2, 9.0), (3, 5.0)])
-def test_slots_are_the_list(dimension: int, reach: float) -> None:
-    """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13."""
+@pytest.mark.parametrize(("dimension", "reach", "thin"), [(2, 9.0, 9.0), (3, 5.0, 5.0), (3, 6.0, 2.0)])
+def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
+    """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13; where
+    it is thin along x, runs are along another axis."""
     dice = np.random.default_rng(5)
     position = lattice(1.0, reach, dimension)
+    position = position[np.abs(position[:, 0]) < thin]
     position = position[np.linalg.norm(position - 2.0, axis=1) > 1.6]
     position = dice.permutation(position)
     base = model(position, 1.0, Medium(D=1.0))
@@ -131,6 +133,7 @@ def test_slots_are_the_list(dimension: int, reach: float) -> None:
     base = dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=sizes))
     slots, listed = (prepare(base, 2, listed=one)[0].operator for one in (False, True))
     assert (slots.name, listed.name) == ("lattice", "listed")
+    assert (slots._box.strides[0] == 1) == (thin == reach)  # type: ignore[attr-defined]
     assert (slots.count == listed.count).all()
     assert slots.total == pytest.approx(listed.total, rel=1e-13)
     C = dice.uniform(0, 1, len(position))

@@ -1,0 +1,173 @@
+"""What of a pulse comes back from the seam of a fine zone, of whatever kind.
+
+A P pulse exp(-(x / w)^2) leaves the fine left part of a plate for its coarse right part, upright to the seam between
+them. The plate is so high that nothing comes from its edges to the middle row, where velocities are compared: the
+largest left of the seam when what comes back of the pulse is where it began, over the largest at the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.adaptivity import with_run
+from pdmesh import Scene, box
+from pdmesh.grid.building import build
+from pdmesh.model.continuum import C11
+from pdmesh.model.document import Collocation, Material, Run
+from pdsolve.adaptive.collocation.engine import Engine
+from pdsolve.adaptive.collocation.shown import Collocated
+from pdsolve.adaptive.collocation.zone import COARSE as ACTIVE
+from pdsolve.adaptive.collocation.zone import FINE as BONDED
+from pdsolve.adaptive.collocation.zone import areas_of, renumbered
+from pdsolve.adaptive.hybrid import Hybrid
+from pdsolve.adaptive.lattice import AROUND, COARSE, FINE, FREE, VOID
+from pdsolve.adaptive.shown import Shown
+from pdsolve.adaptive.split.heirs import heirs_of
+from pdsolve.model import Model
+from pdsolve.splitting import Splitting
+from pdsolve.system import Options, Prepared, prepare
+
+H, RATIO = 1e-3, 4  # m; horizon over spacing
+WIDTHS = (4, 8, 16)  # spacings: half, one and two times two horizons
+MATERIAL = Material(E=1e9, rho=1e3, G0=1e30, plane="strain")
+SPEED = float((C11["strain"] * MATERIAL.E / MATERIAL.rho) ** 0.5)  # m/s
+HEIGHT = 1e-6  # m
+STEP = 0.5  # H sqrt(rho / E)
+
+Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # along x, by x
+
+
+class Marching(NamedTuple):
+    """A plate on which a pulse is put."""
+
+    put: Callable[[Field, Field, Field], None]  # displacements, velocities at the start and half a step later
+    march: Callable[[int, int], None]
+    seen: Callable[[], tuple[NDArray[np.float64], NDArray[np.float64]]]  # places and velocities (n, 2) of fine nodes
+
+
+def sent_back(adapt: str, drawn: bool, collocation: Collocation, widths: tuple[int, ...] = WIDTHS) -> tuple[float, ...]:
+    """The share of pulses of these widths, spacings, that comes back; `drawn`: the seam is that of drawn zones."""
+    return tuple(_sent_back(adapt, drawn, collocation, width) for width in widths)
+
+
+def _sent_back(adapt: str, drawn: bool, collocation: Collocation, width: int) -> float:
+    start = max(5 * width, 40)
+    seam = 3 * start + 4 * width
+    size = seam + start // 2 + 4 * width, 4 * start + 8 * RATIO
+    scene = Scene(box(0, 0, *(H * side for side in size)), H, MATERIAL, RATIO, Run(steps=1))
+    if drawn or adapt == "split":
+        wide = seam if drawn else size[0]
+        scene = replace(scene.zone(box(0, 0, H * wide, H * size[1]), H), spacing=2 * H)
+    lattice = adapt if adapt != "none" or drawn else "hybrid"
+    built = build(scene.adapt(lattice))  # type: ignore[arg-type]
+    step = STEP * H * (MATERIAL.rho / MATERIAL.E) ** 0.5
+    model = with_run(Model(built.grid, built.settings), adapt=adapt, collocation=collocation, time_step=step)
+    plate = _plate(model, H * seam)
+    shape, rate = _pulse(H * (seam - start), H * width)
+    plate.put(shape, rate, lambda x: rate(x - SPEED * step / 2))
+    middle, first, last = H * size[1] / 2, H * (seam - start - 3 * width), H * (seam - 3 * RATIO)
+
+    def largest() -> float:
+        place, velocity = plate.seen()
+        own = (np.abs(place[:, 1] - middle) < H) & (place[:, 0] > first) & (place[:, 0] < last)
+        return float(np.abs(velocity[own, 0]).max())
+
+    sent = largest()
+    plate.march(1, round(2 * start * H / SPEED / step) + 1)
+    return largest() / sent
+
+
+def _pulse(centre: float, width: float) -> tuple[Field, Field]:
+    """Displacements of a pulse that goes to the right, and its velocities."""
+
+    def shape(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(HEIGHT * np.exp(-(((x - centre) / width) ** 2)))
+
+    return shape, lambda x: 2 * SPEED * (x - centre) / width**2 * shape(x)
+
+
+def _plate(model: Model, seam: float) -> Marching:
+    """A plate of this model, fine left of the seam."""
+    problem = prepare(model, Options(threads=1))
+    if isinstance(problem.system.operator, Shown):
+        return _hybrid(problem.system.operator.hybrid, model, seam)
+    if isinstance(problem.system.operator, Collocated):
+        return _collocation(problem.system.operator.hybrid, seam)
+    if model.settings.run.adapt == "split":
+        problem = split_where(problem, lambda place: place[:, 0] < seam)
+    return _bonds(problem)
+
+
+def _bonds(problem: Prepared) -> Marching:
+    """Nodes that have bonds all over."""
+    place, state = problem.system.model.grid.position, problem.state
+
+    def put(shape: Field, _: Field, rate: Field) -> None:  # forces are not known yet: half a kick is left out
+        state.value[:, 0], state.rate[:, 0] = shape(place[:, 0]), rate(place[:, 0])
+
+    return Marching(put, problem.march, lambda: (place, state.rate))
+
+
+def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Prepared:
+    """Cells, by the places (n, 2) of their middles, are split there and nowhere else."""
+    splitting = Splitting(problem.system)
+    tree = splitting.tree
+    cells = tree.roots()
+    splits = tree.splits(cells) & where(tree.place(cells))
+    new, _ = heirs_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
+    return splitting.back(problem.system, kept)
+
+
+def _collocation(engine: Engine, seam: float) -> Marching:
+    """Coarse nodes are active right of the seam alone."""
+    ground, plate, zone = engine.ground, engine.plate, engine.zone
+    x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)
+    engine.zone = renumbered(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.manner.band)
+    engine.area = areas_of(ground, plate, engine.zone.node)
+    place = plate.model.grid.position
+
+    def put(shape: Field, _: Field, rate: Field) -> None:
+        zone.u[0, plate.place], zone.v[0, plate.place] = shape(place[:, 0]), rate(place[:, 0])
+
+    def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        own = engine.zone.node[plate.place] == BONDED
+        return place[own], engine.zone.v[:, plate.place[own]].T
+
+    return Marching(put, engine.march, seen)
+
+
+def _hybrid(hybrid: Hybrid, model: Model, seam: float) -> Marching:
+    """Cells are fine left of the seam alone."""
+    zone, wide = hybrid.zone, hybrid.plate.at.cell_stride
+    cell = np.arange(hybrid.plate.at.cells)
+    left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
+    zone.cells[zone.cells == FINE] = COARSE
+    zone.cells[left] = FINE
+    hybrid.number()
+    hybrid.renew()
+    place, (coarse, rows) = model.grid.position, hybrid.coincident()
+    lattices = (hybrid.plate.place, place), (coarse, place[rows])
+
+    def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:
+        found = []
+        for nodes, (own, at) in zip((hybrid.zone.fine, hybrid.zone.coarse), lattices, strict=True):
+            some = nodes.kind[own] == FREE
+            found.append((nodes, own[some], at[some]))
+        return found
+
+    def put(shape: Field, rate: Field, _: Field) -> None:
+        for nodes, own, place in free():
+            nodes.u[0][0, own], nodes.v[0, own] = shape(place[:, 0]), rate(place[:, 0])  # type: ignore[attr-defined]
+        hybrid.renew()
+
+    def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        nodes, own, place = free()[0]
+        return place, nodes.v[:, own].T  # type: ignore[attr-defined]
+
+    return Marching(put, hybrid.march, seen)
