@@ -174,7 +174,9 @@ def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raises UsageError for a setting given here that a run of this kind would not use."""
     from pdmesh.model.unheard import in_vain
 
-    said = in_vain(settings, [name for name, _ in (*args.assignments, *_flags(args))])
+    # a table that is emptied takes away what is said
+    given = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
+    said = in_vain(settings, given)
     if said is not None:
         raise commandline.UsageError(said)
 
