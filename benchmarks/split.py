@@ -249,10 +249,10 @@ branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apa
 
 In the conservative mode every share follows the uniform plate of 1 mm, nearer than that of 2 mm does; looks 40 steps
 apart cost more and scatter more. In the thesis mode the thesis's 0.6 loses the branch: too narrow a strip is refined.
-0.3 has it, in nearly all runs; 0.15 puts it too far ahead. The crack starts late there whatever the share, as loaded
-rows stay whole and the mode's softening lets three of 2 mm pass on less of a load than six of 1 mm; and the balance says
-how much energy bonds between cells of two sizes make or lose, which push without being pushed. A floor of 0.25 instead
-of 0.1 loses the branch with 0.3 too in that mode, as cells then split only when the tip is loaded.
+0.3 has it, in nearly all runs; 0.15 puts it too far ahead. The crack starts late there whatever the share, as
+loaded rows stay whole, and the mode's softening lets three of 2 mm pass on less of a load than six of 1 mm; the balance
+says how much energy bonds between cells of two sizes make or lose, which push without being pushed. A floor of 0.25
+instead of 0.1 loses the branch with 0.3 too in that mode, as cells then split only when the tip is loaded.
 
 **When to take it**: to compare with the thesis, or where waves are to be followed by finer nodes, which the hybrid
 does not do. For a crack the hybrid is cheaper: its bonds are summed in blocks, those of cells that split one by one,

@@ -19,6 +19,7 @@ class Used(NamedTuple):
     names: tuple[str, ...]  # dotted; of a struct for all that is in it
     switches: tuple[tuple[str, str | None], ...]  # dotted name and value
     expected: str = ""  # in words, where they say more than the switches
+    instead: str | None = None  # what the first switch is where nothing is used; of other words nothing is known
 
 
 class Unused(NamedTuple):
@@ -50,7 +51,7 @@ TABLE = (
         (("run.solver", "explicit"), ("run.solver", "implicit")),
         "run.static.load_steps: a load step is a step and a frame",
     ),
-    Used(("material.kr", "material.keep_G0"), (("material.law", "bilinear"),)),
+    Used(("material.kr", "material.keep_G0"), (("material.law", "bilinear"),), instead="brittle"),
     Used(("material.strength",), (("material.failure", "stress"),)),
     Used(("material.control_factor",), (("material.control", "silling"),)),
     Used(("material.control_factor",), (("material.model", "correspondence"),)),
@@ -64,7 +65,7 @@ def unused(settings: Settings) -> Iterator[Unused]:
     for row in TABLE:
         first, _ = row.switches[0]
         found = value_of(settings, first)
-        if found is not None and all(value_of(settings, name) != value for name, value in row.switches):
+        if found is not None and row.instead in (None, found) and all(value_of(settings, name) != value for name, value in row.switches):
             expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
             yield Unused(row.names, first, found, expected)
 
