@@ -65,7 +65,11 @@ def unused(settings: Settings) -> Iterator[Unused]:
     for row in TABLE:
         first, _ = row.switches[0]
         found = value_of(settings, first)
-        if found is not None and row.instead in (None, found) and all(value_of(settings, name) != value for name, value in row.switches):
+        if (
+            found is not None
+            and row.instead in (None, found)
+            and all(value_of(settings, name) != value for name, value in row.switches)
+        ):
             expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
             yield Unused(row.names, first, found, expected)
 
