@@ -236,9 +236,10 @@ def _march(notes: Notes, writer: Behind, watch: Watcher | None, adapt: Adapt | N
         looks = min(looks, _grown(notes, step, run.steps))
         chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
-        before, step, began = step, min(ends), clock.perf_counter()
-        system.stepper.march(notes.state, before + 1, step + 1)
-        pace.took(step - before, clock.perf_counter() - began)
+        began = clock.perf_counter()
+        system.stepper.march(notes.state, step + 1, min(ends) + 1)
+        pace.took(min(ends) - step, clock.perf_counter() - began)
+        step = min(ends)
         writer.look()
         noted = step in ends[2:]
         interrupted = asked() and (noted or _can_stop(system, step, pace.is_soon(min(ends[2:]) - step)))
