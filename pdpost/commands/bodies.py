@@ -25,7 +25,6 @@ def add(commands: Commands) -> None:
         assignment="override a matplotlib setting, such as savefig.dpi=300",
     )
     _add_shared(command)
-    command.add_argument("--largest", type=positive, metavar="N", help="where the colours end, in SI units")
     command.add_argument("--plane", type=_plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
     add_csv(command)
     command.set_defaults(run=_slice)
@@ -34,8 +33,8 @@ def add(commands: Commands) -> None:
     add_results(command)
     commandline.add_common_options(
         command,
-        output="the picture, .png (default: the results' name with .render.png)",
-        assignment="refused: no setting is heard",
+        output="the picture, in the format of its suffix (default: the results' name with .render.png)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300",
     )
     _add_shared(command)
     command.add_argument("--level", type=float, metavar="N", help="draw the surface where the field is that, SI units")
@@ -45,6 +44,7 @@ def add(commands: Commands) -> None:
 
 def _add_shared(command: argparse.ArgumentParser) -> None:
     add_frame(command)
+    command.add_argument("--largest", type=positive, metavar="N", help="where the colours end, in SI units")
     command.add_argument("--field", metavar="NAME", help="which field (default: content, or damage of mechanics)")
     command.add_argument("--component", metavar="NAME", help="of a vector: magnitude (default), x, y, z")
 
@@ -92,25 +92,25 @@ def _slice(args: argparse.Namespace) -> int:
 
 
 def _render(args: argparse.Namespace) -> int:
-    from pdmesh.files import write_atomically
-    from pdpost.figures import render
+    from pdpost.figures import colours, render, style
     from pdpost.measures import fields, slices
     from pdpost.reading.times import told
     from pdsolve.results import Results
 
-    if args.assignments:
-        raise commandline.UsageError(f"--set: found {args.assignments[0][0]}, expected none: no setting is heard")
     path = commandline.output_path(args.output, args.results, ".render.png", args.force)
-    if path.suffix.lower() != ".png":
-        raise commandline.UsageError(f"--output: found {path}, expected a .png")
-    with Results.open(args.results) as results:
+    style.check_format(path)
+    with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
-        shown = slices.values(results, name, step, part or None)
-        picture = render.render(results.nodes(step), shown, name, args.level, args.plane)
-    write_atomically(path, picture)
+        values = slices.values(results, name, step, part or None)
+        shown = colours.colours(name, part, values, args.largest)
+        title = colours.title(results, name, part, step, 0.0)
+        if args.level is not None:
+            title = f"{colours.caption(name, part)} of {args.level:g} {fields.FIELDS[name].unit}".rstrip()
+            title = f"{title} {colours.at(results, step)}"
+        style.save(render.render(results.nodes(step), values, shown, title, args.level, args.plane), path)
     commandline.report(
         {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {told(time)}"], args
     )

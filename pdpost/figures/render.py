@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image
 
+from pdpost.figures.colours import Colours, mappable
 from pdpost.figures.style import FigureError
-from pdpost.measures import fields
 from pdpost.measures.slices import AXES
 from pdsolve.results import Nodes
 
-SIZE = (1200, 900)  # pixels
+SIZE = (1600, 1200)  # pixels
+WIDTH, ABOVE, BESIDE = 6.0, 0.5, 0.9  # inches: of the picture, what is written above it, and the colours beside it
+EDGE = 20  # pixels of white around what is seen
 STONE, LIGHT = "#9aa5ad", "white"
 EYE = (-1.6, -2.6, 1.4)  # from where it is looked at, in sizes of the body
 SMOOTH = 20  # rounds that an isosurface is smoothed
@@ -24,20 +25,39 @@ NEAR_LATTICE = 1e-6  # of a spacing
 def render(
     nodes: Nodes,
     values: NDArray[np.float64],
-    name: str,
+    shown: Colours,
+    title: str,
     level: float | None = None,
     plane: tuple[str, float] | None = None,
-) -> bytes:
-    """A PNG of the `values` (n,) of the field `name`.
+) -> Figure:
+    """A picture of the `values` (n,) of a field.
 
     With a `level` the surface where they are that, else the body, in colours; what is in front of a `plane` (axis, m)
     is cut away. Raises FigureError without PyVista, or where nothing is left to be seen.
     """
+    seen = _seen(nodes, values, shown, level, plane)
+    height = ABOVE + (WIDTH - BESIDE) * seen.shape[0] / seen.shape[1]
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.add_subplot()
+    axes.imshow(seen, interpolation="antialiased")
+    axes.set_axis_off()
+    axes.set_title(title)
+    if level is None:
+        figure.colorbar(mappable(shown), ax=axes, label=shown.label, extend=shown.beyond, shrink=0.8)
+    return figure
+
+
+def _seen(
+    nodes: Nodes,
+    values: NDArray[np.float64],
+    shown: Colours,
+    level: float | None,
+    plane: tuple[str, float] | None,
+) -> NDArray[np.uint8]:
+    """Pixels (rows, columns, 3), but for the white around."""
     pyvista = _pyvista()
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background(LIGHT)
-    unit = fields.FIELDS[name].unit
-    seen = 0
     for spacing in np.unique(nodes.delta):
         own = nodes.delta == spacing
         mesh = _image(pyvista, nodes.position[own], values[own], float(spacing), level is not None)
@@ -50,27 +70,22 @@ def render(
             axis, at = plane
             origin = [at if each == axis else 0.0 for each in AXES]
             part = part.clip(normal=axis, origin=origin, invert=False, crinkle=level is None)
-        if part.n_points:
-            seen += part.n_points
-            colours = {"color": STONE, "specular": 0.3, "smooth_shading": True} if level is not None else {}
-            colours |= {"ambient": 0.35}
-            shown = {"scalars": "value", "cmap": "viridis", "show_scalar_bar": False} if level is None else {}
-            high = float(np.nanmax(values)) or 1.0
-            plotter.add_mesh(part, **colours, **shown, **({"clim": (0.0, high)} if level is None else {}))
-    if not seen:
-        plotter.close()
-        raise FigureError(f"render: found nothing of {name} to be seen, expected another level, plane or frame")
-    if level is None:
-        plotter.add_scalar_bar(title=f"{fields.FIELDS[name].title}, {unit}".rstrip(", "), color="black")
+        if part.n_points and level is not None:
+            plotter.add_mesh(part, color=STONE, specular=0.3, smooth_shading=True, ambient=0.35)
+        elif part.n_points:
+            ends = (shown.low, shown.high if shown.high > shown.low else shown.low + 1.0)
+            plotter.add_mesh(part, scalars="value", cmap=shown.cmap, clim=ends, show_scalar_bar=False, ambient=0.35)
     middle = nodes.position.mean(axis=0)
     size = float(np.ptp(nodes.position, axis=0).max()) if level is None else 0.0
     plotter.camera_position = [tuple(middle + np.array(EYE) * (size or 1.0)), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()
-    picture = plotter.screenshot(return_img=True)
+    picture = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    written = BytesIO()
-    Image.fromarray(picture).save(written, "PNG")
-    return written.getvalue()
+    drawn = np.any(picture < 255, axis=2)
+    if not np.any(drawn):
+        raise FigureError("render: found nothing to be seen, expected another level, plane or frame")
+    rows, columns = (np.flatnonzero(np.any(drawn, axis=axis)) for axis in (1, 0))
+    return picture[max(rows[0] - EDGE, 0) : rows[-1] + EDGE, max(columns[0] - EDGE, 0) : columns[-1] + EDGE]
 
 
 def _pyvista() -> Any:

@@ -57,6 +57,14 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     seen = np.asarray(Image.open(path).convert("L")) < 250
     high, wide = np.ptp(np.flatnonzero(seen.any(axis=1))), np.ptp(np.flatnonzero(seen.any(axis=0)))
     assert 1.3 < high / wide < 3
+    assert (
+        pdpost(["render", str(screw), "--plane", "y=0", "--set", "savefig.dpi=60", "-q", "--force", "-o", str(path)])
+        == 0
+    )
+    seen = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    assert seen.shape[1] < 400
+    hues = seen.max(axis=2) - seen.min(axis=2)
+    assert (hues[:, : seen.shape[1] * 3 // 4] > 60).mean() > 0.1  # of the body, and not only of the bar beside it
 
 
 @pytest.mark.parametrize(
