@@ -247,8 +247,8 @@ def table(rows: list[Row], seams: list[Seam]) -> str:
         f" start after {number(UNITS)} h sqrt(rho / E), or when it has grown a million times. Pulse: a P pulse"
         " exp(-(x / w)^2) that leaves the fine part through a straight seam, velocity that comes back over that sent."
         " Cells that split are drawn twice as coarse, and the steel's pre-cracks a quarter of a millimetre elsewhere."
-        " Their first bond is one at the tip that breaks as cells split there: what is interpolated linearly opens ahead"
-        " of a tip by what it has opened behind; the next ones break when those of the uniform run do.",
+        " Their first bond is one at the tip that breaks as cells split there: what is interpolated linearly opens"
+        " ahead of a tip by what it has opened behind; the next are within a microsecond or so of the uniform run's.",
         "",
         "![Cost against error of fine zones of all kinds](adaptivity.png)",
         "",
