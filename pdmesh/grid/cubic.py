@@ -3,7 +3,7 @@
 Layout: cubes of the coarsest spacing fill the box around the body, its middle being theirs. A cube is parted into eight
 where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that spacings
 change by one step. A node whose middle is in the body stays, and stands for what of its cube is in it; what is in cubes
-whose middle is outside goes to the nearest node. So that volumes sum to the body's, those of cubes that the surface
+whose middle is outside goes to the nearest nodes. So that volumes sum to the body's, those of cubes that the surface
 cuts are scaled by what the lines that measure them miss.
 """
 
@@ -26,6 +26,7 @@ SLACK = 1e-6  # of a spacing: what a box may be larger than cubes that fill it
 FULL = 1 - 1e-9  # share of a cube that is all of it
 LINES = 4  # along each side of a cube, that measure what is inside
 MOST_CUBES = 10**8  # of a level
+AROUND, ALIKE = 12, 1e-9  # nodes that may be the nearest to a place; relative: distances this near are the same
 MISSED = 0.1  # of the volume of cut cubes: lines that miss more do not measure them
 THINNEST = 3  # nodes that a body is to have across
 WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin
@@ -195,9 +196,11 @@ def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64]
     full = np.concatenate([np.full(len(level.at), level.cubes.spacing**3) for level in levels])
     cut = volume < FULL * full
     if len(places):
-        _, nearest = tree_of(np.concatenate([level.position for level in levels])).query(places)
-        np.add.at(volume, nearest, volumes)
-        cut[nearest] = True
+        far, nearest = tree_of(np.concatenate([level.position for level in levels])).query(places, k=AROUND)
+        alike = far <= far[:, :1] * (1 + ALIKE)  # all share, so that what is symmetric stays so
+        each = np.broadcast_to((volumes / alike.sum(axis=1))[:, None], far.shape)
+        np.add.at(volume, nearest[alike], each[alike])
+        cut[nearest[alike]] = True
     missing, scaled = body.shell.volume - float(volume.sum()), float(volume[cut].sum())
     if abs(missing) > MISSED * max(scaled, 1e-9 * body.shell.volume):
         raise SceneError(

@@ -54,6 +54,19 @@ def test_a_sphere_has_the_nodes_of_one_and_its_volume() -> None:
     assert 8 * len(mirrored) == len(grid)
 
 
+def test_a_body_that_is_its_mirror_image_has_volumes_that_are() -> None:
+    """A hole through a block: what is in cubes of no node is shared by all that are as near."""
+    size = (40e-3, 16e-3, 16e-3)
+    grid = built(Box((0, 0, 0), size) - Cylinder((20e-3, 0, 8e-3), (20e-3, 16e-3, 8e-3), 3e-3), 1e-3).grid
+    order = np.lexsort(np.round(2000 * grid.position).T)
+    for axis, end in enumerate(size):
+        turned = grid.position.copy()
+        turned[:, axis] = end - turned[:, axis]
+        other = np.lexsort(np.round(2000 * turned).T)
+        assert grid.position[order] == pytest.approx(turned[other], abs=1e-12)
+        assert grid.cells[order] == pytest.approx(grid.cells[other], rel=5e-3)  # 1.9e-3, of a polygon
+
+
 def test_volumes_are_measured_before_they_are_scaled() -> None:
     """Lines alone find what triangles enclose: a cylinder three cubes across, a ball of twenty."""
     for solid, error in ((Cylinder((0, 0, 0), (0.2, 0.3, 1), 0.17), 4e-3), (Sphere((0, 0, 0), 1), 1e-3)):
