@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -12,6 +12,7 @@ from pdmesh.model.wordings import explained
 from pdmesh.scene.conditions import checked_profile
 from pdmesh.scene.shapes import SceneError
 
+T = TypeVar("T")
 Components = Sequence[float | None]
 
 
@@ -20,11 +21,7 @@ def action(kind: type[AnyCondition], name: str, values: dict[str, Any]) -> AnyCo
     place = f"{kind.__struct_config__.tag} '{name}'"
     if "profile" in values:
         values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
-    given = {"kind": kind.__struct_config__.tag, "name": name} | values
-    try:
-        return msgspec.convert(given, kind)
-    except msgspec.ValidationError as error:
-        raise SceneError(f"{place}: {explained(error, kind, lambda: given)}") from None
+    return _converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
 
 
 def motion(
@@ -61,7 +58,11 @@ def motion(
 
 def medium(name: str, D: float) -> MediumRegion:
     """A part of another diffusivity, m^2/s. Raises SceneError."""
+    return _converted({"name": name, "D": D}, MediumRegion, f"medium '{name}'")
+
+
+def _converted(given: dict[str, Any], kind: type[T], place: str) -> T:
     try:
-        return msgspec.convert({"name": name, "D": D}, MediumRegion)
+        return msgspec.convert(given, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"medium '{name}': {error}") from None
+        raise SceneError(f"{place}: {explained(error, kind, lambda: given)}") from None

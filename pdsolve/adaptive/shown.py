@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +20,6 @@ from pdsolve.adaptive.own import OfItsOwn
 from pdsolve.model import Model
 from pdsolve.operators.blocks.lanes import ROW
 from pdsolve.state import Broken, State, Unknown
-
-if TYPE_CHECKING:
-    pass
 
 
 class Shown(OfItsOwn[Hybrid]):

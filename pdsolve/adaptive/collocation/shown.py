@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -22,9 +21,6 @@ from pdsolve.adaptive.irregular import part_of
 from pdsolve.adaptive.own import OfItsOwn
 from pdsolve.model import Model
 from pdsolve.state import Broken, State, Unknown
-
-if TYPE_CHECKING:
-    pass
 
 
 class Collocated(OfItsOwn[Engine]):
