@@ -15,7 +15,10 @@
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
-# make mutants  break the code on purpose, one place after the other, and see that tests notice
+# make mutants  break the code on purpose, in places written down and in a hundred drawn, and see that tests notice
+# make places   tests of files, users, locks, processes, walls and caches where the host has no name, as another user, without HOME and so on (PLACES="spaced wheel")
+# make size    lines of the packages, and through how many files a model goes until its first step
+# make endurance  kills, corruptions, full disks, many readers and more, in at most an hour: docs/endurance.md
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -24,7 +27,7 @@ BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 
 .PHONY: demo test slow thesis sources failures handbook forks docs split check bench bench-speed bench-quick compare mutants \
-	install package pythons gmsh-libraries clean
+	size places endurance install package pythons gmsh-libraries clean
 
 demo: gmsh-libraries
 	@mkdir -p demo
@@ -127,8 +130,19 @@ bench-quick: $(VENV)/install.done
 compare: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.compare $(AGAINST)
 
+size: $(VENV)/install.done gmsh-libraries
+	$(BIN)/python -m benchmarks.size
+
 mutants: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m benchmarks.mutants
+
+PLACES := all
+places: $(VENV)/test.done gmsh-libraries
+	VENV=$(VENV) .ci/places $(PLACES)
+
+MINUTES := 55
+endurance: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.endurance --minutes $(MINUTES)
 
 clean:
 	rm -rf $(VENV) demo build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,6 +1,6 @@
 """Limits that keep every file readable in one sitting: python .ci/limits.py [FOLDER ...]
 
-No file above 350 lines, no function above 60, no function that takes more than 8 positional parameters, `self` aside.
+No file above 450 lines, no function above 60, no function that takes more than 8 positional parameters, `self` aside.
 Kernels that numba compiles take as many as they need.
 """
 
@@ -11,12 +11,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-LINES = 350  # of a file
+LINES = 450  # of a file
 LENGTH = 60  # lines of a function, with its signature and docstring
 POSITIONAL = 8  # parameters of a function
 
 FOLDERS = ("pdmesh", "pdsolve", "pdpost", "tests", "benchmarks", ".ci")
-COMPILED = ("njit", "jit", "vectorize", "guvectorize", "overload", "intrinsic")
+COMPILED = ("njit", "cached_njit", "jit", "vectorize", "guvectorize", "overload", "intrinsic")
 
 
 def broken(path: Path) -> Iterator[str]:
@@ -38,7 +38,7 @@ def broken(path: Path) -> Iterator[str]:
 
 
 def _compiles(decorator: ast.expr) -> bool:
-    """Whether a decorator is numba's: njit, numba.njit, njit(parallel=True)."""
+    """Whether a decorator is numba's, or ours: njit, numba.njit, njit(parallel=True)."""
     called = decorator.func if isinstance(decorator, ast.Call) else decorator
     return (called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")) in COMPILED
 

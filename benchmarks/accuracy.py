@@ -28,12 +28,12 @@ from benchmarks.cracked import PLATES, Row, Stopped, cracks
 from benchmarks.variants import BASE, OTHER_GRIDS, STATE_BASED, VARIANTS, Variant
 from pdmesh import VERSION, Circle, Scene, box
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Material, Run, Settings
+from pdmesh.model.node_grid import Grid
 from pdpost.figures.tradeoff_figure import draw
 from pdpost.measures import tradeoff
 from pdsolve.model import Model
-from pdsolve.system import Prepared
+from pdsolve.run.system import Prepared
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 sys.path.append(str(Path(__file__).parent.parent / "tests" / "verification"))

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from benchmarks import pages, split
 from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
-from pdmesh.drawing.sources import build
-from pdsolve.adapt import zone_moved
-from pdsolve.measures import books, damage
+from pdmesh.drawing.file_reading import build
 from pdsolve.model import Model, ModelWarning
-from pdsolve.splitting import changing
-from pdsolve.system import Options, prepare
+from pdsolve.run.cell_splitting import changing
+from pdsolve.run.measures import books, damage
+from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.system import Options, prepare
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
@@ -87,6 +87,7 @@ class Found(NamedTuple):
     first: float  # s, of the first bond
     path: NDArray[np.float64]  # (k, 2) m, cracked nodes
     dissipated: float  # J/m
+    damped: float  # J/m
     balance: float
     begins: float  # share of the plate that is fine at the start
     fine: float  # at the end
@@ -138,6 +139,7 @@ def solved(
         float(broken.step.min(initial=np.iinfo(np.int64).max)) * system.time_step if len(broken.step) else np.nan,
         cracked,
         energies.dissipated,
+        energies.damped,
         energies.balance(system.initial_energy),
         begins,
         energies.fine_share,

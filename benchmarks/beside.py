@@ -78,7 +78,7 @@ def _whole(job: Job) -> Callable[[], float]:
 
 
 def _frames(job: Job) -> Callable[[], float]:
-    from pdsolve.simulation import simulate
+    from pdsolve.run.simulation import simulate
 
     def run() -> float:
         with tempfile.TemporaryDirectory() as folder:
@@ -91,7 +91,7 @@ def _frames(job: Job) -> Callable[[], float]:
 
 
 def _prepared(job: Job) -> Any:
-    from pdsolve.simulation import prepare
+    from pdsolve.run.simulation import prepare
 
     return prepare(_model(job), _options(job))
 
@@ -103,7 +103,7 @@ def _model(job: Job) -> Any:
 
 
 def _options(job: Job) -> Any:
-    from pdsolve.simulation import Options
+    from pdsolve.run.simulation import Options
 
     return Options(job.mode, job.precision, job.threads, "blocks")
 

@@ -21,8 +21,8 @@ def measure(nodes: int) -> None:
     """Build and write the plate; print nodes, seconds to build and to write, and the largest memory, MB."""
     from pdmesh import Circle, Material, Scene, box
     from pdmesh.grid.lattice import build_grid
-    from pdmesh.model.cloud import document_of
     from pdmesh.model.document import write_file
+    from pdmesh.model.node_grid import document_of
 
     spacing = (0.0914 / nodes) ** 0.5  # so that the plate less its hole holds about that many
     start = time.perf_counter()

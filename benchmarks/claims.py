@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdmesh.model.fields import CRACKED
-from pdpost.measures.cracked import damage_at
-from pdpost.measures.cracks import DIRECTIONS, Growth, directions, growth
+from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracks import DIRECTIONS, Growth, growth
+from pdpost.measures.directions import directions
+from pdpost.measures.tips import forks, tips
 from pdsolve.results import Results
 
 
@@ -61,14 +63,22 @@ def _step(event: str) -> Callable[[Results, Growth], float]:
     return lambda _, found: np.nan if getattr(found, event) is None else float(getattr(found, event).step)
 
 
+def _apart(results: Results, _: Growth) -> float:
+    """When all arms of the first fork have left it, us: only then does a picture show them."""
+    branches = tips(results)
+    for fork in forks(branches)[:1]:
+        arms = (branch for branch in branches if tuple(branch.place[0].tolist()) == fork.place)
+        return max(float(arm.time[1]) for arm in arms) * 1e6
+    return np.nan
+
+
 def _place(event: str, sign: float = 1.0) -> Callable[[Results, Growth], float]:
     return lambda _, found: np.nan if getattr(found, event) is None else sign * getattr(found, event).along * 1e3
 
 
 def _angle(results: Results, _: Growth) -> float:
-    """Mean of the angles of the cracks from the two notches, away from each other."""
-    last = int(results.history()["step"][-1])
-    return float(np.mean([abs(way.angle) for way in directions(results, last)] or [np.nan]))
+    """Mean of the angles of the cracks from the two notches, each as a whole, away from each other."""
+    return float(np.mean([abs(way.whole) for way in directions(results, tips(results))] or [np.nan]))
 
 
 def _width(step: int) -> Callable[[Results, Growth], float]:
@@ -96,7 +106,7 @@ def _glass(
 ) -> tuple[Claim, ...]:
     return (
         Claim("start of propagation, µs", f"about {start:g}", accepted[0], accepted[1], _time("start")),
-        Claim("branching, µs", f"about {branch:g}", accepted[2], accepted[3], _time("branching")),
+        Claim("branching, µs", f"about {branch:g}", accepted[2], accepted[3], _apart),
         Claim("place of branching, mm", place, accepted[4], accepted[5], _place("branching")),
     )
 
@@ -185,6 +195,7 @@ CASES = (
             Claim("place of branching, mm above the lower edge", "a quarter of 40", 8, 12, _place("branching", -1.0)),
         ),
         (480, 699, 970),
+        (("Run/Duration", "32.5e-6"),),  # its arms are too short to be told from a rough edge before
         along="down",
         long=True,
     ),

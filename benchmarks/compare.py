@@ -58,8 +58,7 @@ WAYS = tuple(itertools.starmap(Way, itertools.product(LAWS, MODES, KERNELS, PREC
 def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str, Found]]:
     """The grid of a scene, and what each way to solve it finds."""
     from pdmesh.__main__ import main as pdmesh
-    from pdsolve.model import read_model
-    from pdsolve.simulation import Options, simulate
+    from pdsolve import Options, read_model, simulate
 
     path = folder / f"{scene.stem}.json"
     if pdmesh(["build", str(scene), "-o", str(path), "-q", "--trust", *overrides]):
@@ -100,7 +99,7 @@ def everything(results: Any) -> Found:
         table = getattr(results, name)()
         found |= {f"{name}: {column}": np.ascontiguousarray(table[column]) for column in table.dtype.names}
     kept = {FORMER.get(name, name): values for name, values in results.checkpoint()[1].items()}
-    for name in ("value", "rate", "second", "dissipated", "work", "held_force"):
+    for name in ("value", "rate", "second", "dissipated", "damped", "work", "held_force"):
         found[f"checkpoint: {name}"] = kept[name].ravel()
     if len(kept.get("worst", ())):
         found["checkpoint: worst"] = np.sort(kept["worst"])
@@ -191,7 +190,7 @@ def main() -> int:
     parser.add_argument("--scenes", default="", help="some of geometries, separated by commas (default: all plates)")
     args = parser.parse_args()
     against = args.against.resolve()
-    if not (against / "pdsolve" / "simulation.py").is_file():
+    if not (against / "pdsolve" / "__main__.py").is_file():
         parser.error(f"{args.against}: found no pdsolve in it, expected a checkout")
     from benchmarks.runs import PLATES  # here, as what works in another checkout has no need of it
 

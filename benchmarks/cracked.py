@@ -19,11 +19,11 @@ from benchmarks.runs import built
 from benchmarks.variants import CRACKED, SIDE_BY_SIDE, Variant
 from pdmesh.drawing.additions import ADAPT
 from pdpost.measures import tradeoff
+from pdsolve.errors import UnstableError
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import run
-from pdsolve.system import Prepared
-from pdsolve.unstable import UnstableError
+from pdsolve.run.simulation import run
+from pdsolve.run.system import Prepared
 
 RUNS = 5  # of each variant and of the reference
 SHORTER = 0.01  # of a step: by so much that of each further run is

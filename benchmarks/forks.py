@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 
 from benchmarks.pages import put_section
-from pdmesh.drawing.sources import build
+from pdmesh.drawing.file_reading import build
 from pdmesh.model.particles import polylines
 from pdpost.measures.tips import forks, tips
 from pdsolve.model import Model
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 ROOT = Path(__file__).parent.parent
 SPACINGS = (0.5e-3, 0.4e-3)  # m

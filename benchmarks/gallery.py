@@ -102,7 +102,7 @@ def page(scenes: list[Path]) -> str:
     for scene in scenes:
         what = caption(scene)
         lines += [f"## {scene.stem}", "", what, "", f"![{what}](gallery/{scene.stem}.png)", ""]
-        lines += ["```text", *commands(scene), "```", ""]
+        lines += ["```bash", *commands(scene), "```", ""]
     return "\n".join(lines)
 
 

@@ -17,9 +17,9 @@ from benchmarks import ties
 from benchmarks.specimens import HORIZON, SPECIMENS, UNIT, WIDE, Specimen
 from pdmesh.files import write_atomically
 from pdmesh.model.document import Horizon
-from pdpost.measures.fracture import Series, follow
+from pdpost.measures.stress_intensities import Series, follow
 from pdsolve.model import Model
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 SHORT = 3.0  # spacings: the horizon that is shown beside
 HERE = Path(__file__).parent.parent

@@ -26,13 +26,13 @@ from benchmarks.adaptivity import GEOMETRIES, KINDS_BEGIN, PAGE, ROOT, STEPS, Fo
 from benchmarks.pages import put_section
 from benchmarks.pulses import WIDTHS, sent_back, split_where
 from pdmesh import Scene, box
-from pdmesh.drawing.sources import read_scene
+from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation, InitialVelocity, Material, Run
-from pdsolve.measures import books
+from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
-from pdsolve.system import Options, prepare
-from pdsolve.unstable import UnstableError
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, prepare
 
 CHART = ROOT / "docs" / "adaptivity.png"
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)  # m
@@ -75,14 +75,14 @@ class Kind(NamedTuple):
         """The model of a scene, whose zones are drawn for it."""
         if self.adapt == "split":
             scene = scene.zone(box(*EVERYWHERE), scene.finest / 2)  # all may split once
-        lattice = "hybrid" if self == UNIFORM else self.adapt  # whose nodes a uniform run is of too
+        lattice = "hybrid" if self == UNIFORM or self.adapt == "collocation" else self.adapt  # whose nodes it is of
         built = build(scene if lattice == "none" else scene.adapt(lattice))  # type: ignore[arg-type]
         return with_run(Model(built.grid, built.settings, name), adapt=self.adapt, collocation=self.collocation)
 
     @property
     def collocation(self) -> Collocation:
         """How it is solved if it is that."""
-        return Collocation(damping=self.damping)
+        return Collocation(damped=True, damping=self.damping)
 
 
 def _steel(scene: Scene) -> Scene:
@@ -138,6 +138,7 @@ class Row(NamedTuple):
     off: float  # of the path
     scatter: tuple[float, float]
     dissipated: float  # J/m
+    damped: float  # J/m
     balance: float  # the largest
     fine: float
     said: str = ""  # why it was stopped
@@ -155,7 +156,7 @@ def compared(plate: Plate) -> Iterable[Row]:
         try:
             founds = uniform if kind == UNIFORM else [run_of(plate, kind, share) for share in STEPS]
         except UnstableError as error:
-            yield Row(plate.title, kind.name, *(np.nan,) * 3, (np.nan, np.nan), *(np.nan,) * 3, str(error))
+            yield Row(plate.title, kind.name, *(np.nan,) * 3, (np.nan, np.nan), *(np.nan,) * 4, str(error))
             continue
         off = [np.mean([distance(one, other) for other in uniform if other is not one]) for one in founds]
         yield Row(
@@ -166,6 +167,7 @@ def compared(plate: Plate) -> Iterable[Row]:
             float(np.mean(off)),
             (float(np.min(off)), float(np.max(off))),
             float(np.mean([one.dissipated for one in founds])),
+            float(np.mean([one.damped for one in founds])),
             max((one.balance for one in founds), key=abs),
             _share(kind.model(plate)) if kind.drawn else max(one.fine for one in founds),
         )
@@ -252,18 +254,18 @@ def table(rows: list[Row], seams: list[Seam]) -> str:
         "",
         "![Cost against error of fine zones of all kinds](adaptivity.png)",
         "",
-        "| scene | kind | cost | first bond, us | path off the uniform runs', % | dissipated, J/m | balance, % of the"
-        " work | fine at the end, % |",
-        "|---|---|---|---|---|---|---|---|",
+        "| scene | kind | cost | first bond, us | path off the uniform runs', % | dissipated, J/m | damped, J/m |"
+        " balance, % of the work | fine at the end, % |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         if row.said:
-            lines.append(f"| {row.plate} | {row.kind} | stopped: {row.said} | | | | | |")
+            lines.append(f"| {row.plate} | {row.kind} | stopped: {row.said} | | | | | | |")
             continue
         off = f"{100 * row.off:.1f} ({100 * row.scatter[0]:.1f} to {100 * row.scatter[1]:.1f})"
         lines.append(
             f"| {row.plate} | {row.kind} | {row.cost:.2f} | {1e6 * row.first:.2f} | {off} | {number(row.dissipated)} |"
-            f" {100 * row.balance:+.2f} | {100 * row.fine:.1f} |"
+            f" {number(row.damped)} | {100 * row.balance:+.2f} | {100 * row.fine:.1f} |"
         )
     widths = ", ".join(f"{width} h" for width in WIDTHS)
     lines += [

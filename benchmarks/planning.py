@@ -1,6 +1,6 @@
 """What `pdmesh plan --within` promises: errors against spacing of three problems, and how far it held on two others.
 
-`python -m benchmarks.planning` measures the first and writes pdmesh/say/accuracy.json; `--check` then asks for
+`python -m benchmarks.planning` measures the first and writes pdmesh/reports/accuracy.json; `--check` then asks for
 proposals for two scenes that were not used, solves them and uniform runs of half their finest spacing, and says what
 the error was. Of cracks, which scatter, errors are medians of several runs. benchmarks/README.md says how each number
 is made.
@@ -26,16 +26,16 @@ from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, relative
 from benchmarks.cracked import RUNS, SHORTER
 from benchmarks.runs import GEOMETRIES
 from pdmesh import Circle, Scene, box
-from pdmesh.drawing.sources import read_scene
+from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Horizon, Material
-from pdmesh.say.promise import changed, feature, proposal
+from pdmesh.reports.accuracy_estimate import changed, feature, proposal
 from pdpost.measures import tradeoff
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import simulate
-from pdsolve.system import Options, prepare
+from pdsolve.run.simulation import simulate
+from pdsolve.run.system import Options, prepare
 
 RATIOS = {"none": (3.0, 4.0), "hybrid": (4.0,)}
 FRAMES = 20
@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="only check the promises on two other scenes")
     parser.add_argument("--adapt", choices=("hybrid",), help="measure these errors alone, and keep the others")
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "say" / "accuracy.json"
+        "-o", "--output", type=Path, default=Path(__file__).parent.parent / "pdmesh" / "reports" / "accuracy.json"
     )
     parser.add_argument("--report", type=Path, default=Path(__file__).parent / "planning.json")
     args = parser.parse_args(arguments)

@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from benchmarks.adaptivity import with_run
 from pdmesh import Scene, box
 from pdmesh.grid.building import build
-from pdmesh.model.continuum import C11
 from pdmesh.model.document import Collocation, Material, Run
-from pdsolve.adaptive.collocation.engine import Engine
-from pdsolve.adaptive.collocation.shown import Collocated
-from pdsolve.adaptive.collocation.zone import COARSE as ACTIVE
-from pdsolve.adaptive.collocation.zone import FINE as BONDED
-from pdsolve.adaptive.collocation.zone import areas_of, renumbered
-from pdsolve.adaptive.hybrid import Hybrid
-from pdsolve.adaptive.lattice import AROUND, COARSE, FINE, FREE, VOID
-from pdsolve.adaptive.shown import Shown
-from pdsolve.adaptive.split.heirs import heirs_of
+from pdmesh.model.material_constants import C11
+from pdsolve.adaptivity.collocation.operator import Engine
+from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
+from pdsolve.adaptivity.collocation.zone import FINE as BONDED
+from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
+from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
+from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.adaptivity.hybrid.view import View
+from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
 from pdsolve.model import Model
-from pdsolve.splitting import Splitting
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.cell_splitting import Splitting
+from pdsolve.run.system import Options, Prepared, prepare
 
 H, RATIO = 1e-3, 4  # m; horizon over spacing
 WIDTHS = (4, 8, 16)  # spacings: half, one and two times two horizons
@@ -63,7 +63,7 @@ def _sent_back(adapt: str, drawn: bool, collocation: Collocation, width: int) ->
     if drawn or adapt == "split":
         wide = seam if drawn else size[0]
         scene = replace(scene.zone(box(0, 0, H * wide, H * size[1]), H), spacing=2 * H)
-    lattice = adapt if adapt != "none" or drawn else "hybrid"
+    lattice = "hybrid" if adapt == "collocation" or (adapt == "none" and not drawn) else adapt
     built = build(scene.adapt(lattice))  # type: ignore[arg-type]
     step = STEP * H * (MATERIAL.rho / MATERIAL.E) ** 0.5
     model = with_run(Model(built.grid, built.settings), adapt=adapt, collocation=collocation, time_step=step)
@@ -94,7 +94,7 @@ def _pulse(centre: float, width: float) -> tuple[Field, Field]:
 def _plate(model: Model, seam: float) -> Marching:
     """A plate of this model, fine left of the seam."""
     problem = prepare(model, Options(threads=1))
-    if isinstance(problem.system.operator, Shown):
+    if isinstance(problem.system.operator, View):
         return _hybrid(problem.system.operator.hybrid, model, seam)
     if isinstance(problem.system.operator, Collocated):
         return _collocation(problem.system.operator.hybrid, seam)
@@ -119,7 +119,7 @@ def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArra
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.splits(cells) & where(tree.place(cells))
-    new, _ = heirs_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    new, _ = transfer_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
     return splitting.back(problem.system, kept)
 

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from benchmarks.accuracy import machine
 from pdmesh import Circle, Material, Run, Scene, Static, box, ramp, read_scene
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.continuum import pressure_speed
 from pdmesh.model.document import Condition
+from pdmesh.model.material_constants import pressure_speed
 from pdpost.figures.tradeoff_figure import draw
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 GLASS = Material(E=65e9, rho=2235, G0=1e9)  # it never breaks
 SIDE, RADIUS, SPACING = 0.08, 0.01, 1.25e-3  # m, of (a)
@@ -159,9 +159,9 @@ def static(**settings: object) -> Run:
 
 def in_time(model: Model, seconds: float, damping: float) -> Run:
     """A run in time, of some hundred entries in the ledger."""
-    from pdsolve.estimate import plan
+    from pdsolve.run.estimate import estimate_run
 
-    step = plan(model, Options()).stable_time_step
+    step = estimate_run(model, Options()).stable_time_step
     steps = int(np.ceil(seconds / step))
     return Run(time_step=step, steps=steps, every=steps, ledger=max(1, steps // 300), damping=damping)
 

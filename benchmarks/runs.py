@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.claims import Case
 from pdmesh.__main__ import main as pdmesh
 from pdsolve.model import Model, read_model
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 GEOMETRIES = Path(__file__).parent.parent / "geometries"
 BODIES = ("penny.geo", "screw.geo")  # in space

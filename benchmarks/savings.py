@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.claims import Case
 from benchmarks.runs import built
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.system import Options, Prepared, prepare
 
 BLOCK = 64  # nodes
 SCENES = ("kalthoff_winkler.geo", "figure_19.py")

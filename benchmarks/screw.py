@@ -14,20 +14,22 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Concentration, Run, Settings, Solid
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.books import masses
+from pdmesh.model.node_grid import Grid
 from pdsolve.diffusion.euler import Euler
-from pdsolve.diffusion.listed import Listed
+from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.masses import masses
 from pdsolve.diffusion.system import prepare
 from pdsolve.model import Model
 
@@ -73,7 +75,7 @@ class Plain:
 
     name = "plain"
 
-    def __init__(self, listed: Listed) -> None:
+    def __init__(self, listed: BondList) -> None:
         links = listed.links
         self.volume, self.total, self.count = listed.volume, listed.total, listed.count
         self.start = links.first[links.start].astype(np.int64)
@@ -125,12 +127,12 @@ def bound(*arrays: NDArray[Any]) -> float:
 def measure(spacing: float, steps: int) -> dict[str, Any]:
     """All three, in turns."""
     model = screw(spacing, steps)
+    medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # the links of lattices alone
+    model = replace(model, settings=msgspec.structs.replace(model.settings, medium=medium))
     slots, state = prepare(model, 1)
     listed = prepare(model, 1, listed=True)[0].operator
-    assert isinstance(listed, Listed)
+    assert isinstance(listed, BondList)
     plain = Plain(listed)
-    medium = model.settings.medium
-    assert medium is not None
     runs = {}
     for operator in (slots.operator, listed, plain):
         own = state._replace(**{name: values.copy() for name, values in state._asdict().items()})

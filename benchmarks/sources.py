@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from benchmarks.runs import GEOMETRIES
 from benchmarks.thesis import provenance, table
-from pdmesh.drawing.sources import build
+from pdmesh.drawing.file_reading import build
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdpost.measures.cracks import growth
-from pdsolve.laws.gradients import fit
+from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 CLASSICAL, FIBRES, ELEMENTS = "the classical bar", "fibres of the classical beam", "finite elements"
 INDEPENDENT, SOURCE = "an independent program", "the source"

@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.griffith import Griffith
 from pdmesh import Circle, Material, Run, Scene, Static, box, build
-from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.document import Displacement
+from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
 from pdsolve.model import Model
 

@@ -31,11 +31,11 @@ from benchmarks import beside, bound, lammps_peri
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Material, Run, Settings
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.simulation import Progress, simulate
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.simulation import Progress, simulate
+from pdsolve.run.system import Options, Prepared, prepare
 
 LEAST = 4.0  # times the listed one, in the quick form
 SAMPLE = 0.05  # s of one measurement

@@ -23,11 +23,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.pages import put_section
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Load, Material, Run, Settings, Split
+from pdmesh.model.node_grid import Grid
 from pdpost import figures
 from pdsolve.model import Model, ModelWarning
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 ROOT = Path(__file__).parent.parent
 CHART, PAGE, PICTURES = ROOT / "docs" / "split.png", ROOT / "docs" / "adaptivity.md", ROOT / "docs" / "split"

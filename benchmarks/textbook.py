@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import bulk_modulus, lame
+from pdmesh.model.material_constants import bulk_modulus, lame
 from pdsolve.laws.correspondence import silling
-from pdsolve.system import System
+from pdsolve.run.system import System
 
 
 class Textbook(NamedTuple):

@@ -23,13 +23,13 @@ from tqdm import tqdm
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
-from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.full_lattice import full_family
+from pdmesh.model.material_constants import critical_stretch
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
-from pdsolve.laws.critical import limits
+from pdsolve.laws import limits
 from pdsolve.results import Results
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 MODES = ("thesis", "conservative")
 WAVE_STEPS = (10, 30, 50, 70, 90, 100)

@@ -16,14 +16,14 @@ import msgspec
 import numpy as np
 
 from benchmarks.specimens import PULL, STATIC, UNIT, centre_shape, edge_shape
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Load, Material, Settings
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.full_lattice import calibration, lattice_ratios
-from pdpost.measures.fracture import follow
+from pdmesh.model.node_grid import Grid
+from pdpost.measures.stress_intensities import follow
 from pdsolve.laws import MODELS, ordinary
 from pdsolve.model import Model
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 SHORT = 3.0  # spacings: the horizon
 ONE_WAY = "cut that lean one way"

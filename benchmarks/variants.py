@@ -9,10 +9,10 @@ import msgspec
 
 from pdmesh.model.document import Horizon
 from pdsolve.model import Model
+from pdsolve.run.system import Options, Prepared, prepare, system_of
 from pdsolve.schemes import SCHEMES, average_horizon
 from pdsolve.schemes.average_horizon import ALL, Corrections
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.system import Options, Prepared, prepare, system_of
 
 
 class Variant(NamedTuple):

@@ -5,15 +5,15 @@ For scripts: a `Scene` is a plate in a few lines, `read_scene` takes one from a 
 
 from typing import TYPE_CHECKING
 
-from pdmesh.lazily import lazily
+from pdmesh.lazy_imports import lazily
 
 VERSION = "1.0.0"
 
 if TYPE_CHECKING:
     from shapely import box
 
+    from pdmesh.drawing.file_reading import read_scene
     from pdmesh.drawing.geo import read_outline
-    from pdmesh.drawing.sources import read_scene
     from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
@@ -43,7 +43,7 @@ else:
             "build": "pdmesh.grid.building",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
-            "read_scene": "pdmesh.drawing.sources",
+            "read_scene": "pdmesh.drawing.file_reading",
         },
     )
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.drawing.units import UNITS
+from pdmesh.file_kinds import Kind
+from pdmesh.printing import say
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Document
@@ -26,15 +28,17 @@ def parser() -> argparse.ArgumentParser:
     _add_drawing(build, "the grid file (default: the drawing's name with .json, in the current folder)")
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="say what a model holds")
-    _add_drawing(info, "a file for what is said, as JSON (default: none)")
+    _add_drawing(info, "a file for the report as JSON (default: none)")
     _add_mode(info)
     info.set_defaults(run=_info)
     preview = commands.add_parser("preview", help="draw the nodes, cracks and conditions")
     _add_drawing(preview, "the picture, in the format of its suffix (default: the model's name with .png)")
     preview.add_argument("--bonds", action="store_true", help="draw the bonds around the end of the first crack")
     preview.set_defaults(run=_preview)
-    plan = commands.add_parser("plan", help="say what a scene, or a study, will cost, and what it would on one scale")
-    _add_drawing(plan, "a file for what is said, as JSON (default: none)")
+    plan = commands.add_parser(
+        "plan", help="estimate nodes, bonds, memory and time of a scene or a study, beside one scale"
+    )
+    _add_drawing(plan, "a file for the report as JSON (default: none)")
     plan.add_argument(
         "--within",
         type=commandline.share,
@@ -49,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="print the JSON Schema of the grid file")
     schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="a file for it (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
-    schema.set_defaults(run=_schema)
+    schema.set_defaults(run=_schema, quiet=False)
     doctor = commands.add_parser("doctor", help="say what is installed, what is missing, and how to get it")
     doctor.add_argument("--json", action="store_true", help="print the findings as JSON on stdout")
     doctor.set_defaults(run=_doctor, quiet=False)
@@ -85,7 +89,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     command.add_argument(
         "--unit",
         choices=tuple(UNITS),
-        help="of the drawing's lengths and of those given here (default: m, or what the drawing says)",
+        help="unit of the drawing's lengths and of those given here (default: m, or what the drawing says)",
     )
     command.add_argument(
         "--adapt",
@@ -103,14 +107,16 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from pdmesh.drawing.sources import build
-    from pdmesh.model import unheard
+    from pdmesh.drawing.file_reading import build
+    from pdmesh.model import unused_settings
     from pdmesh.model.document import write_file
-    from pdmesh.say.report import nodes_by_spacing
+    from pdmesh.model.refused_settings import refuse
+    from pdmesh.reports.report import nodes_by_spacing
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
     built = build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
+    refuse(settings, grid.dimension, str(args.drawing))
     write_file(built.document, path)
     counts = nodes_by_spacing(grid)
     result = {
@@ -129,7 +135,7 @@ def _build(args: argparse.Namespace) -> int:
         lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
-    notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unheard.remarks(settings))]
+    notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unused_settings.remarks(settings))]
     result["notes"] = notes
     for note in notes:
         commandline.note(note if note.startswith("warning:") else f"note: {note}", args)
@@ -139,7 +145,7 @@ def _build(args: argparse.Namespace) -> int:
 
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file as it is, or of anything else what would be built."""
-    from pdmesh.drawing.sources import build
+    from pdmesh.drawing.file_reading import build
     from pdmesh.model.document import read_file
 
     changed = _assigned(args) or args.refine or args.cracks
@@ -149,15 +155,15 @@ def _document(args: argparse.Namespace) -> Document:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from pdmesh.say.report import info, info_lines
+    from pdmesh.reports.report import info, info_lines
 
     result = info(_document(args), str(args.drawing), args.mode)
     return _say(result, info_lines(result), args)
 
 
 def _preview(args: argparse.Namespace) -> int:
-    from pdmesh.model.cloud import grid_of
-    from pdmesh.say import preview
+    from pdmesh.model.node_grid import grid_of
+    from pdmesh.reports import preview
 
     path = commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
@@ -167,22 +173,22 @@ def _preview(args: argparse.Namespace) -> int:
 
 
 def _plan_study(args: argparse.Namespace) -> int:
-    from pdmesh.say import studies
+    from pdsolve import plan_study, study_plan_lines
 
     given = (("--set", args.assignments), ("--refine", args.refine), ("--crack", args.cracks), ("--unit", args.unit))
     more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
     for name, value in (*given, *more):
         if value:
             raise commandline.UsageError(f"{name}: found it beside a study, expected it in {args.drawing}")
-    result = studies.plan(args.drawing, args.trust)
-    return _say(result, studies.plan_lines(result), args)
+    result = plan_study(args.drawing, args.trust)
+    return _say(result, study_plan_lines(result), args)
 
 
 def _plan(args: argparse.Namespace) -> int:
     if args.drawing.suffix.lower() == ".toml":
         return _plan_study(args)
-    from pdmesh.drawing.sources import read_scene
-    from pdmesh.say.report import plan, plan_lines
+    from pdmesh.drawing.file_reading import read_scene
+    from pdmesh.reports.report import plan, plan_lines
     from pdmesh.scene.shapes import SceneError
 
     scene = read_scene(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
@@ -191,21 +197,21 @@ def _plan(args: argparse.Namespace) -> int:
         if args.within is None:
             result = plan(scene, args.mode)
             return _say(result, plan_lines(result), args)
-        from pdmesh.say import promise
+        from pdmesh.reports import accuracy_estimate
         from pdmesh.scene.scene import Scene
 
         if not isinstance(scene, Scene):
             raise SceneError("--within: found a body in space, expected a plate: errors were measured there")
-        found = promise.proposal(scene, args.within)
-        reason = promise.because(found.within, found.feature, found.named)
-        result = {"proposal": promise.described(found), **plan(found.scene, args.mode)}
+        found = accuracy_estimate.proposal(scene, args.within)
+        reason = accuracy_estimate.because(found.within, found.feature, found.named)
+        result = {"proposal": accuracy_estimate.described(found), **plan(found.scene, args.mode)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None
-    return _say(result, [*promise.lines(found), "", *plan_lines(result)], args)
+    return _say(result, [*accuracy_estimate.lines(found), "", *plan_lines(result)], args)
 
 
 def _params(args: argparse.Namespace) -> int:
-    from pdmesh.drawing.sources import parameters
+    from pdmesh.drawing.file_reading import parameters
 
     found = parameters(args.drawing, _assigned(args), args.trust)
     result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
@@ -217,7 +223,7 @@ def _params(args: argparse.Namespace) -> int:
 
 
 def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> int:
-    """Report, and write the same as JSON where a file is named."""
+    """Report a result, and write it as JSON to the file that --output names."""
     if args.output is not None:
         from pdmesh.files import write_atomically
 
@@ -233,14 +239,14 @@ def _schema(args: argparse.Namespace) -> int:
 
     text = json.dumps(schema(), indent=2) + "\n"
     if args.output is None:
-        print(text, end="")
+        say(text, end="")
     else:
         write_atomically(commandline.output_path(args.output, Path("grid"), ".json", args.force), text.encode())
     return commandline.OK
 
 
 def _doctor(args: argparse.Namespace) -> int:
-    from pdmesh.say import doctor
+    from pdmesh.reports import doctor
 
     found = doctor.findings()
     commandline.report({"findings": [one._asdict() for one in found]}, doctor.lines(found), args)
@@ -249,8 +255,18 @@ def _doctor(args: argparse.Namespace) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdmesh; returns its exit code."""
-    args = parser().parse_args(argv)
-    return commandline.run("pdmesh", lambda: int(args.run(args)), _exits)
+    args = parser().parse_args(commandline.words(argv))
+
+    def command() -> int:
+        if args.command not in ("schema", "doctor"):
+            studies = (Kind.STUDY,) if args.command == "plan" else ()
+            commandline.expect(args.drawing, Kind.DRAWING, Kind.MODEL, *studies)
+        from pdmesh.model.digest import GridWarning
+
+        with commandline.warnings_as_notes("pdmesh", args, GridWarning):
+            return int(args.run(args))
+
+    return commandline.run("pdmesh", command, _exits, args.quiet)
 
 
 def _exits() -> dict[type[Exception], int]:
@@ -262,11 +278,11 @@ def _exits() -> dict[type[Exception], int]:
 
 def _study_errors() -> tuple[type[Exception], ...]:
     """What may be wrong with a study, where one was read."""
-    if "pdmesh.say.studies" not in sys.modules:
+    if "pdsolve.study" not in sys.modules:
         return ()
-    from pdmesh.say.studies import ERRORS
+    from pdsolve import ModelError, StudyError
 
-    return ERRORS
+    return (ModelError, StudyError)
 
 
 if __name__ == "__main__":

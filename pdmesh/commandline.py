@@ -4,23 +4,43 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pdmesh import VERSION
+from pdmesh import VERSION, trust
+from pdmesh.completion import Completion
+from pdmesh.file_kinds import Kind, mistaken
 from pdmesh.files import irregular
+from pdmesh.printing import UnprintedError, leave_stdout, remark, say
+from pdmesh.spelling import nearest
 
 LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", "pillow", "scipy", "shapely", "tqdm"])
-OK, FAILURE, BAD_INPUT, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 130
+ALIKE = 0.6  # words that are no less are taken for the same one misspelt
+WITHOUT_MEMORY = ("Cannot allocate memory", "cannot allocate memory", "failed to map segment", "can't start new thread")
+OK, FAILURE, BAD_INPUT, UNSTABLE = 0, 1, 2, 3
+BY_SIGNAL = 128  # an exit code less the number of the signal that ended a program, as shells have it
+INTERRUPTED = BY_SIGNAL + signal.SIGINT
+# What asks a program to end: Ctrl-C, a scheduler or a shutdown, a terminal that is closed, which Windows has not
+STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else []))
 
 
 class UsageError(ValueError):
     """A command line that asks for something that cannot be done; the message is one line."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A stop that a signal asked for: its number is in the exit code."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
 
 
 class Parser(argparse.ArgumentParser):
@@ -31,6 +51,33 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        with suppress(UnprintedError):
+            say(message, file or sys.stderr, end="")
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:  # argparse types it in two ways
+        found, surplus = self.parse_known_args(args, namespace)
+        if surplus:
+            word, near = surplus[0], nearest(surplus[0].partition("=")[0], self._options(found), ALIKE)
+            option = f"an option such as {near}" if near else "an option of this command"
+            self.error(f"found '{word}', expected {option if word.startswith('-') else 'nothing there'}")
+        return found
+
+    def _options(self, found: argparse.Namespace) -> list[str]:
+        """The options of this parser and of the command that was found."""
+        options = list(self._option_string_actions)
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                options += action.choices[getattr(found, action.dest)]._option_string_actions
+        return options
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        near, known = nearest(str(value), map(str, action.choices), ALIKE), ", ".join(map(str, action.choices))
+        expected = f"one such as '{near}', of {known}" if near else f"one of {known}"
+        raise argparse.ArgumentError(action, f"found '{value}', expected {expected}")
+
 
 class _Version(argparse.Action):
     """Says which version it is, and of which libraries: they are looked up when they are asked for."""
@@ -38,44 +85,8 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         libraries = (f"{name} {version or 'missing'}" for name, version in dependencies().items())
         python = ".".join(map(str, sys.version_info[:3]))
-        print(f"{parser.prog} {VERSION}\nPython {python}, {', '.join(libraries)}")
+        say(f"{parser.prog} {VERSION}\nPython {python}, {', '.join(libraries)}")
         parser.exit(OK)
-
-
-class _Completion(argparse.Action):
-    """Prints what lets a shell complete the program's words."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: object, shell: Any, __: object = None) -> NoReturn:
-        try:
-            import shtab
-        except ImportError:
-            parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
-        for word, other in getattr(parser, "others", {}).items():
-            _complete_word(parser, word, other())
-        _complete_files(parser, shtab)
-        print(shtab.complete(parser, shell=str(shell)))
-        parser.exit(OK)
-
-
-def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.ArgumentParser) -> None:
-    """Let the first word of a command line be `word` too, and what `other` takes follow it."""
-    first = next(action for action in parser._actions if not action.option_strings)
-    first.choices = [*(first.choices or ()), word]
-    for action in other._actions:
-        if not set(action.option_strings) & set(parser._option_string_actions):
-            parser._add_action(action)
-
-
-def _complete_files(parser: argparse.ArgumentParser, shtab: Any) -> None:
-    """Mark all words of a parser that are paths, those of its commands too."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                _complete_files(command, shtab)
-        elif action.type is Path and action.choices:
-            action.choices = [*shtab.Required.FILE, *action.choices]
-        elif action.type is Path:
-            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 def dependencies() -> dict[str, str | None]:
@@ -94,10 +105,12 @@ def dependencies() -> dict[str, str | None]:
 def program(name: str, description: str) -> Parser:
     """A parser with ``--version`` and ``--completion``."""
     parser = Parser(prog=name, description=description)
-    parser.add_argument("--version", action=_Version, nargs=0, help="say which version it is, and of which libraries")
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, help="print the versions of the program and its libraries"
+    )
     parser.add_argument(
         "--completion",
-        action=_Completion,
+        action=Completion,
         choices=("bash", "zsh", "tcsh"),
         help="print a script that lets a shell complete words (docs/install.md)",
     )
@@ -139,6 +152,13 @@ def share(text: str) -> float:
     return found
 
 
+def expect(path: Path, *kinds: Kind) -> None:
+    """Raises UsageError for a file that is surely of none of these kinds, naming the command that takes it."""
+    said = mistaken(path, *kinds)
+    if said is not None:
+        raise UsageError(said)
+
+
 def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
     """Where to write: `given`, or the source's name with the new suffix in the current folder.
 
@@ -166,38 +186,117 @@ def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> P
 def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> None:
     """Print a command's result on stdout: as JSON, as lines for a reader, or not at all."""
     if args.json:
-        print(json.dumps(result, indent=2, allow_nan=False))
+        say(json.dumps(result, indent=2, allow_nan=False))
     elif not args.quiet:
-        print("\n".join(lines))
+        say("\n".join(line.replace("\n", "\\n") for line in lines))
 
 
 def note(message: str, args: argparse.Namespace) -> None:
     """Tell the user something on stderr, unless quiet."""
     if not args.quiet:
-        print(message, file=sys.stderr)
+        remark(message)
 
 
-def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]]) -> int:
-    """Run `command`; an error to expect becomes one line on stderr and its exit code.
+@contextmanager
+def warnings_as_notes(name: str, args: argparse.Namespace, *kinds: type[Warning]) -> Iterator[None]:
+    """Warnings of these kinds become lines of the program called `name`, each once."""
+    with warnings.catch_warnings():
+        for kind in kinds:
+            warnings.simplefilter("always", category=kind)
+        warnings.showwarning = _shown_once(name, args.quiet)
+        yield
+
+
+def _shown_once(name: str, quiet: bool) -> Callable[..., None]:
+    """Shows warnings as lines of the program called `name`, each once; none where it is quiet."""
+    said = set()
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        if not quiet and str(message) not in said:
+            said.add(str(message))
+            remark(f"{name}: warning: {message}")
+
+    return show
+
+
+def words(argv: Sequence[str] | None) -> list[str]:
+    """The words of a command line: those given, or else this process's own, which is settled first (trust.py)."""
+    if argv is not None:
+        return list(argv)
+    trust.settle()
+    return sys.argv[1:]
+
+
+def run(
+    name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]], quiet: bool = False
+) -> int:
+    """Run `command`; an error to expect becomes one line on stderr and its exit code, a TrustWarning one line.
 
     `exits` gives the exit codes of the errors to expect; it is asked only when there is one, so that it may
     import what raises them.
     """
-    with _interrupts() as interrupts:
+    with _interrupts() as interrupts, _trust_warnings(name, quiet):
         try:
+            check_environment()
             return command()
+        except UnprintedError as error:
+            leave_stdout()
+            if error.is_closed:
+                return OK
+            code, message = FAILURE, str(error)
+        except Interrupted as stop:
+            code, message = _stopped(stop.number)
         except KeyboardInterrupt:
-            code, message = INTERRUPTED, "interrupted"
+            code, message = _stopped(*interrupts[:1])
         except Exception as error:
-            code, message = (INTERRUPTED, "interrupted") if interrupts else _said(error, exits)
-    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+            code, message = _stopped(*interrupts[:1]) if interrupts else _said(error, exits)
+    remark(f"{name}: {' '.join(message.split())}")
     return code
+
+
+def check_environment() -> None:
+    """Raises UsageError for variables of the environment that the libraries would stumble over."""
+    for name, low, high in (("NUMBA_NUM_THREADS", 1, 4096), ("SOURCE_DATE_EPOCH", 0, 253402300799)):
+        text = os.environ.get(name, "")
+        if text and not (text.isascii() and text.isdecimal() and low <= int(text[:20]) <= high):
+            raise UsageError(f"{name}: found '{text[:40]}', expected a whole number from {low} to {high}, or none")
+
+
+def expect_memory(least: int) -> None:
+    """Raises MemoryError where the process may have less than so many bytes of addresses (`ulimit -v`)."""
+    if sys.platform != "win32":
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if most != resource.RLIM_INFINITY and most < least:
+            raise MemoryError
+
+
+def _stopped(number: int = signal.SIGINT) -> tuple[int, str]:
+    by = "" if number == signal.SIGINT else f" by {signal.Signals(number).name}"
+    return BY_SIGNAL + number, f"interrupted{by}"
+
+
+@contextmanager
+def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
+    """Tells of each TrustWarning once, unless quiet; other warnings are shown as ever."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", trust.TrustWarning)
+        show, show_trust = warnings.showwarning, _shown_once(name, quiet)
+
+        def tell(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+            (show_trust if issubclass(category, trust.TrustWarning) else show)(message, category, *rest, **more)
+
+        warnings.showwarning = tell
+        yield
 
 
 def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
     """Exit code and message of an error to expect; raises any other."""
     if isinstance(error, UsageError):
         return BAD_INPUT, str(error)
+    if _lacks_memory(error):
+        return FAILURE, "found too little memory, expected more (is there a limit, ulimit -v?)"
     if isinstance(error, OSError):
         return FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
     code = next((code for kind, code in exits().items() if isinstance(error, kind)), None)
@@ -206,21 +305,33 @@ def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> 
     return code, str(error)
 
 
+def _lacks_memory(error: BaseException | None) -> bool:
+    """Whether too little memory is behind an error; a library may have made another one of it."""
+    while error is not None:
+        if isinstance(error, MemoryError) or any(word in str(error) for word in WITHOUT_MEMORY):
+            return True
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
+    return False
+
+
 @contextmanager
 def _interrupts() -> Iterator[list[int]]:
-    """The interrupts that came: a library that is being imported may make another error of one."""
+    """The signals that came: a library that is being imported may make another error of one."""
     came: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
-    listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # no one else does, nor is no one to
-    if not listens or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield came
         return
-    signal.signal(signal.SIGINT, interrupt)
+    usual = (signal.default_int_handler, signal.SIG_DFL)  # no one else listens, nor is no one to
+    before = {number: handler for number in STOPS if (handler := signal.getsignal(number)) in usual}
+    for number in before:
+        signal.signal(number, interrupt)
     try:
         yield came
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, handler in before.items():
+            signal.signal(number, handler)

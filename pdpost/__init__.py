@@ -7,23 +7,39 @@ besides is in `pdpost.measures`, files for other programs in `pdpost.exports`.
 
 from typing import TYPE_CHECKING
 
-from pdmesh.lazily import lazily
+from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
     from pdpost import figures
-    from pdpost.measures.crack_summary import crack, crack_table
-    from pdpost.reading.columns import study_table
+    from pdpost.figures.notebook import notebook_png
+    from pdpost.measures.crack_summary import Summary, crack, crack_table
+    from pdpost.measures.motion import largest_displacement, largest_stretch
+    from pdpost.reading.table_columns import study_table
     from pdsolve.results import Results
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
             "Results": "pdsolve.results",
+            "Summary": "pdpost.measures.crack_summary",
             "crack": "pdpost.measures.crack_summary",
             "crack_table": "pdpost.measures.crack_summary",
             "figures": "pdpost.figures",
-            "study_table": "pdpost.reading.columns",
+            "largest_displacement": "pdpost.measures.motion",
+            "largest_stretch": "pdpost.measures.motion",
+            "notebook_png": "pdpost.figures.notebook",
+            "study_table": "pdpost.reading.table_columns",
         },
     )
 
-__all__ = ["Results", "crack", "crack_table", "figures", "study_table"]
+__all__ = [
+    "Results",
+    "Summary",
+    "crack",
+    "crack_table",
+    "figures",
+    "largest_displacement",
+    "largest_stretch",
+    "notebook_png",
+    "study_table",
+]

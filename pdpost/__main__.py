@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from pdmesh import commandline
+from pdmesh.file_kinds import Kind
 from pdpost.commands import (
+    animate_and_watch,
     bodies,
     crack,
     curves,
     export,
     line,
-    moving,
     notch,
     pictures,
     report,
@@ -22,6 +25,7 @@ from pdpost.commands import (
     sql,
     study,
     tradeoff,
+    verify,
 )
 
 OF_PLATES = ("bonds", "crack", "line", "nodes", "notch", "sif", "strain", "tradeoff")
@@ -32,16 +36,35 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
     program = commandline.program("pdpost", "Show what a peridynamic run has found.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for group in (pictures, moving, bodies, curves, line, crack, sif, study, tradeoff, report, export, notch, sql):
+    for group in (
+        pictures,
+        animate_and_watch,
+        bodies,
+        curves,
+        line,
+        crack,
+        sif,
+        study,
+        tradeoff,
+        report,
+        export,
+        notch,
+        sql,
+        verify,
+    ):
         group.add(commands)
     return program
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdpost; returns its exit code."""
-    args = parser().parse_args(argv)
+    args = parser().parse_args(commandline.words(argv))
 
     def command() -> int:
+        for name in ("results", "reference", "compare"):
+            for path in _paths(args, name):
+                commandline.expect(path, Kind.RESULTS)
+        _say_what_is_lost(args)
         if args.command in OF_PLATES:
             _refuse_bodies(args)
         return int(args.run(args))
@@ -49,13 +72,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     return commandline.run("pdpost", command, _exits)
 
 
+def _paths(args: argparse.Namespace, name: str) -> list[Path]:
+    """The files that an option or an argument names, if the command has it."""
+    found = getattr(args, name, None)
+    return found if isinstance(found, list) else [] if found is None else [found]
+
+
+def _say_what_is_lost(args: argparse.Namespace) -> None:
+    """Says how far the log of a killed run can be read; what cannot be opened is the command's to say."""
+    from pdsolve.results import ResultsError, state_of
+
+    for path in _paths(args, "results"):
+        with suppress(ResultsError, OSError):
+            if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
+                commandline.note(f"pdpost: warning: {path}: {warning}", args)
+
+
 def _refuse_bodies(args: argparse.Namespace) -> None:
     """Raises ResultsError for results of bodies in space; what cannot be opened is the command's to say."""
     from pdpost.reading.studies import StudyError, stands_for
     from pdsolve.results import Results, ResultsError
 
-    found = getattr(args, "results", ())
-    for path in found if isinstance(found, list) else [found] if found else []:
+    for path in _paths(args, "results"):
         dimension = 2
         with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
             dimension = results.dimension
@@ -64,6 +102,7 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
 
 
 def _exits() -> dict[type[Exception], int]:
+    from pdmesh.model.document import GridError
     from pdpost.exports.frame_files import ExportError
     from pdpost.figures.style import FigureError
     from pdpost.measures.fields import FieldError
@@ -73,7 +112,7 @@ def _exits() -> dict[type[Exception], int]:
     from pdsolve.study.description import StudyError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
-    kinds = (ExportError, FieldError, FigureError, PathError, ResultsError, StudyError)
+    kinds = (GridError, ExportError, FieldError, FigureError, PathError, ResultsError, StudyError)
     return exits | dict.fromkeys(kinds, commandline.BAD_INPUT)
 
 

@@ -1,51 +1,61 @@
 """Explicit bond-based peridynamics with fracture: a node grid in, an SQLite database of results out.
 
 For scripts: `read_model` reads a grid file with what is laid over it, `simulate` solves it; `read_study` and
-`solve_study` do so with many.
+`solve_study` do so with many; `estimate_run` and `plan_study` say what that takes.
 """
 
 from typing import TYPE_CHECKING
 
-from pdmesh.lazily import lazily
+from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
+    from pdsolve.errors import UnstableError
     from pdsolve.model import Model, ModelError, ModelWarning, read_model
+    from pdsolve.options import Options
     from pdsolve.results import Results, ResultsError
-    from pdsolve.simulation import resume, simulate
-    from pdsolve.study.crew import solve_study
+    from pdsolve.run.estimate import Plan, estimate_run, estimate_size
+    from pdsolve.run.progress import Watch
+    from pdsolve.run.simulation import resume, simulate
     from pdsolve.study.description import Study, StudyError, read_study
-    from pdsolve.study.watch import StudyWatch
-    from pdsolve.system import Options
-    from pdsolve.unstable import UnstableError
-    from pdsolve.watch import Watch
+    from pdsolve.study.dispatch import Crew, solve_study
+    from pdsolve.study.plan import plan_study, study_plan_lines
+    from pdsolve.study.progress import StudyWatch
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
+            "Crew": "pdsolve.study.dispatch",
             "Model": "pdsolve.model",
             "ModelError": "pdsolve.model",
             "ModelWarning": "pdsolve.model",
-            "Options": "pdsolve.system",
+            "Options": "pdsolve.options",
+            "Plan": "pdsolve.run.estimate",
             "Results": "pdsolve.results",
             "ResultsError": "pdsolve.results",
             "Study": "pdsolve.study.description",
             "StudyError": "pdsolve.study.description",
-            "StudyWatch": "pdsolve.study.watch",
-            "UnstableError": "pdsolve.unstable",
-            "Watch": "pdsolve.watch",
+            "StudyWatch": "pdsolve.study.progress",
+            "UnstableError": "pdsolve.errors",
+            "Watch": "pdsolve.run.progress",
+            "estimate_run": "pdsolve.run.estimate",
+            "estimate_size": "pdsolve.run.estimate",
+            "plan_study": "pdsolve.study.plan",
             "read_model": "pdsolve.model",
             "read_study": "pdsolve.study.description",
-            "resume": "pdsolve.simulation",
-            "simulate": "pdsolve.simulation",
-            "solve_study": "pdsolve.study.crew",
+            "resume": "pdsolve.run.simulation",
+            "simulate": "pdsolve.run.simulation",
+            "solve_study": "pdsolve.study.dispatch",
+            "study_plan_lines": "pdsolve.study.plan",
         },
     )
 
 __all__ = [
+    "Crew",
     "Model",
     "ModelError",
     "ModelWarning",
     "Options",
+    "Plan",
     "Results",
     "ResultsError",
     "Study",
@@ -53,9 +63,13 @@ __all__ = [
     "StudyWatch",
     "UnstableError",
     "Watch",
+    "estimate_run",
+    "estimate_size",
+    "plan_study",
     "read_model",
     "read_study",
     "resume",
     "simulate",
     "solve_study",
+    "study_plan_lines",
 ]

@@ -5,19 +5,24 @@ from __future__ import annotations
 import argparse
 import gc
 import shlex
+import signal
 import sys
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdsolve.watch import Watch
+from pdmesh.file_kinds import Kind
+from pdmesh.printing import escaped
+from pdmesh.spelling import nearest
+from pdsolve.run.progress import Watch
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Settings
-    from pdsolve.estimate import Plan
+    from pdsolve.run.estimate import Plan
+
+ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,7 +44,8 @@ def parser() -> argparse.ArgumentParser:
         "--adapt",
         choices=("none", "hybrid", "split", "collocation"),
         help="peridynamics only where bonds may break, and elsewhere a compact lattice (hybrid) or stencils of the same"
-        " horizon (collocation); split: cells split where energy is, and merge behind it (run.adapt; default: none)",
+        " horizon (collocation); split: cells split where the energy is high, and merge behind it (run.adapt;"
+        " default: none)",
     )
     program.add_argument(
         "--cracks",
@@ -62,7 +68,7 @@ def parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="X,Y",
-        help="write down the node nearest to a place (run.probes)",
+        help="record the node nearest to a place (run.probes)",
     )
     program.add_argument(
         "--until",
@@ -71,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument("--static", action="store_true", help="solve at rest, in load steps (run.solver)")
     program.add_argument("--float", action="store_true", help="hold softly what nothing supports (run.static.floating)")
-    program.add_argument("--dry-run", action="store_true", help="say what the run would take, solve nothing")
+    program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
     program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
     return program
 
@@ -107,22 +113,26 @@ def _uncollected() -> Iterator[None]:
 
 
 def _solve(args: argparse.Namespace) -> int:
+    commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
+    commandline.expect_memory(ROOM)
     with _uncollected():
         _leave_out_blas()
+        from pdmesh.model.digest import GridWarning
         from pdsolve.model import ModelWarning, read_model
-        from pdsolve.results import ResultsWarning
-        from pdsolve.simulation import Options, resume, simulate
+        from pdsolve.results import ResultsWarning, state_of
+        from pdsolve.run.simulation import Options, resume, simulate
 
-    with Watch(args.quiet) as watch, warnings.catch_warnings():
-        for kind in (ModelWarning, ResultsWarning):
-            warnings.simplefilter("always", kind)
-        warnings.showwarning = _once(args)
+    watching = Watch(args.quiet)
+    shown = commandline.warnings_as_notes("pdsolve", args, GridWarning, ModelWarning, ResultsWarning)
+    with _names_the_signal(watching), watching as watch, shown:
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
             given = [name for name in (*kept, "static", "float", "adapt", "cracks") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path = args.model
+            if args.dry_run:
+                return _show_what_is_left(path, args)
             with _says_how_to_go_on(path, args):
                 results = resume(path, args.threads, watch)
         else:
@@ -132,31 +142,22 @@ def _solve(args: argparse.Namespace) -> int:
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
             _refuse_unused(args, model.settings)
             if args.dry_run:
-                from pdsolve.estimate import plan
+                from pdsolve.run.estimate import estimate_run
 
-                return _show_plan(plan(model, options), args)
+                return _show_plan(estimate_run(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
+            if not args.force:
+                state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args):
-                results = simulate(model, path, options, watch, shlex.join(["pdsolve", *sys.argv[1:]]))
+                results = simulate(model, path, options, watch, escaped(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             meta, summary = results.meta(), results.summary()
     lines = _lines(path, summary)
     if meta["status"] == "interrupted":
         lines.insert(0, f"interrupted; to go on: pdsolve --resume {path}")
     commandline.report({"output": str(path), "status": meta["status"], **summary}, lines, args)
-    return commandline.OK if meta["status"] == "finished" else commandline.INTERRUPTED
-
-
-def _once(args: argparse.Namespace) -> Callable[..., None]:
-    """Tells of warnings; of what several parts of a run find, once."""
-    said = set()
-
-    def show(message: Warning | str, *_: object) -> None:
-        if str(message) not in said:
-            said.add(str(message))
-            commandline.note(f"pdsolve: warning: {message}", args)
-
-    return show
+    stopped = commandline.BY_SIGNAL + (watching.signal or signal.SIGINT)
+    return commandline.OK if meta["status"] == "finished" else stopped
 
 
 @contextmanager
@@ -170,9 +171,18 @@ def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def _names_the_signal(watch: Watch) -> Iterator[None]:
+    """Raises Interrupted for the signal that a run was stopped for where something of it is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise commandline.Interrupted(watch.signal or signal.SIGINT) from None
+
+
 def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raises UsageError for a setting given here that a run of this kind would not use."""
-    from pdmesh.model.unheard import in_vain
+    from pdmesh.model.unused_settings import in_vain
 
     # a table that is emptied takes away what is said
     given = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
@@ -218,6 +228,28 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
+    """What going on with a run would take. Raises ResultsError where it cannot go on."""
+    from pdsolve.model import model_of
+    from pdsolve.results import Kind, Results, state_of
+    from pdsolve.run.estimate import estimate_run
+    from pdsolve.run.simulation import options_of
+
+    state = state_of(path)
+    lines = [f"{path}: {state.words}"]
+    found: dict[str, Any] = {"output": str(path), "state": state.kind.name.lower(), "step": state.step, "left": 0}
+    if state.kind not in (Kind.RUNNING, Kind.FINISHED):
+        with Results.open(path) as results:
+            model = model_of(results.model(), str(path))
+        whole = estimate_run(model, options_of(model, state.meta, args.threads))
+        left = whole.steps - (state.step or 0)
+        seconds = whole.wall_time * left / max(whole.steps, 1)
+        lines.append(f"{left} of {whole.steps} steps are left, about {whole.memory / 1e6:.3g} MB and {seconds:.3g} s")
+        found |= whole._asdict() | {"wall_time": seconds, "left": left}
+    commandline.report(found, lines, args)
+    return commandline.OK
+
+
 def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
     threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
@@ -249,13 +281,14 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
+    damped = f" + damped {energy['damped']:.4g}" if energy["damped"] else ""
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         f"wall time {summary['wall_time']:.2f} s on {threads},{how}",
         f"broken bonds {summary['broken_bonds']}; energy, {summary.get('energy_unit', 'J/m')}:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
-        f" + dissipated {energy['dissipated']:.4g} (balance {summary['balance']:+.1e} of what was put in)",
+        f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",
     ]
     fine = summary.get("hybrid")
     if fine is not None:
@@ -266,6 +299,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         )
     if "particles" in summary:
         lines.append(f"cracks have {summary['particles']} particles")
+        lines += summary["remarks"]
     cells = summary.get("split")
     if cells is not None:
         made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
@@ -275,12 +309,14 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
-    words = sys.argv[1:] if argv is None else list(argv)
+    words = commandline.words(argv)
     if words[:1] == ["study"]:
         from pdsolve.study import command
 
         return command.main(words[1:])
-    args = parser().parse_args(argv)
+    if nearest(words[0] if words else "", ["study"], commandline.ALIKE) and not Path(words[0]).exists():
+        parser().error(f"found '{words[0]}', expected a model's file, or the word study")
+    args = parser().parse_args(words)
     return commandline.run("pdsolve", lambda: _solve(args), _exits)
 
 
@@ -288,7 +324,7 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
-    from pdsolve.simulation import UnsettledError, UnstableError
+    from pdsolve.run.simulation import UnsettledError, UnstableError
 
     bad = commandline.BAD_INPUT
     return {

@@ -11,12 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import unheard
+from pdmesh.model import unused_settings
+from pdmesh.model.damping import MUCH, remark
 from pdmesh.model.document import MOST
 from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
-from pdmesh.model.trees import tree_of
-from pdmesh.model.triangles import distances
+from pdmesh.model.refused_settings import impossible
+from pdmesh.model.triangulated_surface import distances
+from pdsolve.laws import law_named
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LEAST = 1e-30  # of a material's numbers, likewise
@@ -36,7 +39,7 @@ class Nearest(NamedTuple):
 
 
 def nearest(model: Model) -> Nearest:
-    """Who is nearest to whom."""
+    """The nearest other node of each node, and how far it is, m."""
     position, delta = model.grid.position, model.grid.delta
     found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
@@ -53,14 +56,16 @@ def nearest(model: Model) -> Nearest:
 
 
 def refuse(model: Model, partial_cells: bool) -> None:
-    """Raises ModelError for a model that has no stiffness, or numbers that nothing can be computed with.
+    """Raises ModelError for settings that cannot be, for a model that has no stiffness, or numbers that nothing can be
+    computed with.
 
     `partial_cells` says whether the family reaches half a spacing beyond the horizon.
     """
-    if model.grid.dimension == 3:
-        _refuse_of_plates(model)
+    for wrong in impossible(model.settings, model.grid.dimension):
+        raise ModelError(f"{model.name}: {wrong}")
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
+        law_named(material, place)
         for name in ("E", "rho", "G0"):
             value = getattr(material, name)
             if value < LEAST:
@@ -71,23 +76,6 @@ def refuse(model: Model, partial_cells: bool) -> None:
                 f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
                 " micromodulus have no stiffness, expected more than 1 (3 is usual)"
             )
-
-
-def _refuse_of_plates(model: Model) -> None:
-    """Raises ModelError for what only plates can have."""
-    if model.settings.run.adapt != "none":
-        raise ModelError(
-            f"{model.name}: $.run.adapt: found '{model.settings.run.adapt}', expected none in a body in space"
-        )
-    if model.settings.run.cracks != "bonds":
-        raise ModelError(
-            f"{model.name}: $.run.cracks: found {model.settings.run.cracks}, expected bonds in a body in space"
-        )
-    if model.settings.area_rule == "eq19":
-        raise ModelError(f"{model.name}: $.area_rule: found 'eq19', expected cells or square in a body in space")
-    for number, material in enumerate(model.materials):
-        if material.model == "micropolar":
-            raise ModelError(f"{model.place_of(number)}.model: found 'micropolar', expected another in a body in space")
 
 
 def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
@@ -123,8 +111,8 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
 
 def advise_unused(model: Model) -> None:
     """Warns of settings that the run does not use."""
-    for remark in unheard.remarks(model.settings):
-        warn(model, remark)
+    for said in unused_settings.remarks(model.settings):
+        warn(model, said)
 
 
 def warn(model: Model, message: str) -> None:
@@ -269,20 +257,34 @@ def _shapes(model: Model) -> None:
         )
 
 
-def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
-    """Warns at the end of a run whose energy does not add up though its operator is `symmetric`.
+def advise_damped(model: Model, damped: float, put_in: float) -> None:
+    """Warns at the end of a run in time from which damping took much of the energy `put_in`, J/m."""
+    said = remark(model.settings.run, model.settings.conditions, damped, put_in)
+    if said is not None and model.settings.run.solver != "static":  # at rest every crack gives some up
+        warn(model, said)
 
-    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds, and into damping.
+
+def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
+    """Warns at the end of a run whose energy does not add up though its operator is `symmetric`, or is coupled.
+
+    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds.
     """
     if spent < 0:
         warn(
             model,
-            f"found {spent:.3g} J/m spent on breaking bonds, expected no less than 0: bonds went from pressed to broken"
-            " within a step, as where a plate is crushed; a smaller time step resolves it",
+            f"found {spent:.3g} J/m spent on breaking bonds, expected 0 or more: compressed bonds broke within one"
+            " step, as in a plate that is crushed; a smaller time step resolves it",
         )
-    if symmetric and abs(balance) > LOST:
+    coupled = model.settings.run.adapt == "collocation"
+    if coupled and abs(balance) > MUCH:
         warn(
             model,
-            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {LOST:g} at most; look at"
-            " the time step, and at what is held or loaded too suddenly",
+            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {MUCH:g} at most: stencils"
+            " beside bonds make or lose it; a larger run.collocation.margin or horizon reduces that",
+        )
+    if symmetric and not coupled and abs(balance) > LOST:
+        warn(
+            model,
+            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {LOST:g} at most; check"
+            " the time step, and loads or prescribed motion that begin suddenly",
         )

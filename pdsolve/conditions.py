@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import pressure_speed
 from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.selection import components
-from pdmesh.model.trees import tree_of
 from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import durations, selection
-from pdmesh.model.cloud import Grid, document_of, grid_of
+from pdmesh.model.consistency import examine
 from pdmesh.model.document import (
-    MOST,
+    SPACE_VERSION,
     GridError,
     Material,
     OfDiffusion,
@@ -29,7 +29,9 @@ from pdmesh.model.document import (
     settings_of,
 )
 from pdmesh.model.document import read_document as parse_document
-from pdmesh.model.wordings import explained
+from pdmesh.model.node_grid import Grid, document_of, grid_of
+from pdmesh.model.number_limits import beyond
+from pdmesh.model.suggestions import explained
 
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 
@@ -63,10 +65,9 @@ class Model:
 
     def __post_init__(self) -> None:
         self._check_physics()
-        beyond = _beyond(self.settings, "$")
-        if beyond is not None:
-            place, found = beyond
-            raise ModelError(f"{self.name}: {place}: found {found:g}, expected a number from {-MOST:g} to {MOST:g}")
+        large = beyond(self.settings, "$")
+        if large is not None:
+            raise ModelError(f"{self.name}: {large}")
         self._check_end(self.settings.run)
         if self.grid.lattice is None:
             self._check_places()
@@ -192,7 +193,22 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     """
     document = read_file(path)
     merged = overlaid(settings_of(document), path, settings, assignments)
-    return Model(grid_of(document, str(path)), merged, str(path))
+    if document.version == SPACE_VERSION:
+        _refuse_planes(path, settings, assignments)
+    grid = grid_of(document, str(path))
+    examine(grid, str(path))
+    return Model(grid, merged, str(path))
+
+
+def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tuple[str, str]]) -> None:
+    """Raises ModelError for a plane that a body in space is given; one that is left out is no plane's."""
+    layers = [] if settings is None else [_read_toml(settings)]
+    layers += [_nested(name, _toml_value(name, text)) for name, text in assignments]
+    for layer in layers:
+        material = layer.get("material")
+        plane = material.get("plane", "space") if isinstance(material, dict) else "space"
+        if plane != "space":
+            raise ModelError(f"{path}: material.plane: found '{plane}', expected space, or none, in a body in space")
 
 
 def overlaid(
@@ -223,18 +239,6 @@ def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str
     if len(given) != 1 or not isinstance(below.get("run"), dict):
         return below
     return below | {"run": {name: value for name, value in below["run"].items() if name not in ends}}
-
-
-def _beyond(value: object, place: str) -> tuple[str, float] | None:
-    """Place and value of the first number inside that is not from -MOST to MOST."""
-    if isinstance(value, float):
-        return None if abs(value) <= MOST else (place, value)
-    parts: Iterable[tuple[str, object]] = ()
-    if isinstance(value, msgspec.Struct):
-        parts = ((f"{place}.{name}", getattr(value, name)) for name in value.__struct_fields__)
-    elif isinstance(value, tuple):
-        parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
-    return next(filter(None, (_beyond(part, at) for at, part in parts)), None)
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

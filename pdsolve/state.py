@@ -27,6 +27,7 @@ class State(NamedTuple):
     second: NDArray[Any]  # (n, w) acceleration, m/s^2
     dissipated: NDArray[np.float64]  # (n,) spent by the node's broken bonds so far, J/m^3
     work: NDArray[np.float64]  # (n,) done on the node by loads and holds so far, J/m^3
+    damped: NDArray[np.float64]  # (n,) taken from the node's motion by damping so far, J/m^3
 
 
 class Broken(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from pdsolve.operators.operator import Operator
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 
 SMALL = 1e-7  # of displacements: what is left of what is not linear
@@ -29,7 +29,7 @@ def settled(
         size = float(np.abs(value).max())
         if size == 0:
             return np.zeros_like(value)
-        state = State(value * (SMALL / size), *np.zeros((2, nodes, width)), *np.zeros((2, nodes)))
+        state = State(value * (SMALL / size), *np.zeros((2, nodes, width)), *np.zeros((3, nodes)))
         out = np.zeros((nodes, width))
         operator.add(state, out, 0, 0.0)
         return weight * out * (size / SMALL)
@@ -44,7 +44,7 @@ def settled(
     start = np.where(held, at, 0.0)
     count = int(free.sum())
     right = (pulls(start) + weight * load)[free]
-    scale = np.repeat(1 / (operator.stiffest() * cell), width).reshape(nodes, width)[free]
+    scale = np.repeat(1 / (operator.stiffness_bound() * cell), width).reshape(nodes, width)[free]
     light = LinearOperator((count, count), lambda r: scale * r.ravel())
     x, failed = cg(LinearOperator((count, count), resisted), right, rtol=rtol, maxiter=3000, M=light)
     assert not failed

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 from plates import plate, square_grid, two_scale_grid
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Load, Run
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.system import Options, Prepared, prepare
 
 
 def cracked() -> Grid:

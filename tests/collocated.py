@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from plates import plate, square_grid
 
 from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
-from pdsolve.adaptive.collocation import march as steps
-from pdsolve.adaptive.collocation.engine import Engine
-from pdsolve.adaptive.collocation.shown import Collocated
-from pdsolve.adaptive.collocation.zone import areas_of, renumbered
+from pdsolve.adaptivity.collocation import march as steps
+from pdsolve.adaptivity.collocation.operator import Engine
+from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.system import Options, Prepared, prepare
 
 H = 1e-3  # m
 STEEL = Material(E=191e9, rho=8000.0, G0=42408.0, plane="strain", micromodulus="constant")
@@ -35,7 +35,8 @@ def cracked(columns: int, rows: int, ratio: float, crack: float, **settings: Any
 def torn(adapt: str, ratio: float = 4.0, steps: int = 120, **how: Any) -> Model:
     """The same, pulled apart at both ends, until the crack has run far."""
     pull = tuple(Velocity(box=(-1.0, y - 1e-4, 1.0, y + 1e-4), y=v) for y, v in ((0.0, -12.0), (0.059, 12.0)))
-    run = Run(steps=steps, every=30, ledger=15, time_step=2e-7, adapt=adapt, collocation=Collocation(**how))
+    seam = Collocation(damped=True, **how)
+    run = Run(steps=steps, every=30, ledger=15, time_step=2e-7, adapt=adapt, collocation=seam)
     return cracked(61, 60, ratio, 24.0, conditions=pull, run=run)
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, plate, square_grid
 
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Load, Run, write_file
+from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 
@@ -41,7 +41,7 @@ def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def solved(duran_json: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The database of the whole Duran run in a mode, solved once a session."""
-    from pdsolve.simulation import Options, simulate
+    from pdsolve.run.simulation import Options, simulate
 
     folder = tmp_path_factory.mktemp("solved")
 
@@ -79,7 +79,7 @@ def probed(small_plate: Model) -> Model:
 @pytest.fixture
 def few_results(small_plate: Model, tmp_path: Path) -> Path:
     """The database of the small plate without energies and accelerations."""
-    from pdsolve.simulation import simulate
+    from pdsolve.run.simulation import simulate
 
     run = msgspec.structs.replace(small_plate.settings.run, fields=("ux", "uy", "vx", "vy", "damage"))
     settings = msgspec.structs.replace(small_plate.settings, run=run)
@@ -90,7 +90,7 @@ def few_results(small_plate: Model, tmp_path: Path) -> Path:
 @pytest.fixture
 def small_results(small_plate: Model, tmp_path: Path) -> Path:
     """The database of the small plate."""
-    from pdsolve.simulation import simulate
+    from pdsolve.run.simulation import simulate
 
     path = tmp_path / "small.sqlite"
     simulate(small_plate, path).close()
@@ -104,7 +104,7 @@ def hybrid_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The database of a struck plate that is peridynamic near its cracks alone, solved once a session."""
     from zones import struck
 
-    from pdsolve.simulation import Options, simulate
+    from pdsolve.run.simulation import Options, simulate
 
     path = tmp_path_factory.mktemp("hybrid") / "hybrid.sqlite"
     simulate(struck("hybrid"), path, Options(threads=1)).close()
@@ -116,7 +116,7 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The database of a cracked plate with a fine zone that moves, solved once a session."""
     from splitting import Moving, torn_plate
 
-    from pdsolve.simulation import Options, simulate
+    from pdsolve.run.simulation import Options, simulate
 
     path = tmp_path_factory.mktemp("moving") / "moving.sqlite"
     model = torn_plate()

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pdsolve.measures import Ledger
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
+from pdsolve.run.measures import Ledger
 
 NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
 

@@ -35,14 +35,24 @@ def theme_of(docstring: str) -> str:
     return docstring.strip().splitlines()[0].rstrip(".")
 
 
+def reason_of(docstring: str) -> str:
+    """Why a case fails: its docstring after the first line, on one line."""
+    return " ".join(docstring.strip().partition("\n")[2].split())
+
+
 def cases() -> list[tuple[str, str]]:
-    """All (theme, heading) in the sources, in order: every test that takes the fixture `failure`."""
+    """All (theme, heading) in the sources, in order."""
+    return [(theme, theme_of(docstring)) for theme, docstring in described()]
+
+
+def described() -> list[tuple[str, str]]:
+    """All (theme, docstring) in the sources, in order: every test that takes the fixture `failure`."""
     found = []
     for source in sorted(FOLDER.glob("test_*.py")):
         tree = ast.parse(source.read_text(encoding="utf-8"))
         for item in tree.body:
             if isinstance(item, ast.FunctionDef) and "failure" in [argument.arg for argument in item.args.args]:
-                found.append((theme_of(ast.get_docstring(tree) or ""), theme_of(ast.get_docstring(item) or "")))
+                found.append((theme_of(ast.get_docstring(tree) or ""), ast.get_docstring(item) or ""))
     return found
 
 

@@ -12,13 +12,13 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
-from pdmesh.model.continuum import BONDS_NU
 from pdmesh.model.domain_integrals import Found, Ring, Sampled, integrals
 from pdmesh.model.gradients import Stiffness, green, hooke
+from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.strain import fitted
 from pdsolve.results import Families, Nodes
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 
 class Lattice(NamedTuple):

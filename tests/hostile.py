@@ -220,6 +220,14 @@ BREAKING = {  # what would break or fill the process
     "a format that writes memory": drawing('a = Sprintf("%n", 1);\n', "found 'Sprintf'", real=False),
     "a format in a variable": drawing('f = "%n"; Printf(f, 1);\n', "found 'Printf'", real=False),
     "a format of 1e9 digits": drawing('Error("%999999999f", 1);\n', "found 'Error'", real=False),
+    "a number of any length": drawing(
+        'Printf("%f", 1e300); Error("%.2F, ", 1e300);\n', "Gmsh says: 1E+300,", real=False
+    ),
+    "a text of any length": drawing('a = Sprintf("%f", 1e300);\n', "line 1: found '%f' in", real=False),
+    "a text behind a number": drawing(f'Printf("%g {"x" * 245}", 1);\n', "found 'Printf'", real=False),
+    "a text of long letters": drawing(f'Printf("%g {"ä" * 125}", 1);\n', "found 'Printf'", real=False),
+    "a text of many numbers": drawing(f'a = Sprintf("{"%99g" * 11}", {{1:11}});\n', "found 'Sprintf'", real=False),
+    "a message of a number that is not there": drawing('Warning("%g");\n', "found 'Warning'", real=False),
     "a name of any length": drawing("a = 1; x = a" + "~{1}" * 200 + ";\n", "found 5 of '~{...}'", real=False),
     "a long name": drawing("a" * 5000 + " = 1;\n", "of 5000 bytes", real=False),
     "a write before a list": drawing("a[] = {1}; a[-100000000] = 1;\n", "Gmsh stopped before the end", real=False),

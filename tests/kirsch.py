@@ -13,7 +13,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Material
 from pdpost.measures.strain import fitted
 from pdsolve.results import Families, Nodes
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.system import Options, Prepared, prepare
 
 
 class Found(NamedTuple):

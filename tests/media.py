@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Concentration, Horizon, Run, Settings, Solid
 from pdmesh.model.medium import Medium
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 
 CORRODING = Medium(D=1.0, C_solid=1.0, C_sat=0.2)

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 from systems import bonds_of
 
-from pdmesh.model.cloud import Grid
-from pdsolve.bonds import Assembly, Bonds, Filling, Part
+from pdmesh.model.node_grid import Grid
+from pdsolve.bonds.assembly import Assembly, Bonds, Filling, Part
 from pdsolve.model import Model
-from pdsolve.system import Prepared, system_of
+from pdsolve.run.system import Prepared, system_of
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
 

@@ -7,14 +7,31 @@ from pathlib import Path
 
 import numpy as np
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Displacement, Horizon, Material, Settings, Velocity
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 STEEL = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)  # of the thesis
+
+MESH = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+4
+1 0 0 0
+2 0.01 0 0
+3 0.01 0.01 0
+4 0 0.01 0
+$EndNodes
+$Elements
+2
+1 2 2 0 1 1 2 3
+2 2 2 0 1 1 3 4
+$EndElements
+"""
 
 
 def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y0: float = 0.0) -> Grid:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Load, Run
-from pdsolve.adapt import Change
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.notes import restore
-from pdsolve.operators.operator import Kept
+from pdsolve.operators.protocol import Kept
+from pdsolve.run.node_changes import Change
+from pdsolve.run.recorder import restore
+from pdsolve.run.system import Options, Prepared, System, prepare, system_of
 from pdsolve.state import State
-from pdsolve.system import Options, Prepared, System, prepare, system_of
 
 QUARTERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / 4  # of the spacing: where a node's parts are
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from plates import plate, square_grid
 
-from pdmesh.model.continuum import poisson
 from pdmesh.model.document import Displacement, Material, Run
-from pdsolve.measures import books
-from pdsolve.system import Options, prepare
+from pdmesh.model.material_constants import poisson
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, prepare
 
 
 class Torn(NamedTuple):

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
-from pdsolve.bonds import Bonds, in_precision
+from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
-from pdsolve.notes import checkpoint
+from pdsolve.run.recorder import checkpoint
+from pdsolve.run.system import Prepared, system_of
 from pdsolve.state import Broken
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.newton import Newton
-from pdsolve.system import Prepared, system_of
 
 SMALL = 1e-6
 

@@ -4,28 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 
+from benchmarks.kills import contents
 from pdsolve.results import Results, ResultsError
-from pdsolve.results.schema import TABLES
 
-OWN = ("wall_time", "created", "provenance", "summary", "threads", "kernel")  # keys of meta that say how a run went
-
-
-def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
-    """The rows of each table, where they are, but for what says when and how a run went."""
-    with closing(sqlite3.connect(path)) as connection:
-        found = {table: connection.execute(f"SELECT rowid, * FROM {table}").fetchall() for table in TABLES}
-    found["meta"] = sorted(row[1:] for row in found["meta"] if row[1] not in OWN)
-    found["checkpoint"] = sorted(row[1:] for row in found["checkpoint"])
-    found["checksum"] = [row for row in found["checksum"] if row[1] != "meta"]
-    return found
+__all__ = ["contents", "kill_when", "newest"]
 
 
 def newest(path: Path, at_least: int) -> int:

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Material, Run, Velocity
-from pdsolve.adapt import zone_moved
-from pdsolve.adaptive.arrays import PIECES, Ground, Zone
-from pdsolve.adaptive.hybrid import Hybrid
-from pdsolve.adaptive.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
-from pdsolve.adaptive.system import hybrid_of
-from pdsolve.measures import Ledger, books
+from pdmesh.model.node_grid import Grid
+from pdsolve.adaptivity.hybrid.arrays import PIECES, LatticeConstants, Zone
+from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
+from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
-from pdsolve.system import Options, prepare, step_of
+from pdsolve.run.measures import Ledger, books
+from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.system import Options, prepare, step_of
 
 H = 1e-3  # m
 _fine = getattr(fine_place, "py_func", fine_place)
@@ -36,7 +36,7 @@ class Zoned(NamedTuple):
     hybrid: Hybrid
 
     @property
-    def ground(self) -> Ground:
+    def ground(self) -> LatticeConstants:
         """What stays."""
         return self.hybrid.ground
 

@@ -17,14 +17,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.drawing import meshreading
+from pdmesh.drawing import mesh_checks
 from pdmesh.drawing.additions import added
-from pdmesh.drawing.groups import Group, scene_of
-from pdmesh.drawing.meshreading import Mesh
+from pdmesh.drawing.mesh_checks import Mesh
 from pdmesh.drawing.parameters import PREFIX, given, unit_of
+from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.grid.lattice import grid_of_nodes, settings_of
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Settings
+from pdmesh.model.node_grid import Grid
 from pdmesh.scene.checks import remarks
 from pdmesh.scene.shapes import SceneError, parts
 
@@ -50,7 +50,7 @@ def read_mesh(
 
     `cracks` are added, ``x0,y0,x1,y1``.
     """
-    mesh = meshreading.read(path, TAGS, trust)
+    mesh = mesh_checks.read(path, TAGS, trust)
     faces, lines, points = _cells(mesh, path)
     areas = np.asarray(shapely.area(faces.shapes))
     if not (areas > 0).all():

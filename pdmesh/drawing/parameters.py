@@ -12,9 +12,10 @@ import numpy as np
 from pdmesh.drawing.units import UNITS, Unit
 from pdmesh.model.document import ADAPTS, Material, Run
 from pdmesh.model.medium import Medium
-from pdmesh.model.wordings import explained, nearest
+from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.shapes import SceneError
+from pdmesh.spelling import nearest
 
 T = TypeVar("T")
 
@@ -52,7 +53,7 @@ FOLDERS = {
     f"Exchanges/{ANY}": ("Coefficient", "Outside", *SHARED[:2]),
     f"Begins/{ANY}": ("Concentration", "Box"),
     f"Media/{ANY}": ("D",),
-    "Medium": ("D", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped"),
+    "Medium": ("D", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped", "Surface correction"),
     "Run": (
         "Theta",
         "Time step",
@@ -63,6 +64,7 @@ FOLDERS = {
         "Load steps",
         "Damping",
         "Adapt",
+        "Collocation damped",
         "Cracks",
     ),
 }
@@ -76,7 +78,7 @@ NAMES = (
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter as a drawing defines it."""
+    """One parameter of a drawing: name, value, unit and meaning."""
 
     name: str
     value: float | str
@@ -116,7 +118,7 @@ def refuse_unknown(names: Iterable[str], own: bool) -> None:
         likely = [known.replace(ANY, group) for known in NAMES] + ["/".join([OWN, *words[1:]])] * own
         also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if own else ""
         raise SceneError(
-            f"parameter '{name}': found a name that means nothing here,"
+            f"parameter '{name}': found an unknown name,"
             f" expected{one_like(name, [PREFIX + known for known in likely])}{also}"
         )
 
@@ -263,6 +265,8 @@ def medium(parameters: Parameters) -> Medium | None:
         given["power"] = parameters.whole("Medium/Power", 1)
     if parameters.maybe("Medium/Capped") is not None:
         given["capped"] = parameters.flag("Medium/Capped", True)
+    if parameters.maybe("Medium/Surface correction") is not None:
+        given["surface_correction"] = parameters.flag("Medium/Surface correction", True)
     return _converted(given, Medium, "Medium")
 
 
@@ -276,6 +280,8 @@ def run(parameters: Parameters) -> Run:
     given |= {"adapt": None if adapt == "none" else adapt}
     given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
     given = {name: value for name, value in given.items() if value is not None}
+    if parameters.maybe("Run/Collocation damped") is not None:
+        given["collocation"] = {"damped": parameters.flag("Run/Collocation damped", False)}
     if parameters.maybe("Run/Load steps") is not None:
         given["static"] = {"load_steps": parameters.whole("Run/Load steps", 1)}
     if step is not None:

@@ -22,9 +22,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from pdmesh.drawing.keywords import known
+from pdmesh import trust
+from pdmesh.drawing.exit_status import how_it_ended
+from pdmesh.drawing.keyword_suggestions import known
 from pdmesh.drawing.parameters import Parameter, unknown
-from pdmesh.drawing.processes import how_it_ended
 from pdmesh.files import read_bytes
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -99,7 +100,7 @@ def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[
         result, job = Path(folder) / "scene", Path(folder) / "job"
         job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
         command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
-        ended = subprocess.run(command, check=False).returncode
+        ended = subprocess.run(command, check=False, env=trust.environment()).returncode
         if not result.exists():
             raise SceneError(f"{path}: found a program that {how_it_ended(ended)}, expected it to define scene")
         found = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
@@ -139,7 +140,7 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     try:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
     except Exception as error:
-        return pickle.dumps(f"scene: found what cannot be handed over ({error}), expected shapes and numbers")
+        return pickle.dumps(f"scene: found an object that cannot be handed over ({error}), expected shapes and numbers")
 
 
 def _reason(error: BaseException, path: Path) -> str:

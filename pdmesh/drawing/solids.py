@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pdmesh.drawing.sandbox.child import read_trusted
-from pdmesh.model.triangles import volume
+from pdmesh.model.triangulated_surface import volume
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Box, Cylinder, Joined, Sheet, Shell, Solid, Sphere

@@ -16,7 +16,7 @@ class Unit(NamedTuple):
         return length * self.over / self.under
 
     def of(self, metres: float) -> float:
-        """Metres in this unit."""
+        """A length in metres, expressed in this unit."""
         return metres * self.under / self.over
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
-from pdmesh.model.cloud import Grid
-from pdmesh.model.document import AnyCondition, Horizon, Load, Material, MediumRegion, Region, Settings
-from pdmesh.model.triangles import distances
+from pdmesh.model.document import AnyCondition, Concentration, Horizon, Load, Material, MediumRegion, Region, Settings
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.body import SIDES, Body, SolidCondition
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.shapes import SceneError
@@ -67,7 +67,7 @@ def build_body(body: Body) -> tuple[Grid, Settings]:
 
 
 def in_space(material: Material) -> Material:
-    """The same in a body."""
+    """A material with three-dimensional stress and strain (`plane` is "space")."""
     return msgspec.structs.replace(material, plane="space")
 
 
@@ -125,6 +125,11 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
         changed |= {"rows": condition.rows, "surface": surface}
+    if isinstance(action, Concentration) and isinstance(where, str):
+        axis, end = SIDES[where]
+        way = np.zeros((len(rows), 3))
+        way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - cloud.position[rows, axis]
+        changed["edge"] = tuple(map(tuple, way.tolist()))
     return msgspec.structs.replace(action, **changed)
 
 

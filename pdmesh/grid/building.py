@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pdmesh.grid import soundness, whole
+from pdmesh.grid import soundness, whole_lattice
+from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import Shift, build_grid
-from pdmesh.grid.nested import nested, undivided
-from pdmesh.model.cloud import Grid, document_of
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
+from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -27,7 +27,7 @@ class Built:
 
     @property
     def document(self) -> Document:
-        """What is written."""
+        """The grid file as a document."""
         return document_of(self.grid, self.settings)
 
     def _repr_svg_(self) -> str | None:
@@ -50,10 +50,10 @@ def build(scene: Scene | Body) -> Built:
     if scene.run.adapt == "split":
         scene, more = undivided(scene)
         notes = (*notes, *more)
-    lattice = whole.lattice_of(scene)
+    lattice = whole_lattice.lattice_of(scene)
     if lattice is not None:
-        notes = (*notes, *soundness.remarks(*whole.stand_in(scene)))
-        return Built(*whole.build(scene, lattice), notes)
+        notes = (*notes, *soundness.remarks(*whole_lattice.stand_in(scene)))
+        return Built(*whole_lattice.build(scene, lattice), notes)
     grid, settings, shifts = build_grid(scene)
     return looked_at(Built(grid, settings, notes, shifts))
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid.filling import Cubes, inside, shares
-from pdmesh.model.trees import tree_of
-from pdmesh.model.triangles import gap
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.triangulated_surface import gap
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Shell
@@ -43,7 +43,7 @@ class Cubic(NamedTuple):
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(k, 3) m."""
+        """The positions (k, 3) of the nodes, m."""
         return self.cubes.middles(self.at)
 
     def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
@@ -89,7 +89,7 @@ def _refuse_thin(levels: list[Cubic]) -> None:
 
 
 def _cubes(body: Body, step: int) -> Cubes:
-    """Those that fill the box around the body, parted so many times. Raises SceneError for too many."""
+    """The cubes that fill the box around a body, halved `step` times. Raises SceneError for too many."""
     low, high = body.shell.bounds
     count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64)
     if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
@@ -101,7 +101,7 @@ def _cubes(body: Body, step: int) -> Cubes:
 
 
 def _refined(body: Body) -> list[NDArray[np.bool_]]:
-    """For each spacing but the finest, the coarsest first, which cubes are parted."""
+    """For each spacing but the finest, from the coarsest on, whether each cube is divided into eight."""
     from scipy.ndimage import distance_transform_edt
 
     steps = [round(float(np.log2(body.spacing / zone.spacing))) for zone in body.zones]

@@ -19,11 +19,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.grid.cells import cell_areas
+from pdmesh.grid.cell_areas import cell_areas
 from pdmesh.grid.zones import Level, levels
-from pdmesh.model.cloud import Grid, places
 from pdmesh.model.document import Horizon, Settings
-from pdmesh.model.trees import tree_of
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.node_grid import Grid, places
 from pdmesh.scene.conditions import SLACK
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, near
@@ -152,7 +152,7 @@ def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[
 
 
 def segments(scene: Scene) -> NDArray[np.float64]:
-    """Of all cracks (k, 4), m."""
+    """The segments (k, 4) of all cracks of a scene, m."""
     lines = [shapely.get_coordinates(slit.line) for slit in scene.slits]
     return np.concatenate([np.empty((0, 4)), *(np.hstack([line[:-1], line[1:]]) for line in lines)])
 

@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.graphs import connected
-from pdmesh.model.trees import tree_of
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.node_grid import Grid
 from pdmesh.scene.shapes import parts
 
 THINNEST = 3.0  # spacings that a ligament should have at least
@@ -62,7 +62,7 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry
 
 
 def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
-    """Those of the gaps that are too thin for the nodes in them."""
+    """The gaps that are too thin for the nodes in them, as ligaments."""
     if not gaps:
         return
     middles, margin = np.concatenate([gap.middle for gap in gaps]), 2 * float(grid.delta.max())

@@ -6,10 +6,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.graphs import connected
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
-from pdmesh.model.trees import tree_of
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import cracks_of, sight_of
 from pdmesh.scene.shapes import near, parts
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pdmesh.grid.ligaments import THINNEST, Ligament, ligaments
 from pdmesh.grid.pieces import faces_of, pieces
 from pdmesh.grid.supports import rows_of, unheld
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Settings
 from pdmesh.model.full_lattice import has_partial_cells
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import cracks_of, plate_of
 from pdmesh.scene.shapes import SceneError, near
 
@@ -113,7 +113,9 @@ def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list
         x, y = shapely.get_coordinates(face.representative_point())[0]
         part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {face.area:.3g} m^2"
         if near(grid.position, face, ON * float(grid.delta.min())).any():
-            warnings.append(f"warning: found {part}, that touches another in a point where bonds join them")
+            warnings.append(
+                f"warning: found {part}, without a node: it touches another part in a point, where bonds join them"
+            )
             continue
         spacing = float(grid.delta[np.hypot(*(grid.position - (x, y)).T).argmin()])
         said = f"found no node in {part}, expected some; nodes are {spacing:g} m apart there"
@@ -133,10 +135,10 @@ def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[s
 
 
 def _narrow(thin: list[Ligament]) -> list[str]:
-    """Warns of ligaments."""
+    """Warnings of ligaments that are thin for their nodes, one line each."""
     said = [
-        f"warning: found {width:.2g} m of plate at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
-        f" {spacing:g} m, expected at least {THINNEST:g}: finer nodes there"
+        f"warning: found the plate {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
+        f" {spacing:g} m, expected at least {THINNEST:g}: use finer nodes there"
         for (x, y), width, spacing in thin[:MOST_SAID]
     ]
     return said + [f"warning: found {len(thin) - MOST_SAID} more places as thin"] * (len(thin) > MOST_SAID)
@@ -148,7 +150,7 @@ def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
     for at, piece in enumerate(found):
         number[piece.rows] = at
     return [
-        f"warning: found {force:.3g} N/m on {found[at].words(grid)} that nothing holds and nothing balances, expected a"
+        f"warning: found {force:.3g} N/m on {found[at].words(grid)} without supports and without balance, expected a"
         " fix, a move or an opposite load; they fly off or turn"
         for at, force in unheld(grid, settings, number)
     ]

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Settings, Velocity
+from pdmesh.model.node_grid import Grid
 
 UNBALANCED = 0.05  # of the forces on a piece: what is less may come from nodes that are not quite on edges
 NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
-from pdmesh.model.trees import tree_of
+from pdmesh.model.kd_trees import tree_of
 
 if TYPE_CHECKING:
     import shapely

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
+from pdmesh.model.digest import compare, sealed
 from pdmesh.model.fields import USUAL, Column
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -26,19 +27,18 @@ from pdmesh.model.medium import MediumRegion as MediumRegion
 from pdmesh.model.medium import OfDiffusion as OfDiffusion
 from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
-from pdmesh.model.some import MOST_STEPS as MOST_STEPS
-from pdmesh.model.some import Box as Box
-from pdmesh.model.some import Id as Id
-from pdmesh.model.some import Point as Point
-from pdmesh.model.some import Positive as Positive
-from pdmesh.model.some import PositiveInt as PositiveInt
-from pdmesh.model.some import Selection as Selection
-from pdmesh.model.some import Timed as Timed
-from pdmesh.model.some import Vector as Vector
-from pdmesh.model.wordings import explained
+from pdmesh.model.suggestions import explained
+from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
+from pdmesh.model.timed_selection import Box as Box
+from pdmesh.model.timed_selection import Id as Id
+from pdmesh.model.timed_selection import Point as Point
+from pdmesh.model.timed_selection import Positive as Positive
+from pdmesh.model.timed_selection import PositiveInt as PositiveInt
+from pdmesh.model.timed_selection import Selection as Selection
+from pdmesh.model.timed_selection import Timed as Timed
+from pdmesh.model.timed_selection import Vector as Vector
 
-FORMAT_VERSION = 1  # of plates
-SPACE_VERSION = 2  # of bodies in space
+FORMAT_VERSION, SPACE_VERSION = 1, 2  # of plates; of bodies in space
 
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
@@ -96,7 +96,7 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How far a node sees."""
+    """The radius of interaction of a node, over its spacing."""
 
     ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
 
@@ -216,6 +216,7 @@ class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
     margin: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # horizons beyond the one from edges and notches that is fine
     damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # sqrt(E / rho) / spacing, of nodes within a horizon of
     # the seam; None: 0.05 where the horizon is less than 6 spacings, 0.02 where it is less than 16, else 0
+    damped: bool = False  # whether it may be where the horizon is less than 12 spacings, and energy is lost
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -257,7 +258,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
-    """One node exactly as the thesis writes it."""
+    """One node of the grid file, with the keys of the thesis."""
 
     id: Id
     border: Literal["true", "false"]
@@ -292,10 +293,13 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     source: str = ""  # the drawing the grid was built from
     drawing: str = ""  # its text, so that the grid can be built again
     parameters: dict[str, float | str] = {}  # of that drawing, as used
+    digest: str = ""  # of the text before it; only files hold it
 
 
 def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
+    if not data.strip():
+        raise GridError(f"{name}: found nothing in it, expected a grid file")
     try:
         document = msgspec.json.decode(data, type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -305,27 +309,29 @@ def read_document(data: bytes | str, name: str) -> Document:
             f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in"
             " space"
         )
-    return document
+    return msgspec.structs.replace(document, digest="") if document.digest else document
 
 
 def read_file(path: Path) -> Document:
-    """Read the document in the file at `path`. Raises GridError."""
+    """Read the document in the file at `path`. Raises GridError; warns with GridWarning where it was edited."""
     try:
         data = read_bytes(path)
     except OSError as error:
         raise GridError(f"{path}: cannot be read: {error.strerror}") from None
-    return read_document(data, str(path))
+    document = read_document(data, str(path))
+    compare(data, str(path))
+    return document
 
 
 def encode(document: Document) -> bytes:
-    """The document as JSON, a line for each node and for each other key."""
+    """The document as JSON, a line for each node and for each other key, its digest last."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
     usual = {"physics": "mechanics", "medium": None, "media": ()}  # is left out
-    given = {name: getattr(document, name) for name in document.__struct_fields__ if name != "nodes"}
+    given = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
     nodes = b"  " + msgspec.json.encode(document.nodes)[1:-1].replace(b"},{", b"},\n  {")  # no node has braces inside
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
-    return b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]) + b"\n}\n"
+    return sealed(b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]))
 
 
 def write_file(document: Document, path: Path) -> None:

@@ -37,7 +37,7 @@ class Sampled(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """How n nodes move."""
+    """The inertia of n nodes: density, velocity, acceleration and velocity gradient."""
 
     density: float  # kg/m^3
     velocity: NDArray[np.float64]  # (n, 2) m/s
@@ -53,7 +53,7 @@ class Ring(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a tip feels."""
+    """J, K1, K2 and the T-stress of a tip."""
 
     J: float  # J/m^2
     K1: float  # Pa m^0.5
@@ -127,7 +127,7 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
 
 
 def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
-    """J."""
+    """J, J/m^2, in its area form, of the fields sampled around a tip."""
     along = here.gradient[:, :, 0]
     energy = _product(here.stress, here.strain) / 2
     total = _pulled(here.stress, along, slope)
@@ -148,13 +148,13 @@ def _between(here: Sampled, other: TipField, q: NDArray[np.float64], slope: NDAr
 
 
 def _product(stress: NDArray[np.float64], strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """s_ij e_ij (n,)."""
+    """The product s_ij e_ij (n,) of stress and strain."""
     found: NDArray[np.float64] = (stress[:, :2] * strain[:, :2]).sum(axis=1) + 2 * stress[:, 2] * strain[:, 2]
     return found
 
 
 def _pulled(stress: NDArray[np.float64], along: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """s_ij u_i,x q,j (n,)."""
+    """The product s_ij u_i,x q,j (n,) of stress, displacement gradient and slope of the weight."""
     xx, yy, xy = stress.T
     found: NDArray[np.float64] = along[:, 0] * (xx * slope[:, 0] + xy * slope[:, 1])
     found += along[:, 1] * (xy * slope[:, 0] + yy * slope[:, 1])

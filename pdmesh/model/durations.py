@@ -12,7 +12,7 @@ SLACK = 1e-9  # of a step: round-off
 
 
 def counted(run: Run, step: float) -> Run:
-    """The same run, its duration in steps of so many seconds; at rest it is as it was.
+    """A run whose duration is expressed in steps of `step` s; a run at rest is returned unchanged.
 
     Raises GridError for too many of them.
     """

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import C11, C66, critical_stretch, dimension_of, micromodulus
 from pdmesh.model.document import Material
+from pdmesh.model.material_constants import C11, C66, critical_stretch, dimension_of, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, lengths
 
 

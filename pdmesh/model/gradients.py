@@ -61,7 +61,7 @@ def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Stiffness(NamedTuple):
-    """What nodes are made of."""
+    """The elastic constants of nodes, for stress from strain."""
 
     E: NDArray[np.float64]  # (n,) Young's modulus, Pa
     nu: NDArray[np.float64]  # (n,) Poisson's ratio of the material's model

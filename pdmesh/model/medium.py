@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from pdmesh.model.some import Amount, Positive, Selection, Timed
+from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vector
 
 
 class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -22,6 +22,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     C_sat: Positive | None = None  # mol/m^3, that liquid can hold
     dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
+    surface_correction: bool = True  # of links near free surfaces, cracks and held layers; see the guide
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
 
 
@@ -45,9 +46,13 @@ class MediumRegion(Selection, frozen=True, kw_only=True):
 
 
 class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_field="kind"):
-    """A concentration that is held, mol/m^3."""
+    """A concentration that is held, mol/m^3: at the nodes, or at an edge beside them.
+
+    `edge` has the way from each of `nodes` to the edge, m. These nodes are not held themselves.
+    """
 
     value: Amount
+    edge: tuple[Vector, ...] | None = None
 
 
 class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.trees import tree_of
+from pdmesh.model.kd_trees import tree_of
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -56,7 +56,7 @@ class _Group:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """To find them by place."""
+        """The k-d tree of these nodes."""
         return tree_of(self.position)
 
     @cached_property
@@ -79,7 +79,7 @@ class _Group:
 
 
 def chosen(pairs: Pairs, which: NDArray[np.bool_] | NDArray[np.int64]) -> Pairs:
-    """Those of the pairs (b,) that are marked, or have these numbers."""
+    """The pairs selected by a mask (b,) or by their numbers."""
     return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
 
 
@@ -119,7 +119,7 @@ class Neighbours:
         return (group.map.reshape(group.size[::-1]) for group in self._groups if len(group.map))
 
     def pairs(self, rows: NDArray[np.int64]) -> Pairs:
-        """Those of the nodes in `rows`, which increase."""
+        """The pairs of the nodes in `rows`, which increase."""
         found = []
         for number, group in enumerate(self._groups):
             own = rows[self._group[rows] == number]

@@ -23,7 +23,7 @@ class Particles(NamedTuple):
 
 
 def nobody() -> Particles:
-    """None."""
+    """An empty set of particles."""
     return Particles(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
@@ -40,7 +40,8 @@ def grown(particles: Particles, place: NDArray[np.float64], parent: int, step: i
 
 
 def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
-    """Those of pre-cracks (k, 4), at step 0: ends that are `slack` m apart are one, and each segment is an arm."""
+    """The particles of pre-cracks (k, 4), m, at step 0: each segment is an arm, and ends up to `slack` m apart are one
+    particle."""
     found = nobody()
     for start, end in segments.reshape(-1, 2, 2):
         near = np.flatnonzero(np.hypot(*(found.place - start).T) <= slack)
@@ -51,7 +52,7 @@ def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
 
 
 def until(particles: Particles, step: int) -> Particles:
-    """Those that were there at a step."""
+    """The particles that exist at a step."""
     place, normal, parent, since = particles
     there = since <= step
     return Particles(place[there], normal[there], parent[there], since[there])

@@ -33,21 +33,21 @@ class Cloud(Protocol):
 
     @property
     def ids(self) -> NDArray[np.int64]:
-        """(n,) unique."""
+        """The ids of the nodes, (n,), each different."""
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(n, d) m."""
+        """The reference positions (n, d) of the nodes, m."""
 
     @property
     def delta(self) -> NDArray[np.float64]:
-        """(n,) spacing, m."""
+        """The spacings (n,) of the nodes, m."""
 
 
 def components(
     condition: Displacement | Velocity | Acceleration | InitialVelocity, dimension: int = 3
 ) -> tuple[float | None, ...]:
-    """What is said of each axis; None: nothing."""
+    """The components that a condition prescribes along each axis; None leaves one free."""
     return (condition.x, condition.y, condition.z)[:dimension]
 
 

@@ -35,12 +35,12 @@ class Elastic(NamedTuple):
 
     @property
     def shear(self) -> float:
-        """G, Pa."""
+        """The shear modulus G, Pa."""
         return self.E / (2 * (1 + self.nu))
 
     @property
     def kappa(self) -> float:
-        """Kolosov's constant."""
+        """Kolosov's constant: (3 - nu) / (1 + nu) in plane stress, 3 - 4 nu in plane strain."""
         return (3 - self.nu) / (1 + self.nu) if self.plane == "stress" else 3 - 4 * self.nu
 
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
+from pdmesh.model.crack_surfaces import apart, front
 from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
-from pdmesh.model.faces import apart, front
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
-from pdmesh.model.trees import tree_of
-from pdmesh.model.triangles import Screen, distances, facing
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.triangulated_surface import Screen, distances, facing
 
 if TYPE_CHECKING:
     import shapely
@@ -33,7 +33,7 @@ CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no v
 
 
 class Obstacles(Protocol):
-    """What stands between nodes."""
+    """Edges, holes and cracks between the nodes of a grid."""
 
     @property
     def clear(self) -> bool:
@@ -46,7 +46,7 @@ class Obstacles(Protocol):
         """Which pairs (b,) a pre-crack separates."""
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
-        """How far apart pairs (b,) are for the influence they have on each other, m, see `Sight`."""
+        """The distance (b,) of the nodes of each pair, m, as they influence each other; see `Sight.apart`."""
 
 
 def sight_of(grid: Grid, name: str = "grid") -> Obstacles:
@@ -78,7 +78,11 @@ class SightInSpace:
         return self._cracks.met(pairs)
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
-        """As `Sight.apart`, round the edges of cracks that are inside the body."""
+        """The distance (b,) of the nodes of each pair, m, as they influence each other: straight, or twice `farthest`
+        across a crack.
+
+        With a `gamma` it is ((s1 + s2) / s0)^gamma s0 if that is less, s1 + s2 the shortest way round the crack's edge.
+        """
         cut = self.cut(pairs)
         found = np.where(cut, 2 * farthest, pairs.length)
         if gamma is not None and cut.any():
@@ -126,7 +130,7 @@ class Sight:
         return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
 
     def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which pairs (b,) the segments (k, 4) of a crack separate, likewise."""
+        """Which pairs (b,) the segments (k, 4) of a crack separate; segments are lengthened by a slack at both ends."""
         if not len(segments):
             return np.zeros(len(pairs.source), dtype=bool)
         return self._meet(pairs, _lengthened(segments.reshape(-1, 2, 2), SLACK * float(self._grid.delta.min())))

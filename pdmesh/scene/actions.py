@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from pdmesh.model.document import Acceleration, AnyCondition, InitialVelocity, MediumRegion, Velocity
-from pdmesh.model.wordings import explained
+from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import checked_profile
 from pdmesh.scene.shapes import SceneError
 

@@ -116,7 +116,7 @@ class Body:
 
     @property
     def shell(self) -> Shell:
-        """Its surface. Raises SceneError before Gmsh has made one."""
+        """The triangulated surface of this body. Raises SceneError before Gmsh has made it."""
         if not isinstance(self.solid, Shell):
             found = type(self.solid).__name__
             raise SceneError(f"body: found a {found}, expected its surface: read_scene makes one of a .py file's scene")
@@ -192,7 +192,7 @@ class Body:
         return self._with(kind, values, where, rows, name)
 
     def dissolve(self, solid: Solid, name: str = "") -> Body:
-        """With a solid that dissolves."""
+        """A scene with a solid that dissolves."""
         return self._with(Dissolving, {}, solid, 1, name)
 
     def begin(self, solid: Solid, concentration: float, name: str = "") -> Body:
@@ -200,7 +200,7 @@ class Body:
         return self._with(InitialConcentration, {"value": concentration}, solid, 1, name)
 
     def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
-        """With a concentration (mol/m^3) held; for the rest see `load`. It should be a layer of a horizon."""
+        """With a concentration (mol/m^3) held: on a side, or where the nodes of a solid or sheet begin; see `load`."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
     def supply(
@@ -257,7 +257,7 @@ class Body:
 
 def _area(where: Where, place: str) -> float:
     if not isinstance(where, Sheet):
-        raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet, through which something goes")
+        raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet that the flux goes through")
     return where.area
 
 

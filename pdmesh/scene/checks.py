@@ -10,13 +10,13 @@ import numpy as np
 
 from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
 from pdmesh.model.medium import Medium, contradiction
-from pdmesh.model.wordings import explained
+from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
 
 LARGE_PLATE, LARGEST_PLATE = 2.0, 20.0  # m; beyond, the numbers may be, or are taken for, millimetres
-SAY_UNIT = '"mm" (--unit mm) says that it is drawn in millimetres, "m" that metres are meant'
+SAY_UNIT = '"mm" (--unit mm) for a drawing in millimetres, "m" for one in metres'
 MOST_NODES = 2e7
 EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
 MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing

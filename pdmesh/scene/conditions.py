@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.document import AnyCondition, Load, MediumRegion, Point, Region
+from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
@@ -60,6 +60,10 @@ class PlacedCondition:
         found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+        if isinstance(self.action, Concentration) and isinstance(self.place.shape, Curve):
+            at = shapely.points(position[rows])
+            feet = shapely.line_interpolate_point(self.place.shape, shapely.line_locate_point(self.place.shape, at))
+            found["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))
         return msgspec.structs.replace(self.action, **found)
 
 

@@ -94,7 +94,7 @@ class Plate:
 
     @cached_property
     def shape(self) -> Surface:
-        """The plate as it is."""
+        """The plate with its holes and notches cut. Raises SceneError."""
         if not self.cutouts:
             return self.whole
         cut = [surface(shape, self.finest, f"cutout {number + 1}") for number, shape in enumerate(self.cutouts)]

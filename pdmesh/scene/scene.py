@@ -55,7 +55,7 @@ class Scene(Plate):
         checks.check(self)
 
     def hole(self, shape: Shape) -> Scene:
-        """With a hole in it."""
+        """A scene with a hole in it. Raises SceneError."""
         place = f"hole {len(self.cutouts) + 1}"
         if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
             raise SceneError(f"{place}: found outside the plate, expected inside")
@@ -175,7 +175,7 @@ class Scene(Plate):
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
     def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
-        """With a concentration (mol/m^3) held; for the rest see `load`. It should be a layer of a horizon."""
+        """With a concentration (mol/m^3) held: on a curve, or where nodes of a surface begin; see also `load`."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
     def supply(
@@ -209,7 +209,7 @@ class Scene(Plate):
     def _length(self, where: Where, place: str) -> float:
         curve = self._place(where, place)
         if isinstance(curve, Surface):
-            raise SceneError(f"{place}: found a surface, expected a curve, through which something goes")
+            raise SceneError(f"{place}: found a surface, expected a curve that the flux goes through")
         return float(curve.length)
 
     def _with(
@@ -228,11 +228,14 @@ class Scene(Plate):
             return surface(where, self.finest, place)
         return polyline(where, place)
 
-    def adapt(self, how: Adapt = "hybrid") -> Scene:
+    def adapt(self, how: Adapt = "hybrid", damped: bool | None = None) -> Scene:
         """To be solved with peridynamics where bonds may break and something cheaper elsewhere, with cells that split
-        where energy is, or everywhere alike."""
-        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
+        where energy is, or everywhere alike; `damped` is that of `run.collocation`."""
+        run = self.run
+        if damped is not None:
+            run = msgspec.structs.replace(run, collocation=msgspec.structs.replace(run.collocation, damped=damped))
+        return replace(self, run=msgspec.structs.replace(run, adapt=how))
 
     def one_scale(self) -> Scene:
-        """The same plate with the finest spacing everywhere."""
+        """A scene of this plate with the finest spacing everywhere."""
         return replace(self, spacing=self.finest, zones=(), refinements=())

@@ -60,7 +60,7 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True)
 class Sphere(Solid):
-    """A ball."""
+    """A ball around `centre`."""
 
     centre: Place  # m
     radius: float  # m
@@ -75,7 +75,7 @@ class Shell(Solid):
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """Its lowest and its highest corner (2, 3), m."""
+        """The lowest and the highest corner (2, 3) of the surface, m."""
         corners = self.triangles.reshape(-1, 3)
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
@@ -97,7 +97,7 @@ class Sheet:
 
     @property
     def areas(self) -> NDArray[np.float64]:
-        """Of each triangle (t,), m^2; 0 of one that is a line, but for round-off."""
+        """The area (t,) of each triangle, m^2; 0 for a triangle that is a line but for round-off."""
         a, b, c = self.triangles.transpose(1, 0, 2)
         twice = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1))
         longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
@@ -105,7 +105,7 @@ class Sheet:
 
     @property
     def area(self) -> float:
-        """m^2"""
+        """The area of all triangles, m^2."""
         return float(self.areas.sum())
 
 

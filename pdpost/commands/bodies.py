@@ -37,7 +37,9 @@ def add(commands: Commands) -> None:
         assignment="override a matplotlib setting, such as savefig.dpi=300",
     )
     _add_shared(command)
-    command.add_argument("--level", type=float, metavar="N", help="draw the surface where the field is that, SI units")
+    command.add_argument(
+        "--level", type=float, metavar="N", help="draw the surface where the field has this value, SI units"
+    )
     command.add_argument("--plane", type=_plane, metavar="AXIS=M", help="cut away what is in front of a plane")
     command.set_defaults(run=_render)
 
@@ -61,7 +63,7 @@ def _plane(text: str) -> Plane:
 
 
 def _slice(args: argparse.Namespace) -> int:
-    from pdpost.exports import columns
+    from pdpost.exports import csv_columns
     from pdpost.figures import slice_figure, style
     from pdpost.measures import fields, slices
     from pdpost.reading.times import told
@@ -82,7 +84,7 @@ def _slice(args: argparse.Namespace) -> int:
         x, y, z = nodes.position[found.rows].T
         table = {"node": nodes.ids[found.rows], "x": x, "y": y, "z": z, name: found.values}
         if args.csv is not None:
-            write_csv(args, columns.csv(table))
+            write_csv(args, csv_columns.csv(table))
     if args.csv != "-":
         smallest, largest = float(found.values.min()), float(found.values.max())
         result = {"output": str(path), "step": step, "time": time, "field": name, "nodes": len(found.rows)}

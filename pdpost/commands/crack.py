@@ -23,13 +23,13 @@ def add(commands: Commands) -> None:
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
         " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with a"
         " band, and left out where that is too wide to say anything or what cracked is no line; cracked nodes belong to"
-        " no piece. Start, branching and split are those of the whole run.",
+        " no piece.",
     )
     add_results(crack)
     crack.add_argument(
         "--along", choices=("right", "left", "up", "down"), help="where the crack runs (default: as it did)"
     )
-    crack.add_argument("--step", type=int, metavar="N", help="path and pieces after this step (default: the last)")
+    crack.add_argument("--step", type=int, metavar="N", help="all of it until this step (default: the last)")
     add_window(crack)
     crack.add_argument(
         "--compare", type=Path, metavar="OTHER", help="lay the path of another run of this plate over it"
@@ -108,7 +108,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:
-    from pdpost.reading.frames import last_step
+    from pdpost.reading.frame_steps import last_step
 
     last = last_step(results)
     if args.step is not None and not 0 <= args.step <= last:

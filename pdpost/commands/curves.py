@@ -43,7 +43,7 @@ def add(commands: Commands) -> None:
         action="append",
         dest="components",
         choices=("x", "y", "z", "magnitude"),
-        help="which one, z of a body; may be repeated (default: magnitude)",
+        help="a component, z in a body alone; may be repeated (default: magnitude)",
     )
     history.set_defaults(run=_history)
     delivery.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
@@ -58,7 +58,7 @@ def add(commands: Commands) -> None:
     reaction.add_argument(
         "--component",
         choices=("x", "y", "z"),
-        help="of force and displacement, z of a body (default: the larger force's)",
+        help="the component of force and displacement, z in a body alone (default: the larger force's)",
     )
     reaction.add_argument(
         "--gap",
@@ -149,8 +149,8 @@ def _usual(results: Results) -> list[Place]:
 
     import numpy as np
 
-    from pdpost.reading.frames import last_frame
-    from pdpost.reading.stored import vector
+    from pdpost.reading.frame_steps import last_frame
+    from pdpost.reading.stored_fields import vector
 
     probed = np.unique(results.probes()["node"])
     if len(probed):
@@ -187,26 +187,30 @@ def _told(curve: History, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import balance, per_thickness
+    from pdpost.measures.balance import balance, per_thickness, remarks
     from pdpost.reading.times import told
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".balance.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books, per = balance(results), per_thickness(results)
+        books, per, said = balance(results), per_thickness(results), remarks(results)
         if path is not None:
             from pdpost.figures import charts, style
 
             style.save(charts.balance(books, per), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
+    known = np.isfinite(last["damped"])
+    damped = f" + damped {last['damped']:.4g}" if known else " with what damping took"
     lines = [
         f"at {told(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
-        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g} (balance {last['error']:+.1e})",
+        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance {last['error']:+.1e})",
         f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
         f" at {told(float(books.time[worst]))}",
+        *said,
     ]
     found = {
+        "remarks": said,
         "units": _units(per),
         "last": last,
         "largest_error": float(books.error[worst]),
@@ -215,7 +219,7 @@ def _balance(args: argparse.Namespace) -> int:
     header = (
         "step",
         "time, s",
-        *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "put in", "total")),
+        *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
     return delivery.deliver(args, found, lines, header, zip(*books, strict=True), path)

@@ -47,7 +47,7 @@ def _tensors(text: str) -> tuple[str, ...]:
 
 def _export(args: argparse.Namespace) -> int:
     from pdpost.exports import frame_files, xdmf
-    from pdpost.reading.frames import chosen
+    from pdpost.reading.frame_steps import chosen
     from pdsolve.results import Results
 
     if args.assignments:

@@ -14,7 +14,7 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     from pdpost.measures import paths
     from pdpost.measures.plates import check_alike
     from pdpost.reading import studies
-    from pdpost.reading.frames import last_step
+    from pdpost.reading.frame_steps import last_step
     from pdsolve.results import Results
 
     if args.compare is not None or args.step is not None or args.along is not None:

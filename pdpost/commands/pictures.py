@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pdpost.commands.shared import Commands
-    from pdpost.exports.columns import Columns
+    from pdpost.exports.csv_columns import Columns
     from pdsolve.results import Results
 
 
@@ -53,7 +53,7 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "rotation": "draw the rotation of the nodes, of models that have one",
     "volume": "draw the volume of the nodes over that at the start, of models that have one",
     "concentration": "draw the concentration of what is dissolved, of models of diffusion",
-    "content": "draw the same with what is solid",
+    "content": "draw the content: concentration and what is solid",
     "solid": "draw the share of the nodes that is solid",
 }
 PARTS = {
@@ -97,7 +97,7 @@ def _add_picture(
 
 
 def _field(args: argparse.Namespace) -> int:
-    from pdpost.exports import columns
+    from pdpost.exports import csv_columns
     from pdpost.figures import field_figure
     from pdpost.measures import fields
 
@@ -116,7 +116,7 @@ def _field(args: argparse.Namespace) -> int:
         words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
         if told["torn"]:
             words += f", {told['torn']} torn nodes left out"
-        return Drawn(figure, told, words, lambda: columns.of_field(results, name, step))
+        return Drawn(figure, told, words, lambda: csv_columns.of_field(results, name, step))
 
     return _drawn(args, show)
 
@@ -144,7 +144,7 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
 def _nodes(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.exports import columns
+    from pdpost.exports import csv_columns
     from pdpost.figures import level_figure
 
     def show(results: Results, step: int, scale: float) -> Drawn:
@@ -153,16 +153,16 @@ def _nodes(args: argparse.Namespace) -> int:
         told = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
         figure = level_figure.nodes(results, step, scale=scale, window=args.window)
-        return Drawn(figure, told, words, lambda: columns.of_frame(results, step))
+        return Drawn(figure, told, words, lambda: csv_columns.of_frame(results, step))
 
     return _drawn(args, show)
 
 
 def _bonds(args: argparse.Namespace) -> int:
-    from pdpost.exports import columns
+    from pdpost.exports import csv_columns
     from pdpost.figures import bond_figure
-    from pdpost.measures.pairs import pairs
-    from pdpost.reading.embedded import expect_mechanics
+    from pdpost.measures.bond_pairs import pairs
+    from pdpost.reading.embedded_model import expect_mechanics
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
@@ -170,14 +170,14 @@ def _bonds(args: argparse.Namespace) -> int:
         told = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
         words = f"{told['intact']} bonds intact, {told['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
-        return Drawn(figure, told, words, lambda: columns.of_bonds(results, step, found))
+        return Drawn(figure, told, words, lambda: csv_columns.of_bonds(results, step, found))
 
     return _drawn(args, show)
 
 
 def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
     """Draw the frame asked for, and report what is shown there."""
-    from pdpost.exports import columns
+    from pdpost.exports import csv_columns
     from pdpost.figures import style
     from pdpost.reading.times import told
     from pdsolve.results import Results
@@ -192,7 +192,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
         shown = show(results, step, scale)
         style.save(shown.figure, path)
         if args.csv is not None:
-            write_csv(args, columns.csv(shown.table()))
+            write_csv(args, csv_columns.csv(shown.table()))
     if args.csv != "-":
         result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.told}
         commandline.report(result, [f"{path}: {args.picture} at {told(time)}, {shown.words}"], args)

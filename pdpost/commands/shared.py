@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
+from pdmesh.printing import say
 
 if TYPE_CHECKING:
     from pdpost.figures.field_figure import Shown
@@ -23,7 +24,7 @@ def add_results(command: argparse.ArgumentParser) -> None:
 
 
 def add_journal(command: argparse.ArgumentParser) -> None:
-    """For which journal a figure is made."""
+    """Add --journal: sizes and fonts for the columns of a journal."""
     command.add_argument(
         "--journal",
         type=lambda name: ("journal", name),
@@ -69,7 +70,7 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
     """Step and time (s) of the frame asked for. Raises ResultsError, saying which there are."""
     import numpy as np
 
-    from pdpost.reading.frames import frames
+    from pdpost.reading.frame_steps import frames
     from pdsolve.results import ResultsError
 
     steps, times = frames(results)
@@ -87,7 +88,7 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
 
 
 def add_scale(command: argparse.ArgumentParser, default: str) -> None:
-    """What displacements are multiplied by."""
+    """Add --scale: what displacements are multiplied by in a picture."""
     command.add_argument(
         "--scale",
         type=_scale,
@@ -149,7 +150,7 @@ def _window(text: str) -> tuple[float, float, float, float]:
 
 
 def finite_numbers(text: str, count: int) -> tuple[float, ...]:
-    """So many numbers with commas in between. Raises ArgumentTypeError."""
+    """`count` finite numbers from a text with commas between them. Raises ArgumentTypeError."""
     import math
 
     try:
@@ -190,7 +191,7 @@ def _expect_plate(results: Results, option: str) -> None:
 
 
 def add_colours(command: argparse.ArgumentParser) -> None:
-    """Where the colours end."""
+    """Add --largest: the value, in SI units, at which the colours end."""
     command.add_argument(
         "--largest",
         type=positive,
@@ -213,7 +214,7 @@ def positive(text: str) -> float:
 
 
 def add_csv(command: argparse.ArgumentParser) -> None:
-    """The numbers behind the picture."""
+    """Add --csv: the file for the numbers behind the picture."""
     command.add_argument(
         "--csv", metavar="FILE", help="write the numbers behind the picture as a table, in SI units; -: on stdout"
     )
@@ -235,7 +236,7 @@ def write_csv(args: argparse.Namespace, table: bytes) -> None:
     from pdmesh.files import write_atomically
 
     if args.csv == "-":
-        sys.stdout.write(table.decode())
+        say(table.decode(), end="")
     else:
         write_atomically(Path(args.csv), table)
 
@@ -251,7 +252,7 @@ def numbers(shown: Shown) -> dict[str, float | int | None]:
 
 
 def add_every(command: argparse.ArgumentParser) -> None:
-    """Of many frames, every so many."""
+    """Add --every N: only every Nth frame is taken."""
     command.add_argument("--every", type=_count, default=1, metavar="N", help="take every Nth frame (default: 1)")
 
 

@@ -21,7 +21,7 @@ from pdpost.commands.shared import (
 if TYPE_CHECKING:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
-    from pdpost.measures.fracture import Series
+    from pdpost.measures.stress_intensities import Series
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -52,10 +52,10 @@ def _ring(text: str) -> tuple[float, float]:
 
 def _sif(args: argparse.Namespace) -> int:
     from pdmesh.model.domain_integrals import Ring
-    from pdpost.measures import fracture
+    from pdpost.measures import stress_intensities
     from pdpost.measures.release import release
     from pdpost.measures.tips import tips
-    from pdpost.reading.embedded import expect_mechanics
+    from pdpost.reading.embedded_model import expect_mechanics
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".sif.png")
@@ -64,7 +64,7 @@ def _sif(args: argparse.Namespace) -> int:
         expect_mechanics(results)
         check_window(results, args)
         steps = _steps(results, args)
-        found = fracture.follow(results, steps, args.tip, ring, counted(args, "summing"))
+        found = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
         spent = release(results, tips(results, max(steps)))
         beside = spent.at(found[0].time)
         if path is not None:
@@ -84,7 +84,7 @@ def _sif(args: argparse.Namespace) -> int:
 
 def _steps(results: Results, args: argparse.Namespace) -> list[int]:
     """The steps of the frames that are asked for."""
-    from pdpost.reading.frames import chosen
+    from pdpost.reading.frame_steps import chosen
 
     if args.frame is None and args.time is None:
         return chosen(results, args.every)
@@ -100,6 +100,7 @@ def _told(one: Series, beside: Any) -> dict[str, Any]:
         "time": one.time,
         "place": one.place,
         **one.value,
+        "of_K": one.of_K,
         "at_least": one.low,
         "at_most": one.high,
         "dD_da": beside,
@@ -131,6 +132,8 @@ def _words(one: Series) -> str:
     said += [f"T {values['T'][0] * 1e-6:.3g} MPa"]
     if np.isfinite(values["angle"][0]):
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
+    if one.differs[at]:
+        said += [f"(K1^2 + K2^2)/E' {one.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
     x, y = one.place[at] * 1e3 + 0.0
     gaps = len(one.step) - len(known)
     left = f"; not known at {gaps} of {len(one.step)} frames" + (f": {one.refused}" if one.refused else "")

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from pdmesh.files import replacing, write_atomically
 from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
-from pdpost.exports.columns import csv, of_frame
+from pdpost.exports.csv_columns import csv, of_frame
 from pdpost.measures import fields
-from pdpost.reading.stored import diffuses
+from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
@@ -66,7 +66,7 @@ def check_also(results: Results, also: Sequence[str]) -> None:
 
 
 def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
-    """What is known at each node (n,) and the same in all frames until nodes change."""
+    """Data (n,) of the nodes that stay until nodes change: spacing, m, area, m^2, or volume, m^3, and id."""
     nodes = results.nodes(step)
     return {"delta": nodes.delta, "area" if results.dimension == 2 else "volume": nodes.area, "node": nodes.ids}
 
@@ -170,7 +170,7 @@ def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.floa
 
 
 def _placed(nodes: Nodes, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
-    """The same of these nodes."""
+    """Points (p, 3), m, and the cells on them: a vertex for each node, or, with `squares`, its square or cube."""
     count = len(nodes.ids)
     if squares:
         d = nodes.position.shape[1]

@@ -25,7 +25,7 @@ Data = Mapping[str, NDArray[np.generic]]  # (n,), (n, 3) or (n, 9) by name
 
 
 class Cloud(NamedTuple):
-    """Where data are."""
+    """Points and cells that data belong to."""
 
     points: NDArray[np.float64]  # (n, 3) m
     cells: tuple[str, NDArray[np.int64]]  # of which kind, and which points are its corners

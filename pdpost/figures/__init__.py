@@ -5,7 +5,7 @@
 
 from typing import TYPE_CHECKING
 
-from pdmesh.lazily import lazily
+from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
     from pdpost.figures.animation import gif

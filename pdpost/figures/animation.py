@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import os
 import shutil
 import subprocess
 import tempfile
@@ -18,12 +19,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 from PIL import Image
 
+from pdmesh import trust
 from pdpost.figures import colours, field_figure, slice_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
-from pdpost.reading.frames import chosen
+from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
 DPI = 110
@@ -131,7 +133,9 @@ def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
         film = Path(folder) / "film.mp4"
         command = [program, "-v", "error", "-y", *given, *even, "-movflags", "+faststart", "-bitexact", str(film)]
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as process:
+        with subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=said, stderr=said, env=trust.environment()
+        ) as process:
             assert process.stdin is not None
             try:
                 for shot in itertools.chain([first], shots):
@@ -151,7 +155,7 @@ def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
 
 def ffmpeg() -> str:
     """Where ffmpeg is. Raises FigureError if it is nowhere."""
-    program = shutil.which("ffmpeg")
+    program = shutil.which("ffmpeg", path=trust.environment().get("PATH", os.defpath))
     if program is None:
         raise FigureError("found no ffmpeg, expected it on the PATH for .mp4 (a .gif needs none)")
     return program

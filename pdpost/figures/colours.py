@@ -65,7 +65,7 @@ def mappable(shown: Colours) -> ScalarMappable:
 
 
 def caption(name: str, part: str) -> str:
-    """What a component is called."""
+    """The name of a component as it is written above the colours."""
     text = fields.FIELDS[name].title
     return text if part in ("", "magnitude") else f"{text}, {PARTS.get(part, part)}"
 

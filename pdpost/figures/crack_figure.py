@@ -20,7 +20,7 @@ from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, sh
 from pdpost.figures.style import narrow
 from pdpost.measures import crack_summary
 from pdpost.measures.crack_summary import Summary
-from pdpost.measures.cracked import damage_at
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
@@ -142,7 +142,7 @@ def _path(on: Sheet, branch: Branch, **style: Any) -> None:
 
 
 def _lengths(shown: list[Branch], length: Axes, _: Summary) -> None:
-    """Length over time."""
+    """Draw the length of the cracks over time."""
     second, seconds = scaled((one.time for one in shown), "s")
     metre, metres = scaled((one.along for one in shown), "m")
     for number, one in enumerate(shown):

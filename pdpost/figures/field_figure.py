@@ -17,7 +17,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, border, box_of, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN, narrow
 from pdpost.measures import fields
-from pdpost.reading.frames import last_frame
+from pdpost.reading.frame_steps import last_frame
 from pdsolve.results import Results
 
 

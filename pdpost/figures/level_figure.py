@@ -15,7 +15,7 @@ from pdpost.figures.labels import prefixed
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, paint, shape, sheet
 from pdpost.figures.style import SHADES
-from pdpost.reading.frames import last_frame
+from pdpost.reading.frame_steps import last_frame
 from pdsolve.results import Results
 
 DOT = 0.62  # of the spacing

@@ -6,7 +6,6 @@ Of bodies in space fields are planes through the middle, and cracks and the scen
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
@@ -14,21 +13,22 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from pdmesh.model.wordings import called
+from pdmesh.model.suggestions import called
 from pdpost.figures import charts, crack_figure, field_figure
 from pdpost.figures.animation import gif
 from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_summary
-from pdpost.measures.balance import balance, per_thickness
+from pdpost.measures.balance import balance, per_thickness, remarks
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
 from pdpost.measures.masses import masses
-from pdpost.reading.frames import frames
-from pdpost.reading.stored import OF_DIFFUSION, diffuses
+from pdpost.reading.embedded_model import whole
+from pdpost.reading.frame_steps import frames
+from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
 from pdpost.reading.times import told
-from pdsolve.results import Nodes, Results, ResultsError
+from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
 FRAMES = 24  # of the animation
@@ -63,7 +63,7 @@ PROVENANCE = {
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
     steps, times = frames(results)
-    model, meta, nodes = json.loads(results.model()), results.meta(), results.nodes(0)
+    model, meta, nodes = whole(results), results.meta(), results.nodes(0)
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
     drawn = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
@@ -143,11 +143,17 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
 
 def _balance(results: Results) -> list[str]:
     books, per = balance(results), per_thickness(results)
-    last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in ("work", "kinetic", "strain", "dissipated")}
+    names = ("work", "kinetic", "strain", "dissipated", *(("damped",) if np.isfinite(books.damped[-1]) else ()))
+    last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(len(results.breaks().step))
-    parts = [_table(last), _image(charts.balance(books, per), "energies over time")]
+    said = "".join(f"<li>{escape(sentence)}</li>" for sentence in remarks(results))
+    parts = [
+        _table(last),
+        *([f"<ul>{said}</ul>"] if said else []),
+        _image(charts.balance(books, per), "energies over time"),
+    ]
     if len(results.reactions()):
         parts.append(_image(charts.reactions(reactions(results), per=per), "forces of loads and grips"))
     return parts
@@ -173,6 +179,8 @@ def _fields(results: Results, step: int) -> list[str]:
     for name in FIELDS:
         try:
             parts.append(_image(field_figure.field(results, name, step), name))
+        except DamagedError:
+            raise
         except ResultsError:  # a field that was not stored, or is of another physics
             continue
     return parts

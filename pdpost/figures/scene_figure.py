@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
-from pdmesh.model.wordings import called
+from pdmesh.model.suggestions import called
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS

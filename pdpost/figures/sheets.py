@@ -27,7 +27,7 @@ from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plates
 from pdpost.measures.plates import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
-from pdpost.reading.stored import vector
+from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results
 
 TALLEST, FLATTEST = 6.5, 1.2  # inches, of the plate

@@ -12,9 +12,9 @@ from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, box_of, shape
-from pdpost.measures.cracked import damage_at
-from pdpost.measures.fracture import Series
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.release import Release
+from pdpost.measures.stress_intensities import Series
 from pdpost.reading.times import told
 from pdsolve.results import Results
 
@@ -73,7 +73,7 @@ def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, 
 
 
 def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
-    """dD/da and G0 beside J."""
+    """Draw dD/da and G0 beside J."""
     second, _ = scaled((one.time for one in shown), "s")
     factor, _ = scaled((side["J"] for one in shown for side in (one.low, one.high)), "J/m²")
     if np.isfinite(spent.value).any():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdpost.figures.colours import Colours, at, caption, colours, mappable, usual
 from pdpost.figures.labels import scaled
 from pdpost.measures.slices import AXES, Cut, cut, middle, values
-from pdpost.reading.frames import chosen
+from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])

@@ -14,10 +14,10 @@ from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled, spelled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
-from pdpost.measures.cracked import damage_at
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.paths import Polyline
 from pdpost.measures.scatter import Spread, chosen, spreads
-from pdpost.reading.frames import last_step
+from pdpost.reading.frame_steps import last_step
 from pdpost.reading.studies import Read, read, short, value_of
 from pdsolve.results import Results
 
@@ -36,7 +36,7 @@ def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> 
 
 
 def panels_of(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
-    """The same of measures that are read already, a panel each."""
+    """A figure of the spread of `measured` quantities of a study, one panel for each, against the parameter `over`."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
     figure = Figure(figsize=(WIDTH * (0.7 if columns == 1 else 1), 2.7 * rows + 0.3), layout="constrained")

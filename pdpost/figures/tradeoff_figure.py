@@ -69,7 +69,7 @@ def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], name
 
 
 def _short(text: str) -> str:
-    """Without zeros behind the point."""
+    """A number without trailing zeros."""
     number, percent = text.removesuffix("%"), text[-1:] if text.endswith("%") else ""
     return (number.rstrip("0").rstrip(".") if "." in number else number) + percent
 

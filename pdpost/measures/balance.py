@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.reading.embedded import expect_mechanics
+from pdmesh.model.damping import remark
+from pdmesh.model.document import AnyCondition, Run
+from pdpost.reading.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError
 
 
@@ -18,9 +21,10 @@ class Balance(NamedTuple):
     time: NDArray[np.float64]  # (t,) s
     kinetic: NDArray[np.float64]  # (t,) J/m
     strain: NDArray[np.float64]  # (t,) J/m
-    dissipated: NDArray[np.float64]  # (t,) J/m
+    dissipated: NDArray[np.float64]  # (t,) J/m, spent by bonds; of older files what is damped too
+    damped: NDArray[np.float64]  # (t,) J/m, taken by damping, absorbing and numerical layers; NaN of older files
     work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, what refining made, and what was there at the start
-    total: NDArray[np.float64]  # (t,) J/m, kinetic, strain and dissipated
+    total: NDArray[np.float64]  # (t,) J/m, kinetic, strain, dissipated and damped
     error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
     momentum_x: NDArray[np.float64]  # (t,) N s/m
     momentum_y: NDArray[np.float64]  # (t,) N s/m
@@ -31,6 +35,32 @@ def per_thickness(results: Results) -> str:
     return "/m" if results.dimension == 2 else ""
 
 
+def damping(books: NDArray[np.void]) -> NDArray[np.float64]:
+    """The energy (t,) that damping has taken, J/m; NaN in older files, which have it in the dissipated energy."""
+    return np.asarray(books["damped"] if "damped" in (books.dtype.names or ()) else np.full(len(books), np.nan))
+
+
+def put_in(books: NDArray[np.void], initial: float) -> float:
+    """The most energy, J/m, that a run was ever given, of which it had `initial` at the start."""
+    return max(float(np.abs(books["work"]).max()), initial)
+
+
+class _Solved(msgspec.Struct):
+    """The keys of the grid file that the balance of energy needs."""
+
+    run: Run = Run()
+    conditions: tuple[AnyCondition, ...] = ()
+
+
+def remarks(results: Results) -> list[str]:
+    """What there is to say of where energy went besides into cracks, if it is much."""
+    books, model = results.history(), read(results, _Solved)
+    given = put_in(books, float(results.meta()["initial_energy"]))
+    damped = float(np.nan_to_num(damping(books))[-1])
+    said = remark(model.run, model.conditions, damped, given)
+    return [] if said is None else [said]
+
+
 def balance(results: Results) -> Balance:
     """The balance of energy of a run. Raises ResultsError if nothing was booked yet."""
     books = results.history()
@@ -38,11 +68,12 @@ def balance(results: Results) -> Balance:
         expect_mechanics(results)
         raise ResultsError(f"{results.name}: found an empty ledger, expected at least one entry")
     initial = float(results.meta()["initial_energy"])
-    total = books["kinetic"] + books["strain"] + books["dissipated"]
+    damped = damping(books)
+    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped)
     given = books["work"] + initial
     if "refinement" in (books.dtype.names or ()):
         given = given + books["refinement"]
-    scale = max(float(np.abs(books["work"]).max()), initial)
+    scale = put_in(books, initial)
     error = (total - given) / scale if scale > 0 else np.zeros(len(books))
     return Balance(
         books["step"].astype(np.int64),
@@ -50,6 +81,7 @@ def balance(results: Results) -> Balance:
         books["kinetic"],
         books["strain"],
         books["dissipated"],
+        damped,
         given,
         total,
         error,

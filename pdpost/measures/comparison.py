@@ -36,7 +36,9 @@ def compare(
     check_alike(other, one)
     paths = path(one, steps[0], threshold), path(other, steps[1], threshold)
     apart = distance(*paths) if all(paths) else (None, None)
-    here, there = (growth(results, direction, threshold) for results in (one, other))
+    here, there = (
+        growth(results, direction, threshold, step) for results, step in zip((one, other), steps, strict=True)
+    )
     later = (
         _later(mine, its)
         for mine, its in ((here.start, there.start), (here.branching, there.branching), (here.split, there.split))

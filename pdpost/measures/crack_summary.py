@@ -9,20 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
-from pdpost.measures.cracks import DIRECTIONS, Direction, Growth, directions, growth
+from pdpost.measures.cracks import DIRECTIONS, Growth, growth
+from pdpost.measures.directions import Direction, directions
 from pdpost.measures.fragments import Fragments, fragments
 from pdpost.measures.paths import heading
 from pdpost.measures.release import Release, release
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
-from pdpost.reading.columns import Columns, columns_of
-from pdpost.reading.embedded import at_rest
-from pdpost.reading.frames import last_step
+from pdpost.reading.embedded_model import at_rest
+from pdpost.reading.frame_steps import last_step
+from pdpost.reading.table_columns import Columns, columns_of
 from pdpost.reading.times import told
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
+NOTHING = 0.005  # of all that was spent: less before cracks grew is not mentioned
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,8 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
         step,
         float(results.meta()["time_step"]),
         along,
-        growth(results, DIRECTIONS[along], threshold),
-        directions(results, step, threshold),
+        growth(results, DIRECTIONS[along], threshold, step, found),
+        directions(results, found),
         found,
         forks(found),
         fragments(results, step, threshold),
@@ -144,12 +146,9 @@ def sentences(found: Summary) -> list[str]:
     for fork in found.forks[:LISTED]:
         where = f"{_place(fork.place)}, {told(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
-    known = found.release.value[np.isfinite(found.release.value)]
-    if len(known):
-        low, middle, high = np.percentile(known, (0, 50, 100)) / found.release.G0
-        lines.append(f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}")
+    lines += _spent(found.release)
     for way in found.directions:
-        lines.append(f"from {_place(way.tip)}: {way.angle:+.1f} degrees from the notch")
+        lines.append(f"from {_place(way.tip)}: {_left(way)}")
     if len(found.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in found.fragments.pieces)
         lines.append(f"{len(found.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
@@ -169,6 +168,25 @@ def _way(branch: Branch, found: Summary) -> str:
     else:
         fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
+
+
+def _spent(release: Release) -> list[str]:
+    """What the cracks spent, beside G0."""
+    known = release.value[np.isfinite(release.value)]
+    if not len(known):
+        return []
+    low, middle, high = np.percentile(known, (0, 50, 100)) / release.G0
+    whole = f"{release.whole / release.G0:.3g} on the whole"
+    if release.before > NOTHING * release.whole * release.length[-1]:
+        whole += f", with {release.before:.3g} J/m before they grew"
+    return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {whole}"]
+
+
+def _left(way: Direction) -> str:
+    """Which way a crack left its notch."""
+    band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
+    angle, whole = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
+    return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {whole} as a whole"
 
 
 def _place(point: Sequence[float] | NDArray[np.float64]) -> str:

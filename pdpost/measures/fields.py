@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pdmesh.model import fields
 from pdmesh.model.fields import CRACKED
 from pdmesh.model.gradients import green, hooke, thinning
-from pdpost.measures.cracked import damage_at
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.strain import gradients, stiffness
-from pdpost.reading.stored import OF_DIFFUSION, diffuses, scalar, vector
+from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, scalar, vector
 from pdsolve.results import Results
 
 VECTOR = ("magnitude", "x", "y")
@@ -40,7 +40,8 @@ class Field:
         return self.components[: len(TENSOR)] == TENSOR
 
     def parts(self, dimension: int = 2) -> tuple[str, ...]:
-        """Its components in the plane, or in a body in space. Raises FieldError where there it is not known."""
+        """The components of this field in the plane, or, for `dimension` 3, in space. Raises FieldError for a field
+        that bodies do not have."""
         if dimension == 2 or not self.components:
             return self.components
         if self.name == "strain":
@@ -107,7 +108,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
 
 
 def signed(name: str, part: str) -> bool:
-    """Whether the values of a component may be below zero as well as above."""
+    """Whether the values of a component can be negative as well as positive."""
     return name == "rotation" or (bool(part) and part not in ("magnitude", "mises"))
 
 

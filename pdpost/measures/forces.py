@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.wordings import called
-from pdpost.reading.embedded import read
+from pdmesh.model.suggestions import called
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 
 class _Named(msgspec.Struct):
-    """What is read of the grid file."""
+    """The keys of the grid file that name its conditions."""
 
     conditions: list[dict[str, Any]] = []
 
@@ -23,7 +23,7 @@ WHAT = ("force", "displacement")
 
 
 class Reaction(NamedTuple):
-    """One condition at t steps, of a plate per unit thickness; d is 2 in the plane and 3 in space."""
+    """The force and displacement of one condition at t steps, of a plate per metre of thickness; d is 2 or 3."""
 
     number: int  # in the model's list of conditions
     name: str  # its name there, or its number
@@ -44,6 +44,10 @@ def reactions(results: Results) -> list[Reaction]:
     rows, ways = results.reactions(), "xyz"[: results.dimension]
     conditions = read(results, _Named).conditions
     found = []
+    wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))
+    if wrong.any():
+        number = int(rows["condition"][wrong][0])
+        raise ResultsError(f"{results.name}: found forces of condition {number}, expected one of {len(conditions)}")
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]
         force, moved = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
@@ -55,7 +59,8 @@ def reactions(results: Results) -> list[Reaction]:
 
 
 def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
-    """Those of these names or numbers, all if there are no names. Raises ResultsError, naming those there are."""
+    """The reactions with these names or numbers; all for no names. Raises ResultsError, naming the conditions there
+    are."""
     by_name = {str(one.number): one for one in all_of_them} | {one.name: one for one in all_of_them}
     for name in names:
         if name not in by_name:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pdmesh.model import selection
 from pdmesh.model.fields import of_dimension
 from pdpost.measures.fields import FieldError
-from pdpost.reading.frames import frames
-from pdpost.reading.stored import vector
+from pdpost.reading.frame_steps import frames
+from pdpost.reading.stored_fields import vector
 from pdsolve.results import Nodes, Results, ResultsError
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -137,7 +137,8 @@ def _away(nodes: Nodes, place: Place) -> NDArray[np.float64]:
 
 
 def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]:
-    """Of vectors (t, d). Raises FieldError for a z in the plane."""
+    """A component, or the magnitude, (t,) of vectors (t, d). Raises FieldError for a component that they do not
+    have."""
     if component == "magnitude":
         return reduce(np.hypot, ways.T)
     if component not in "xyz"[: ways.shape[1]]:

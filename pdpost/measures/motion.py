@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpost.measures.strain import broken
-from pdpost.reading.frames import frames, last_frame
+from pdpost.reading.frame_steps import frames, last_frame
 from pdsolve.results import Results
 
 TOGETHER = 2_000_000  # bonds that are looked at at once

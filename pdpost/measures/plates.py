@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
-from pdpost.reading.embedded import read
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Nodes, Results, ResultsError
 
 CLOSED = 0.3  # of the coarsest spacing: gaps between nodes up to twice as wide are of a plate without an outline
@@ -40,7 +40,7 @@ class Cells(NamedTuple):
 
 
 class _Drawn(msgspec.Struct):
-    """What is read of the grid file."""
+    """The keys of the grid file that shape the plate."""
 
     outline: list[Ring] = []
     holes: list[Ring] = []
@@ -93,14 +93,20 @@ def check_alike(results: Results, other: Results) -> None:
 
 
 def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
-    """The part of the plate that is nearer to each node than to any other, its Voronoi cell clipped by `shape`."""
+    """The part of the plate that is nearer to each node than to any other, its Voronoi cell clipped by `shape`.
+
+    Raises ResultsError for nodes in one place.
+    """
     if not len(nodes.ids):
         return Cells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))
     unit, origin = float(nodes.delta.min()), nodes.position.min(axis=0)
     points = np.round((nodes.position - origin) / unit * FRACTIONS) / FRACTIONS
     around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
     frame = shapely.union(around.envelope, shapely.multipoints(points).envelope).envelope.buffer(4)
-    found = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
+    try:
+        found = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
+    except shapely.errors.GEOSException as error:
+        raise ResultsError(f"nodes: found some that have no cell ({error}), expected them apart") from None
     found = shapely.get_parts(found)
     shapely.prepare(around)
     outside = ~shapely.covers(around, found)

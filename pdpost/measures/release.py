@@ -1,4 +1,9 @@
-"""What cracks spend on their way: the dissipation of the ledger over the length of all cracks, beside G0."""
+"""What cracks spend on their way: the dissipation of the ledger over the length of all cracks, beside G0.
+
+A crack is as long as its nodes are cracked. Where bonds soften before they break, some of what it spends at a place is
+spent before it comes there, and at first before there is a crack: a crack whose softening zone becomes shorter spends
+less on its advance than it costs. So all that was spent over all of the length is given too.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
+from pdpost.measures.balance import damping
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
-from pdpost.reading.embedded import read
+from pdpost.reading.embedded_model import at_rest, read
 from pdsolve.results import Results
 
 
@@ -23,9 +29,11 @@ class Release(NamedTuple):
     length: NDArray[np.float64]  # (k,) m, of all cracks together
     value: NDArray[np.float64]  # (k,) J/m^2, over ten spacings of length; NaN nearer to either end than five
     G0: float  # J/m^2, of the plate's own material
+    before: float = 0.0  # J/m, spent when the cracks began to grow: by what softens ahead of a crack to be
+    whole: float = float("nan")  # J/m^2, all that was spent until they grew last over their length
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same (t,) at other times (t,), s; NaN where no crack grows."""
+        """The energy release dD/da (t,) at times (t,), s, in J/m^2; NaN where no crack grows."""
         known = np.isfinite(self.value)
         if not known.any():
             return np.full(len(time), np.nan)
@@ -33,15 +41,17 @@ class Release(NamedTuple):
 
 
 class _Plate(msgspec.Struct):
-    """What is read of the grid file."""
+    """The keys of the grid file that the energy release needs."""
 
     material: Material
 
 
 def release(results: Results, branches: Sequence[Branch]) -> Release:
-    """dD/da of a run: of the dissipated energy of its ledger, over the length of all `branches` together."""
+    """dD/da of a run, over the length of all `branches` together: D is the dissipated energy of its ledger, and
+    at rest what the plate gives up on its way there too."""
     books = results.history()
-    return over_length(books["time"], books["dissipated"], branches, read(results, _Plate).material.G0)
+    spent = books["dissipated"] + (np.nan_to_num(damping(books)) if at_rest(results) else 0.0)
+    return over_length(books["time"], spent, branches, read(results, _Plate).material.G0)
 
 
 def over_length(
@@ -60,11 +70,11 @@ def over_length(
     ends = np.array([length - half, length + half])
     within = (ends[0] >= unique[0]) & (ends[1] <= unique[-1])
     value = np.where(within, np.diff(np.interp(ends, unique, mean), axis=0)[0] / (2 * half), np.nan)
-    return Release(time, length, value, G0)
+    return Release(time, length, value, G0, float(spent[0]), float(spent[-1] / length[-1]))
 
 
 def _reached(branch: Branch, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Its own length (t,) at times (t,), m; where several points are of one time, the last counts."""
+    """The length (t,) of a branch at times (t,), s, in m; where several points have one time, the last counts."""
     keep = np.append(np.diff(branch.time) > 0, True)
     at, far = branch.time[keep], branch.along[keep] - branch.along[0]
     if at[0] > branch.time[0]:

@@ -30,12 +30,12 @@ class Spread(NamedTuple):
 
     @property
     def known(self) -> NDArray[np.float64]:
-        """Those (m,) of the runs in which it happened."""
+        """The values (m,) of the runs that have one."""
         return self.measured[np.isfinite(self.measured)]
 
     @property
     def median(self) -> float:
-        """Of those known; NaN where there is none."""
+        """The median of the known values; NaN where there is none."""
         return float(np.median(self.known)) if len(self.known) else float("nan")
 
     @property

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pdpost.measures.cracked import ROUND_OFF
-from pdpost.measures.regions import SHORTEST, Grown
+from pdpost.measures.crack_labels import SHORTEST, Grown
+from pdpost.measures.cracked_nodes import ROUND_OFF
 
 SLAB = 2.0  # local spacings, along the crack
 

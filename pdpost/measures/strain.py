@@ -13,18 +13,18 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import poisson
 from pdmesh.model.document import Material, Region
 from pdmesh.model.gradients import Stiffness, gradients_of
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
-from pdmesh.model.trees import tree_of
-from pdpost.reading.embedded import read
-from pdpost.reading.stored import vector
+from pdpost.reading.embedded_model import read
+from pdpost.reading.stored_fields import vector
 from pdsolve.results import Families, Nodes, Results
 
 
 class _Materials(msgspec.Struct):
-    """What is read of the grid file."""
+    """The keys of the grid file that stress needs."""
 
     material: Material
     regions: tuple[Region, ...] = ()

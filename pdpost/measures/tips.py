@@ -19,15 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fields import CRACKED
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.particles import Particles, until
-from pdmesh.model.trees import tree_of
-from pdpost.measures.cracked import ROUND_OFF, pre_crack_tips
-from pdpost.measures.regions import Grown, grown
+from pdpost.measures.crack_labels import Grown, grown
+from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips
 from pdpost.measures.skeleton import SLAB, Chain, Skeleton
 from pdpost.measures.speed import WINDOW, Speeds, speeds, window
 from pdsolve.results import Results
 
 NEAR_TIP = 3.0  # spacings within which a crack begins or ends at the tip of a pre-crack
+BEGINS = 0.2  # spacings: a branch that begins so near to the tip of a pre-crack carries it on
 ARM = 10.0  # local spacings of an arm that its direction is measured over
 WIDE = 8.0  # local spacings: what is cracked over a greater width is crushed, and no line
 
@@ -49,7 +50,7 @@ class Branch:
 
     @property
     def length(self) -> float:
-        """Its own length, m."""
+        """The length of this branch alone, m, without those before it."""
         return float(self.along[-1] - self.along[0])
 
     @property
@@ -199,17 +200,17 @@ def _directions(
 ) -> NDArray[np.float64]:
     """The way (k, 2) that a path goes at its points, of the stretch that its speeds are measured over."""
     near = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))
-    return np.array([_axis(place[points]) for points in near])
+    return np.array([axis_of(place[points]) for points in near])
 
 
 def _heading(points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     """The unit vector that a line leaves its first point with, over `reach` (m) of it."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     near = points[far <= max(reach, far[1] * (1 + ROUND_OFF))]
-    return _axis(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
+    return axis_of(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
 
 
-def _axis(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def axis_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The unit vector (2,) along a straight line through points, from the first to the last."""
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis: NDArray[np.float64] = axes[0]

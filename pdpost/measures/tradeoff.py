@@ -16,19 +16,20 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
 from pdmesh.model.fields import CRACKED
-from pdpost.measures.cracked import damage_at
+from pdpost.measures.balance import damping
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
 from pdpost.measures.plates import check_alike
-from pdpost.reading.frames import frames
-from pdpost.reading.stored import vector
+from pdpost.reading.frame_steps import frames
+from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
 
 AWAY = 2.0  # of the larger spacing: displacements are compared where no crack is nearer
 
 
 class Cost(NamedTuple):
-    """What a run took."""
+    """The cost of a run: wall time, bond updates and the size of its file."""
 
     wall_time: float  # s
     bond_updates: float  # bonds times steps
@@ -42,7 +43,7 @@ class Errors(NamedTuple):
     path: float | None  # mean distance of the cracks' paths then, over the length of the reference's
     start: float | None  # of the crack
     branching: float | None  # time of it
-    energy: float | None  # kinetic, strain and dissipated, then
+    energy: float | None  # kinetic, strain, dissipated and damped, then
 
     @property
     def worst(self) -> float:
@@ -51,7 +52,7 @@ class Errors(NamedTuple):
 
 
 class Point(NamedTuple):
-    """One result on the chart."""
+    """One result on the chart of cost against error."""
 
     name: str
     nodes: int
@@ -114,9 +115,10 @@ def _step(results: Results, time: float) -> int:
 
 
 def displacement(results: Results, reference: Results) -> float | None:
-    """The error of displacement alone, as in `errors`; None without any to compare. Raises ResultsError likewise.
+    """The error of the displacements, a share of the reference's; None if there is nothing to compare. Raises
+    ResultsError.
 
-    The nodes of the coarser run are asked in both, the finer one's displacements being linear between its nodes.
+    They are compared at the nodes of the coarser run, those of the finer run interpolated linearly.
     """
     time = _common_time(results, reference)
     runs = sorted((results, reference), key=lambda run: len(run.nodes(_frame(run, time)).ids))
@@ -191,5 +193,5 @@ def _share(found: float, expected: float) -> float | None:
 
 def _energy(results: Results, time: float) -> float:
     books = results.history()
-    total = books["kinetic"] + books["strain"] + books["dissipated"]
+    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damping(books))
     return float(np.interp(time, books["time"], total))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import msgspec
 
-from pdmesh.model.continuum import poisson, rayleigh_speed
 from pdmesh.model.document import Material
-from pdpost.reading.embedded import read
+from pdmesh.model.material_constants import poisson, rayleigh_speed
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 
 class _Plate(msgspec.Struct):
-    """What is read of the grid file."""
+    """The keys of the grid file that wave speeds need."""
 
     material: Material
 

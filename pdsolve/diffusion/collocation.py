@@ -5,8 +5,8 @@ coarse one is the mean of the fine nodes around it, a fine one is interpolated l
 linear fields pass. That is not the transpose of each other: what one side gives, the other takes but for an error of
 the second order, which the balance of masses shows. Within each lattice nothing is lost.
 
-Source: as of `pdsolve.stencils`; a coarse node's stencil has 123 nodes in space, with weights for which its symbol is
-positive.
+Source: as of `pdsolve.operators.stencils`; a coarse node's stencil has 123 nodes in space, with weights for which
+its symbol is positive.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, row_chunks
+from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, chosen, lengths, row_chunks
 from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
 from pdsolve.diffusion.links import Linking
 from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
-from pdsolve.stencils import Stencil, diffusion, stencil_of
+from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -41,7 +41,8 @@ class Collocated:
     name = "collocation"
 
     def __init__(self, linking: Linking, volume: NDArray[np.float64], threads: int) -> None:
-        self._model, self.volume = linking.model, volume
+        self._model, self._linking, self.volume = linking.model, linking, volume
+        self.position, self.delta, self.diffusivity = linking.position, linking.delta, linking.diffusivity
         grid = linking.model.grid
         self._fine, self._coarse = _two(linking)
         fine, coarse = self._fine, self._coarse
@@ -59,10 +60,12 @@ class Collocated:
         fines = np.concatenate([near, self._outer.at]) / 2
         self._links = _lattice((fines, len(near)), spacing, steps, conductance, threads)
         pulls = found.xi[(found.xi != 0).any(axis=1)], found.theta[(found.xi != 0).any(axis=1), 0, 0]
-        cell = (2 * spacing) ** linking.dimension
-        self._stencils = _lattice(
-            (every / 4, len(far)), 2 * spacing, pulls[0], pulls[1] / (2 * spacing) ** 2 / cell, threads
-        )
+        pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** linking.dimension
+        self._stencils = _lattice((every / 4, len(far)), 2 * spacing, *pulls, threads)
+        self._pulls, self._keys, self._places = pulls, _Keys(far), np.zeros((len(volume), far.shape[1]), dtype=np.int64)
+        self._places[coarse] = far
+        self._far = np.isin(np.arange(len(volume)), coarse)
+        self.reach = np.where(self._far, np.abs(found.xi).max() * 2 * spacing, linking.reach)
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
         self.count[fine], self.total[fine] = self._links.count[: len(fine)], self._links.total[: len(fine)]
         self.count[coarse] = self._stencils.count[: len(coarse)]
@@ -79,6 +82,26 @@ class Collocated:
         self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._links, self._stencils)] for _ in "rv")
         self._some = [_slice(rows) for rows in (fine, coarse)]
 
+    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+        """The links (b,) of some rows, which increase, to nodes of their own lattice, and their conductances (b,)."""
+        own = ~self._far[rows]
+        nothing = np.zeros(0, dtype=np.int64)
+        pairs, g = self._linking.linked(rows[own]) if own.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
+        same = ~self._far[pairs.target]
+        steps, conductance = self._pulls
+        place = self._places[rows[~own]]
+        found = np.stack([self._keys.rows(place + 4 * step) for step in steps], axis=1)
+        there = found >= 0
+        source, target = np.repeat(rows[~own], there.sum(axis=1)), self._coarse[found[there]]
+        length = lengths(self.position[target] - self.position[source])
+        pulls = np.broadcast_to(conductance, there.shape)[there]
+        both = zip(chosen(pairs, same), (source, target, length), strict=True)
+        return Pairs(*(np.concatenate(two) for two in both)), np.concatenate([g[same], pulls])
+
+    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
+        """What links (b,) of these lengths between fine nodes would have; 0 between coarse ones."""
+        return np.where(self._far[pairs.source], 0.0, self._linking.conductance(pairs))
+
     @property
     def fictitious(self) -> tuple[int, int]:
         """How many nodes are fictitious, fine and coarse ones."""
@@ -88,9 +111,9 @@ class Collocated:
         self, found: Stencil, far: NDArray[np.int64], coarse: NDArray[np.int64], near: NDArray[np.int64]
     ) -> None:
         """Raises ModelError for a coarse node without a whole stencil that nothing holds."""
-        from pdsolve.diffusion.conditions import deeds
+        from pdsolve.diffusion.conditions import boundary_conditions
 
-        free = deeds(self._model, self.volume).free[coarse]
+        free = boundary_conditions(self._model, self.volume).free[coarse]
         keys = _Keys(np.concatenate([far, near - 1]))
         whole = np.ones(len(far), dtype=bool)
         for step in found.xi:
@@ -133,11 +156,8 @@ def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
         out[i] -= made / seam_volume
 
 
-KERNELS = (_give_back,)
-
-
 def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
-    """The same rows, as a slice where they follow each other."""
+    """Rows that follow each other as a slice; others unchanged."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == len(rows) else rows
 

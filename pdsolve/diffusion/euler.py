@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.conditions import Deeds
+from pdsolve.diffusion.conditions import BoundaryConditions
+from pdsolve.diffusion.corrected import Corrected
 from pdsolve.diffusion.dissolution import State, potential
-from pdsolve.diffusion.listed import Listed
+from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Operator
 
 
@@ -17,7 +18,7 @@ class Euler:
 
     name = "forward Euler"
 
-    def __init__(self, operator: Operator, done: Deeds, medium: Medium, time_step: float) -> None:
+    def __init__(self, operator: Operator, done: BoundaryConditions, medium: Medium, time_step: float) -> None:
         self._operator, self._done, self._medium, self._dt = operator, done, medium, time_step
         self._held = np.flatnonzero(~done.free)
         self._supplied = bool(done.supplied) or bool(done.exchange.any())
@@ -44,14 +45,14 @@ class Euler:
 
     def _rates(self, state: State, even: NDArray[np.float64]) -> None:
         medium = self._medium
-        if self._kinetic and isinstance(self._operator, Listed):
+        if self._kinetic and isinstance(self._operator, BondList | Corrected):
             C_sat = (medium.C_sat or 0.0) if medium.capped else np.inf
             self._operator.dissolve(even, state.solid, C_sat, medium.k_diss, self._rate)
         else:
             self._operator.rates(even, self._rate)
 
 
-def bound(operator: Operator, done: Deeds, medium: Medium) -> float:
+def bound(operator: Operator, done: BoundaryConditions, medium: Medium) -> float:
     """The longest step that is surely stable, s; infinite without links."""
     faster = max(1.0, medium.k_diss) if medium.dissolution == "kinetic" else 1.0
     most = float((faster * operator.total + done.exchange)[done.free].max(initial=0.0))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
 from pdsolve.diffusion.links import Linking, links_of, shape
-from pdsolve.diffusion.listed import Listed, compiled
-from pdsolve.threads import side_by_side
+from pdsolve.diffusion.listed import BondList, compiled
+from pdsolve.numerics.threads import side_by_side
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -44,7 +44,7 @@ class Slots(NamedTuple):
 
 
 class Box(NamedTuple):
-    """Where n nodes are."""
+    """The places of n nodes in a box of cells."""
 
     size: int  # cells
     cell: NDArray[np.int64]  # (n,) of each node
@@ -85,7 +85,7 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
 
 
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
-    """Those of links (k,) to nodes so many `steps` (k, d) away, in the order of cells."""
+    """The slots of links (k,) to nodes `steps` (k, d) away, in the order of cells."""
     order = np.argsort(steps @ box.strides)
     left = -len(order) % 2
     ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
@@ -149,10 +149,15 @@ class OnLattice:
         _put(self._box.cell, potential, self.volume, self._amount)
         self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
 
+    def lacking(self, cell: float) -> NDArray[np.bool_]:
+        """Which nodes (n,) have another total than they would with all links to whole cells, m^d."""
+        full = self._slots.conductance.sum() * cell
+        return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
+
     def tangent(self) -> csr_array:
         """The rates (n, n) by the potentials, 1/s; of a whole model."""
         assert self._linking is not None
-        return Listed(links_of(self._linking.parts(), len(self.volume))[0], self.volume, self.threads).tangent()
+        return BondList(links_of(self._linking.parts(), len(self.volume))[0], self.volume, self.threads).tangent()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
@@ -207,6 +212,3 @@ def _differ(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
                 other = cell + slots.ahead[k]
                 s += slots.conductance[k] * whole[other] * abs(amount[other] - share[i])
             out[i] = s
-
-
-KERNELS = (_put, _pull, _differ)

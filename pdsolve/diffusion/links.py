@@ -28,9 +28,14 @@ CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 /
 ALIKE = 1e-12  # of a conductance: what is round-off
 
 
+def extended(model: Model) -> list[int]:
+    """The axes that nodes extend along; the first for a single node."""
+    return np.flatnonzero(np.ptp(model.grid.position, axis=0) > 0).tolist() or [0]
+
+
 def dimension_of(model: Model) -> int:
     """1 for nodes in one row, else that of their places."""
-    return max(1, int((np.ptp(model.grid.position, axis=0) > 0).sum()))
+    return len(extended(model))
 
 
 class Part(NamedTuple):
@@ -42,7 +47,7 @@ class Part(NamedTuple):
 
 
 def diffusivities(model: Model) -> NDArray[np.float64]:
-    """That of each node (n,), m^2/s."""
+    """The diffusivity of each node (n,), m^2/s."""
     assert model.settings.medium is not None
     found = np.full(len(model.grid), model.settings.medium.D)
     for region in model.settings.media:
@@ -51,7 +56,7 @@ def diffusivities(model: Model) -> NDArray[np.float64]:
 
 
 def volumes(model: Model) -> NDArray[np.float64]:
-    """That of each node (n,), m^d."""
+    """The volume of each node (n,), m^d."""
     grid = model.grid
     if grid.areas is None or model.settings.area_rule == "square":
         return np.asarray(grid.delta ** grid.position.shape[1])
@@ -89,8 +94,10 @@ class Linking:
         self.model, self.dimension = model, dimension_of(model)
         self.power = model.settings.medium.power
         self.diffusivity, self.horizon = diffusivities(model), model.horizons
-        self.reach = self.horizon + grid.delta / 2
+        self.delta, self.reach = grid.delta, self.horizon + grid.delta / 2
+        self.position = grid.position[:, extended(model)]
         self.sight = sight_of(grid, model.name)
+        self.neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
         self._lattice = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
 
     def even(self, D: float) -> float:
@@ -98,7 +105,7 @@ class Linking:
         return D / self._lattice
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """That (b,) of pairs, 1/(s m^d); 0 beyond reach."""
+        """The conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
         i, j, length = pairs
         grid = self.model.grid
         delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
@@ -107,18 +114,23 @@ class Linking:
         one, other = self.diffusivity[i], self.diffusivity[j]
         return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
 
+    def part(self, rows: NDArray[np.int64]) -> Part:
+        """The links of some rows, which increase."""
+        pairs = self.neighbours.pairs(rows)
+        pairs = chosen(pairs, self.sight.inside(pairs))
+        conductance = self.conductance(pairs)
+        there = conductance > ROUND_OFF * conductance.max(initial=0.0)
+        blocked = there & self.sight.cut(pairs)
+        there &= ~blocked
+        return Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
+
+    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+        """The links (b,) of some rows, which increase, and their conductances (b,)."""
+        return self.part(rows)[:2]
+
     def parts(self) -> Iterator[Part]:
         """All links, some rows at a time."""
-        grid = self.model.grid
-        neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
-        for rows in row_chunks(len(grid)):
-            pairs = neighbours.pairs(rows)
-            pairs = chosen(pairs, self.sight.inside(pairs))
-            conductance = self.conductance(pairs)
-            there = conductance > ROUND_OFF * conductance.max(initial=0.0)
-            blocked = there & self.sight.cut(pairs)
-            there &= ~blocked
-            yield Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
+        return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
 
 
 class Links(NamedTuple):

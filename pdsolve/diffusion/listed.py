@@ -6,17 +6,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.links import Links
-from pdsolve.threads import share
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.numerics.threads import share
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class Listed:
+class BondList:
     """Exchange along listed links of nodes with these `volume` (n,), m^d."""
 
     name = "listed"
@@ -43,8 +43,8 @@ class Listed:
         k_diss: float,
         out: NDArray[np.float64],
     ) -> None:
-        """The same (n,) where links from solid to liquid are `k_diss` times as readily gone along, and only while the
-        liquid holds less than `C_sat`; links between two solid nodes are not gone along."""
+        """Put the rates (n,) of dissolution into `out`: links from solid to liquid count `k_diss` times, and only while
+        the liquid holds less than `C_sat`; links between solid nodes count nothing."""
         self._share(_dissolve, (self.volume, concentration, solid, C_sat, k_diss), out)
 
     def tangent(self) -> csr_array:
@@ -66,7 +66,7 @@ class Listed:
         return float((out * self.volume).sum())
 
 
-compiled = partial(njit, nogil=True, error_model="numpy", cache=True, fastmath={"contract"})
+compiled = partial(cached_njit, nogil=True, error_model="numpy", fastmath={"contract"})
 
 
 @compiled()
@@ -119,6 +119,3 @@ def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
                 s += factor * volume[j] * (other - mine)
             t += links.conductance[k] * s
         out[i] = t
-
-
-KERNELS = (_pull, _differ, _dissolve)

@@ -16,11 +16,11 @@ class Operator(Protocol):
 
     @property
     def name(self) -> str:
-        """How links are kept."""
+        """How links are stored: the name of the kernel, for the record."""
 
     @property
     def volume(self) -> NDArray[np.float64]:
-        """(n,) m^d."""
+        """The volume of each node (n,), m^d."""
 
     @property
     def total(self) -> NDArray[np.float64]:
@@ -28,7 +28,7 @@ class Operator(Protocol):
 
     @property
     def count(self) -> NDArray[np.int64]:
-        """(n,) links of each node."""
+        """The number of links of each node, (n,)."""
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.diffusion.books import Masses, fields, masses
 from pdsolve.diffusion.dissolution import State
+from pdsolve.diffusion.masses import Masses, fields, masses
 from pdsolve.diffusion.system import System, prepare
-from pdsolve.made import made_by
+from pdsolve.errors import UnstableError
 from pdsolve.model import Model
-from pdsolve.pace import Pace
+from pdsolve.provenance import made_by
 from pdsolve.results import Behind, Breaks, Families, Frame, Nodes, Results, ResultsError, Writer, behind
-from pdsolve.unstable import UnstableError
+from pdsolve.steppers.pace import Pace
 
 PATIENCE = 5e7  # link updates between two looks at the watcher
 KEPT = 1.0  # s between checkpoints

@@ -10,32 +10,30 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdmesh.model.fields import USUAL
-from pdsolve.compiled import settle
-from pdsolve.diffusion import collocation, lattice
-from pdsolve.diffusion import listed as listed_links
-from pdsolve.diffusion.conditions import Deeds, begin, deeds
+from pdsolve.diffusion import collocation, surfaces
+from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
+from pdsolve.diffusion.corrected import Corrected
 from pdsolve.diffusion.dissolution import State, check, crossing
 from pdsolve.diffusion.euler import Euler, bound
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.links import Linking, links_of, volumes
-from pdsolve.diffusion.listed import Listed
+from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError, counted
+from pdsolve.numerics.threads import crew
 from pdsolve.options import Options
-from pdsolve.threads import crew
 
-KERNELS = (*listed_links.KERNELS, *lattice.KERNELS, *collocation.KERNELS)
 OWN = ("c", "h", "solid")  # fields of a frame
 SLACK = 1e-9  # of a step: what is typed
 
 
 class Stepper(Protocol):
-    """Takes steps."""
+    """A time integration of the contents of nodes."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The name of the method, for the record."""
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
@@ -47,7 +45,7 @@ class System:
 
     model: Model
     operator: Operator
-    done: Deeds
+    done: BoundaryConditions
     stepper: Stepper
     time_step: float  # s
     bound: float  # s, surely stable
@@ -58,15 +56,16 @@ class System:
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[System, State]:
     """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
-    settle(*KERNELS)
     check(model)
     _refuse(model)
     medium, run = model.settings.medium, model.settings.run
     assert medium is not None
     threads = threads or crew(len(model.grid))
     volume = volumes(model)
-    operator, blocked = _operator(model, volume, threads, listed)
-    done = deeds(model, volume)
+    done = boundary_conditions(model, volume)
+    operator, blocked = _operator(model, volume, done, threads, listed)
+    if isinstance(operator, Corrected):
+        done = linked(done, operator.change.to_edge, operator.change.edge)
     content, solid = begin(model, done)
     most = bound(operator, done, medium)
     step = _step(model, most)
@@ -85,18 +84,28 @@ def expect_usual(model: Model, options: Options, changes: bool = False) -> None:
 
 
 def _operator(
-    model: Model, volume: NDArray[np.float64], threads: int, listed: bool = False
+    model: Model, volume: NDArray[np.float64], done: BoundaryConditions, threads: int, listed: bool = False
 ) -> tuple[Operator, NDArray[np.int64]]:
     """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
-    linking, medium = Linking(model), model.settings.medium
+    linking, medium, blocked = Linking(model), model.settings.medium, np.zeros(len(volume), dtype=np.int64)
+    assert medium is not None
+    near: surfaces.Links = linking
+    lacking = np.ones(len(volume), dtype=bool)
+    kinetic = medium.dissolution == "kinetic"  # a link asks both of its ends
+    found: Operator | None = None
     if model.settings.run.adapt == "collocation":
-        return collocation.Collocated(linking, volume, threads), np.zeros(len(volume), dtype=np.int64)
-    kinetic = medium is not None and medium.dissolution == "kinetic"  # a link asks both of its ends
-    found = None if kinetic or listed else on_lattice(linking, volume, threads)
-    if found is not None:
-        return found, np.zeros(len(volume), dtype=np.int64)
-    links, blocked = links_of(linking.parts(), len(volume))
-    return Listed(links, volume, threads), blocked
+        found = near = collocation.Collocated(linking, volume, threads)
+        lacking = ~lacking
+    elif not (kinetic or listed):
+        found = slots = on_lattice(linking, volume, threads)
+        if slots is not None:
+            lacking = slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension)
+    if found is None:
+        links, blocked = links_of(linking.parts(), len(volume))
+        found = BondList(links, volume, threads)
+    if not medium.surface_correction:
+        return found, blocked
+    return Corrected(found, surfaces.correction(near, volume, done.free, done.edges, lacking), threads), blocked
 
 
 def _step(model: Model, most: float) -> float:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.conditions import Deeds
+from pdsolve.diffusion.conditions import BoundaryConditions
 from pdsolve.diffusion.dissolution import State, potential
 from pdsolve.diffusion.operator import Operator
-from pdsolve.unstable import UnstableError
+from pdsolve.errors import UnstableError
 
 FACTORED = 1_000_000  # links; of more, or where the equations change, conjugate gradients find the potentials
 TOLERANCE = 1e-12  # of the right-hand side
@@ -28,7 +28,9 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 class Theta:
     """Steps of `time_step` (s), theta of their ends and 1 - theta of their beginnings."""
 
-    def __init__(self, operator: Operator, done: Deeds, medium: Medium, time_step: float, theta: float) -> None:
+    def __init__(
+        self, operator: Operator, done: BoundaryConditions, medium: Medium, time_step: float, theta: float
+    ) -> None:
         self._operator, self._done, self._medium = operator, done, medium
         self._dt, self._theta = time_step, theta
         self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"

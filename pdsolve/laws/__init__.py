@@ -5,10 +5,23 @@ from __future__ import annotations
 import warnings
 from types import ModuleType
 
-from pdmesh.model.continuum import BONDS_NU
+import numpy as np
+from numpy.typing import NDArray
+
 from pdmesh.model.document import Material
-from pdsolve.laws import bilinear, breitzman_dayal, brittle, correspondence, gradients, micropolar, ordinary, wan
-from pdsolve.laws.possible import refuse
+from pdmesh.model.material_constants import BONDS_NU
+from pdmesh.model.refused_settings import of_material
+from pdsolve.laws import (
+    bilinear,
+    breitzman_dayal,
+    brittle,
+    correspondence,
+    higher_order_correspondence,
+    micropolar,
+    ordinary,
+    wan,
+)
+from pdsolve.laws.bond_limits import Limits
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear}  # of bonds alone
@@ -20,6 +33,12 @@ MODELS: dict[str, ModuleType] = {  # of families, and of beams
 PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
 
 
+def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+    """Stretches at which a material's bonds change, by its law, given those they would break at if brittle."""
+    limits: Limits = LAWS[material.law].limits(material, critical)
+    return limits
+
+
 def law_of(model: Model) -> ModuleType:
     """The law of a model's bonds.
 
@@ -29,9 +48,10 @@ def law_of(model: Model) -> ModuleType:
     laws: dict[str, ModuleType] = {}
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
-        name, law = _named(material, place)
+        name, law = law_named(material, place)
         laws[name] = law
-        refuse(material, place)
+        for wrong in of_material(material, place):
+            raise ModelError(str(wrong))
         fixed = BONDS_NU[material.plane]
         if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
@@ -45,14 +65,15 @@ def law_of(model: Model) -> ModuleType:
     return bilinear if others else first  # a bilinear bond whose peak is its limit is brittle
 
 
-def _named(material: Material, place: str) -> tuple[str, ModuleType]:
+def law_named(material: Material, place: str) -> tuple[str, ModuleType]:
+    """The law of a material's bonds and its name. Raises ModelError for one that is not known."""
     if material.model != "bond":
         if material.control == "breitzman-dayal":
             return f"{material.model} with {material.control}", breitzman_dayal
         if material.control == "wan":
             return f"{material.model} with {material.control}", wan
         if material.order > 1 or material.constant_term:
-            return f"{material.model} of order {material.order}", gradients
+            return f"{material.model} of order {material.order}", higher_order_correspondence
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""

@@ -19,7 +19,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdmesh.model.document import Material
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.bond_limits import Limits
 from pdsolve.laws.law import INNER, stretch_before
 from pdsolve.model import Model
 
@@ -40,6 +42,17 @@ def columns(model: Model, bonds: Bonds) -> Law:
     """The law of these bonds (b,)."""
     count, kind = len(bonds.limit), bonds.limit.dtype
     return Law(bonds.stiffness, bonds.peak, bonds.limit, np.zeros(count, kind), np.zeros(count, np.int32))
+
+
+def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+    """Stretches at the peak and at failure. A bond spends c xi s_p s_0 / 2, so s_p = s_c / sqrt(kr) and s_0 = s_c
+    sqrt(kr) keep G0.
+
+    Without `keep_G0` they are the thesis's s_p = s_c / kr and s_0 = s_c, which spend G0 / kr.
+    """
+    if material.keep_G0:
+        return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
+    return Limits(critical / material.kr, critical)
 
 
 def springs(law: Law, bonds: Bonds) -> NDArray[np.floating]:

@@ -4,11 +4,12 @@ T. Breitzman, K. Dayal, J. Mech. Phys. Solids 110 (2018) 409-425.
 
 With H_m the mean of the gradients of both ends (see `pdsolve.laws.correspondence`), that of a bond is
 
-    H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w at the start
+    H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w of the bonds that are left
 
 and forces are the exact derivative of that: with P = W'(H), C = w (P_i / w_i + P_j / w_j), B_i = sum C (I - n n^T) / 2
 and A_i = B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. Where one end
-has no gradient, the other's alone is the mean. There is no history: materials that flow, and rates, have
+has no gradient, the other's alone is the mean. A bond that fails by stress does so as in `correspondence`, by the mean
+of its ends' stresses, which are those of their gradients. There is no history: materials that flow, and rates, have
 other laws.
 """
 
@@ -20,12 +21,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
-from pdsolve.laws.correspondence import ENERGY, NEVER, STRESS, STRETCH
+from pdsolve.laws.bond_arrays import left
+from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.law import INLINE, List
 from pdsolve.laws.materials.solid import Solid, holds, respond
-from pdsolve.laws.principal import largest
+from pdsolve.laws.principal import principal
 from pdsolve.model import Model
 
 
@@ -39,6 +41,7 @@ class Law(NamedTuple):
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
     solid: Solid
     failure: int
+    least: float  # the least limit of all
     d: int
 
 
@@ -52,8 +55,10 @@ def columns(model: Model, bonds: Bonds) -> Law:
 
 
 def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
-    """K^-1 of these nodes (k,) from the bonds that are left."""
+    """K^-1 and w of these nodes (k,) from the bonds that are left."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+    some = left(bonds, law.weight, law.broken, rows)
+    law.total[rows] = np.bincount(some.own, some.weight, minlength=len(rows))
 
 
 def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
@@ -67,12 +72,13 @@ def rows(law: Law, dimension: int) -> int:
 
 
 def spread(law: Law) -> bool:
-    """There is a pass between the two."""
+    """True: this law needs a pass between the first and the last one."""
     return True
 
 
 def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """As in `Operator`."""
+    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
+    remembers."""
     return correspondence.shown(law.d, law.solid, m, law.d * law.d)
 
 
@@ -193,16 +199,14 @@ def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
-    return law.failure != NEVER
+    return correspondence.may_fail(law, i, m, 2 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return False
     if law.failure == STRESS:
-        s = respond(law.solid, i, _gradient(law, bond, m, i, j)).sigma
-        t = respond(law.solid, j, _gradient(law, bond, m, i, j)).sigma
-        return largest(law.d, s, t) > law.limit[k]
+        return principal(law, m, i, j, 2 * law.d * law.d) > law.limit[k]
     if bond.stretch <= 0:
         return False
     if law.failure == STRETCH:

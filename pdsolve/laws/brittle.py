@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdmesh.model.document import Material
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.bond_limits import Limits
 from pdsolve.laws.law import stretch_before
 from pdsolve.model import Model
 
@@ -28,6 +30,11 @@ class Law(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> Law:
     """The law of these bonds (b,)."""
     return Law(bonds.stiffness, bonds.limit, np.zeros(len(bonds.limit), dtype=np.int32))
+
+
+def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+    """The critical stretch is both: a bond spends c xi s_c^2 / 2."""
+    return Limits(critical, critical)
 
 
 def springs(law: Law, bonds: Bonds) -> NDArray[np.floating]:

@@ -27,12 +27,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.bond_arrays import left, shapes
 from pdsolve.laws.law import INLINE, INNER, List, Tabled, list_of
 from pdsolve.laws.law import exchange as force_of
 from pdsolve.laws.law import numbers as numbers_of
 from pdsolve.laws.law import shows as shown_of
-from pdsolve.laws.lists import shapes
 from pdsolve.laws.materials.solid import (
     ALPHA_RATE,
     ALPHA_TOTAL,
@@ -48,7 +48,7 @@ from pdsolve.laws.materials.solid import (
 )
 from pdsolve.laws.materials.tensors import det
 from pdsolve.laws.principal import principal
-from pdsolve.laws.small import blank_square, mapped, product, square, summed, with_dyad
+from pdsolve.laws.small_tensors import blank_square, mapped, product, square, summed, with_dyad
 from pdsolve.model import Model
 
 NODE_MEMORY = ("history",)
@@ -107,7 +107,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
 
 def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
     """K^-1 of these nodes (k,) from the bonds that are left."""
-    K = shapes(bonds, law.weight, law.broken, rows)
+    K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
     values = np.linalg.eigvalsh(K)
     sound = values[:, 0] > FLAT * values.sum(axis=1)
     law.inverse[rows] = 0
@@ -129,7 +129,8 @@ def rows(law: Law, dimension: int) -> int:
 
 
 def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """As in `Operator`."""
+    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
+    remembers."""
     return shown(law.d, law.solid, m, law.d * law.d)
 
 
@@ -236,7 +237,7 @@ def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    """As `nears`."""
+    """What must not exceed what for a bond to last: its stretch or its energy, and the limit; see `nears`."""
     f = force_of(law, bond, c, here, there)
     along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
     found = along * bond.elongation * bond.inverse

@@ -2,7 +2,7 @@
 
 A law is a file: a NamedTuple `Law` of columns, one value a bond or a node, and some of the functions below, which see
 one bond or one node and never a loop. `bind` binds them to the tuple's type, so that one compiled loop serves every
-law and a second process finds it compiled. The loops (`pdsolve.operators.listed`) call them in this order:
+law and a second process finds it compiled. The loops (`pdsolve.operators.bond_list`) call them in this order:
 
     gather   adds what bond k says of node i's family to the node's row of `m`     (first pass; pair laws have none)
     close    turns that row into what the second pass wants                        (likewise)
@@ -57,15 +57,15 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from pdsolve.laws.lists import INLINE as INLINE
-from pdsolve.laws.lists import INNER as INNER
-from pdsolve.laws.lists import Bond as Bond
-from pdsolve.laws.lists import List as List
-from pdsolve.laws.lists import Now as Now
-from pdsolve.laws.lists import Tabled as Tabled
-from pdsolve.laws.lists import deformed as deformed
-from pdsolve.laws.lists import list_of as list_of
-from pdsolve.laws.lists import stretch_before as stretch_before
+from pdsolve.laws.bond_arrays import INLINE as INLINE
+from pdsolve.laws.bond_arrays import INNER as INNER
+from pdsolve.laws.bond_arrays import Bond as Bond
+from pdsolve.laws.bond_arrays import List as List
+from pdsolve.laws.bond_arrays import Now as Now
+from pdsolve.laws.bond_arrays import Tabled as Tabled
+from pdsolve.laws.bond_arrays import deformed as deformed
+from pdsolve.laws.bond_arrays import list_of as list_of
+from pdsolve.laws.bond_arrays import stretch_before as stretch_before
 
 Function = Callable[..., Any]
 TUPLES = ("numbers", "nothing", "say", "shows", "exchange", "finish", "nears")
@@ -167,7 +167,7 @@ def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
 
 
 class _Said(NamedTuple):
-    """What a law says."""
+    """The functions that a law has."""
 
     gather: Function
     close: Function

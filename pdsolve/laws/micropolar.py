@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import INLINE
 from pdsolve.model import Model, ModelError
 from pdsolve.state import Unknown
@@ -84,7 +84,7 @@ def rows(law: Law, dimension: int) -> int:
 
 
 def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """As in `Operator`."""
+    """The rotation (n,) of nodes, rad, as a field of results."""
     return {"rotation": (law.turn * value[:, 2]).astype(float)}
 
 

@@ -32,12 +32,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import bulk_modulus
-from pdsolve.bonds import Bonds, find
+from pdmesh.model.material_constants import bulk_modulus
+from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws.law import INLINE, Tabled
 from pdsolve.laws.law import numbers as numbers_of
 from pdsolve.laws.law import shows as shown_of
-from pdsolve.laws.small import along
+from pdsolve.laws.small_tensors import along
 from pdsolve.model import Model
 
 ROWS = 3  # theta, p, and what p is made of
@@ -96,7 +96,7 @@ def _moduli(material, dimension: int) -> tuple[float, float]:  # type: ignore[no
 
 
 def rows(law: Law, dimension: int) -> int:
-    """As in `pdsolve.laws.law`."""
+    """The width of `m`: the numbers that a node has between the two passes."""
     return ROWS
 
 
@@ -197,7 +197,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def pressure(bulk, d, theta, sheared, moment):  # type: ignore[no-untyped-def]
-    """p of a node."""
+    """The pressure p of a node from its dilatation, sheared sum and moment."""
     return bulk * theta - (sheared - theta * moment / d) / d
 
 
@@ -216,7 +216,7 @@ def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
 
 
 def by_lanes(law: Law) -> bool:
-    """Any node."""
+    """True: nodes can be finished in lanes, whatever they are."""
     return True
 
 

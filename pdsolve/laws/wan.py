@@ -1,8 +1,14 @@
 """Correspondence with a control after a solid's own elasticity, which wants no factor.
 
 J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034: with C the tensor of elasticity the force density
-of `pdsolve.laws.correspondence` has Z = C : K^-1. Where a family is not the same all around that makes a torque, as it
-does not turn with the node.
+of `pdsolve.laws.correspondence` has Z = C : K^-1. Where a family is not the same all around, Z has directions.
+With a solid that is for large rotations (svk, neo hooke, rates) they turn with the node: with F = I + H = R U, and M
+the sum of w z z^T, z = eta - H xi,
+
+    R Z R^T in place of Z        P + R [g] in place of P        (tr U I - U) g = axial vector of Z R^T M R
+
+where [g] is the cross product with g. The second is the derivative of the energy w z . R Z R^T z / 2 by way of R:
+forces are an energy's slope, and angular momentum is kept.
 """
 
 from __future__ import annotations
@@ -11,13 +17,32 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.bonds import Bonds
+from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.correspondence import closed, deviation, failing, lifted, looked_at, stressed
-from pdsolve.laws.law import INNER, List, Tabled
-from pdsolve.laws.materials.solid import holds, keep
-from pdsolve.laws.materials.tensors import det
-from pdsolve.laws.small import blank_square, halves, mapped_both, product, squares, summed, with_dyad
+from pdsolve.laws.law import INLINE, INNER, List, Tabled
+from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, holds, keep
+from pdsolve.laws.materials.tensors import (
+    det,
+    difference,
+    full,
+    grown,
+    inverse,
+    rotation,
+    symmetric,
+    transposed,
+)
+from pdsolve.laws.small_tensors import (
+    blank_square,
+    blank_symmetric,
+    halves,
+    mapped_both,
+    product,
+    squares,
+    summed,
+    with_dyad,
+    with_square,
+)
 from pdsolve.model import Model
 
 NODE_MEMORY = ("history",)
@@ -51,7 +76,8 @@ def rows(law: Law, dimension: int) -> int:
 
 
 def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """As in `Operator`."""
+    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
+    remembers."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.d)
 
 
@@ -60,38 +86,90 @@ def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
 
 
 def nothing(law, xi, none):  # type: ignore[no-untyped-def]
-    return blank_square(xi, none)
+    return blank_square(xi, none) + blank_symmetric(xi, none)
 
 
 def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
-    return with_dyad(sums, c[0], bond.eta, bond.xi)
+    A, B = with_square(sums, c[0], bond.eta)
+    return with_dyad(A, c[0], bond.eta, bond.xi) + B
 
 
 def close(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
-    P = stressed(law, i, m, 2 * g)
+    P, Z = stressed(law, i, m, 2 * g), _control(law, i, m)
+    if law.solid.rate or law.solid.kind[i] == SVK or law.solid.kind[i] == NEO_HOOKE:
+        P, Z = _turned(law, i, m, P, Z)
     for a in range(d):
         for b in range(d):
             total = m[i, 0] * 0
             for c in range(d):
                 total += P[3 * a + c] * law.inverse[i, d * c + b]
-                total -= _control(law, i, a, c) * m[i, 2 * g + d * c + b]
+                total -= Z[3 * a + c] * m[i, 2 * g + d * c + b]
             m[i, d * a + b] = total
-            m[i, g + d * a + b] = _control(law, i, a, b)
+    for a in range(d):
+        for b in range(d):
+            m[i, g + d * a + b] = Z[3 * a + b]
 
 
 @njit(**INNER)
-def _control(law, i, a, b):  # type: ignore[no-untyped-def]
-    """C : K^-1, one component of a node's."""
-    found = 2 * law.solid.shear[i] * law.inverse[i, law.d * a + b]
-    if a == b:
-        first = law.solid.first[i]
-        if law.solid.plane_stress:
-            first *= 2 * law.solid.shear[i] / (first + 2 * law.solid.shear[i])
-        for c in range(law.d):
-            found += first * law.inverse[i, (law.d + 1) * c]
-    return found
+def _control(law, i, m):  # type: ignore[no-untyped-def]
+    """C : K^-1 of a node, nine, of the same kind of numbers as m."""
+    d, none = law.d, m[i, 0] * 0
+    twice, first, trace = 2 * law.solid.shear[i], law.solid.first[i], none
+    if law.solid.plane_stress:
+        first *= twice / (first + twice)
+    for c in range(d):
+        trace += first * law.inverse[i, (d + 1) * c]
+    k = law.inverse[i]
+    if d == 2:
+        xx, yy, xy = trace + twice * k[0], trace + twice * k[3], none + twice * k[1]
+        return (xx, xy, none, xy, yy, none, none, none, none)
+    xx, yy, zz = trace + twice * k[0], trace + twice * k[4], trace + twice * k[8]
+    xy, xz, yz = none + twice * k[1], none + twice * k[2], none + twice * k[5]
+    return (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+
+
+@njit(**INNER)
+def _turned(law, i, m, P, Z):  # type: ignore[no-untyped-def]
+    """P and Z of a node, nine each, as it is turned, from its sums and the gradient behind them."""
+    d, none = law.d, m[i, 0] * 0
+    g = d * d
+    h = lifted(m, i, 2 * g, d)
+    if d == 2:
+        sums = (m[i, 0], m[i, 1], m[i, 2], m[i, 3], m[i, 4], m[i, 5], m[i, 6])
+        p, z = _turned_in_the_plane(sums, (h[0], h[1], h[3], h[4]), (P[0], P[1], P[3], P[4]), (Z[0], Z[1], Z[3], Z[4]))
+        return (p[0], p[1], none, p[2], p[3], none, none, none, P[8]), (
+            *(z[0], z[1], none, z[2], z[3], none),
+            *(none, none, none),
+        )
+    S = (m[i, g], m[i, g + 1], m[i, g + 2], m[i, g + 3], m[i, g + 4], m[i, g + 5])
+    R = rotation(grown(h))
+    back = transposed(R)
+    M = difference(full(S), full(symmetric(product(lifted(m, i, 0, d), transposed(h)))))
+    N = product(Z, product(product(back, M), R))
+    U = symmetric(product(back, grown(h)))
+    G = inverse(full((U[1] + U[2], U[0] + U[2], U[0] + U[1], -U[3], -U[4], -U[5])))
+    t = (N[5] - N[7], N[6] - N[2], N[1] - N[3])
+    x = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
+    y = G[3] * t[0] + G[4] * t[1] + G[5] * t[2]
+    z = G[6] * t[0] + G[7] * t[1] + G[8] * t[2]
+    return summed(P, product(R, (none, -z, y, z, none, -x, -y, x, none))), product(product(R, Z), back)
+
+
+@njit(**INLINE)
+def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
+    """P and Z of a node in the plane, four components each, as it is turned."""
+    c, s = 2.0 + H[0] + H[3], H[2] - H[1]
+    once = 1.0 / np.sqrt(c * c + s * s)  # 1 / tr U
+    c, s = c * once, s * once
+    R = (c, s * -1.0, s, c)
+    Z = product(product(R, Z), (c, s, s * -1.0, c))
+    xx = sums[4] - (sums[0] * H[0] + sums[1] * H[1])
+    xy = sums[5] - (sums[0] * H[2] + sums[1] * H[3])
+    yy = sums[6] - (sums[2] * H[2] + sums[3] * H[3])
+    g = (Z[0] * xy + Z[1] * yy - Z[2] * xx - Z[3] * xy) * once
+    return (P[0] - g * s, P[1] - g * c, P[2] + g * c, P[3] - g * s), Z
 
 
 def tabled(law: Law, bonds: Bonds) -> Tabled:
@@ -108,14 +186,16 @@ def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
 
 
 def by_lanes(law: Law) -> bool:
-    """As in `correspondence`."""
+    """Whether nodes can be finished in lanes: all of one solid without a history."""
     return correspondence.by_lanes(law)
 
 
 def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    H, found = closed(law, sums, own)
-    P, Z = found.P, own[6:]
-    A, B = product((P[0], P[1], P[3], P[4]), own[:4]), product(Z, H)
+    H, found = closed(law, sums[:4], own)
+    P, Z = (found.P[0], found.P[1], found.P[3], found.P[4]), own[6:]
+    if law.solid.kind[0] == SVK:
+        P, Z = _turned_in_the_plane(sums, H, P, Z)
+    A, B = product(P, own[:4]), product(Z, H)
     s = found.sigma
     return (
         *(A[0] - B[0], A[1] - B[1], A[2] - B[2], A[3] - B[3], Z[0], Z[1], Z[2], Z[3]),
@@ -160,5 +240,5 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     at = 2 * d * d
     for a in range(d):
         for b in range(d):
-            held += _control(law, i, a, b) * deviation(bond, m, i, at, a) * deviation(bond, m, i, at, b)
+            held += m[i, d * (d + a) + b] * deviation(bond, m, i, at, a) * deviation(bond, m, i, at, b)
     return law.weight[k] * held / 2, 0.0

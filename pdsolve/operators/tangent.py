@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from pdsolve.laws.law import List, Now, deformed, pull
+from pdsolve.numerics.jit_cache import cached_njit
 
 STEP = 1e-30  # m; its square is lost beside any length
 
@@ -69,7 +70,8 @@ def of_passes(
     value: NDArray[np.complex128],
     far: int,
 ) -> csr_array:
-    """The same of any law, from what it pulls with at values (n, w): a node feels those as `far` bonds away.
+    """The derivative (n w, n w) of minus what any law `pulls` with at values (n, w); a node feels values `far` bonds
+    away.
 
     Nodes that no common node feels are moved at once (A. R. Curtis, M. J. D. Powell, J. K. Reid, IMA J. Appl. Math. 13
     (1974) 117-119).
@@ -91,7 +93,7 @@ def of_passes(
     return coo_array(entries, (width * nodes, width * nodes)).tocsr()
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit(error_model="numpy")
 def _slopes(bonds, law, now, m, step, own, other):  # type: ignore[no-untyped-def]
     """Fill (b, w, w) with the derivatives of what each bond pulls with by the values of its node and its neighbour."""
     f = np.empty(own.shape[1], dtype=now.value.dtype)
@@ -126,7 +128,7 @@ def _reach(bonds: List, far: int) -> csr_array:
     return found.tocsr()
 
 
-@njit(cache=True)
+@cached_njit()
 def _colours(start, near):  # type: ignore[no-untyped-def]
     """Colours (n,) such that no node is near to two of one colour; `start` and `near` are a csr matrix's."""
     nodes = len(start) - 1

@@ -6,13 +6,23 @@ with its broken bonds and its ledger: a killed run loses at most the last frame.
 checkpoint in full precision as well, from which a run goes on.
 """
 
-from pdsolve.results.behind import Behind, behind
-from pdsolve.results.errors import BusyError, DamagedError, EmptyError, ResultsError, ResultsWarning, WriteError
-from pdsolve.results.lives import Lives
-from pdsolve.results.lock import writing_to
+from pdsolve.results.background_writer import Behind, behind
+from pdsolve.results.errors import (
+    BusyError,
+    DamagedError,
+    EmptyError,
+    GoneError,
+    ResultsError,
+    ResultsWarning,
+    TakenError,
+    WriteError,
+)
+from pdsolve.results.lock import holder, writing_to
+from pdsolve.results.node_lifetimes import Lives
 from pdsolve.results.reader import Results
+from pdsolve.results.recovery import Kind, State, state_of
 from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
-from pdsolve.results.writer import Writer, remove
+from pdsolve.results.writer import Writer, put_away, remove
 
 __all__ = [
     "Behind",
@@ -23,14 +33,21 @@ __all__ = [
     "Epoch",
     "Families",
     "Frame",
+    "GoneError",
+    "Kind",
     "Lives",
     "Nodes",
     "Results",
     "ResultsError",
     "ResultsWarning",
+    "State",
+    "TakenError",
     "WriteError",
     "Writer",
     "behind",
+    "holder",
+    "put_away",
     "remove",
+    "state_of",
     "writing_to",
 ]

@@ -35,7 +35,7 @@ _packed = msgspec.msgpack.Encoder().encode
 
 
 class Checksum(NamedTuple):
-    """Of some rows, one after the other."""
+    """The checksum of some rows, one after the other."""
 
     rows: int = 0
     crc: int = 0

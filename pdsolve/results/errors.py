@@ -22,6 +22,14 @@ class WriteError(ResultsError):
     """A database that could not be written: a full disk, a folder that may not be written to."""
 
 
+class GoneError(WriteError):
+    """A database that was removed or renamed while a run wrote to it."""
+
+
+class TakenError(WriteError):
+    """A database that another run has begun to write to."""
+
+
 class BusyError(ResultsError):
     """A database that another run is writing to."""
 
@@ -33,6 +41,8 @@ class ResultsWarning(UserWarning):
 MOST_SAID = 200  # letters of what SQLite says: it may quote a damaged value in full
 HINTS = {
     "SQLITE_BUSY": ", expected one that no other program keeps to itself",
+    "SQLITE_INTERRUPT": ", expected a whole one: its pages lead in circles",
+    "SQLITE_TOOBIG": ", expected no value larger than the file",
     "SQLITE_CORRUPT": ", expected a whole one (was the file cut short?)",
     "SQLITE_NOTADB": ", expected one written by pdsolve",
 }

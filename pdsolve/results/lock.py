@@ -2,7 +2,8 @@
 
 It is on a file beside the database and not on the database itself: closing a second handle of that would drop the
 locks that SQLite holds, and a run that is started anew replaces it. The file goes with the run; one that a killed run
-has left behind is not locked.
+has left behind is not locked. As that file may be removed, a run puts a token into the database too, and looks at it
+before it writes.
 """
 
 from __future__ import annotations
@@ -12,30 +13,61 @@ import os
 import socket
 import stat
 import sys
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pdsolve.results.errors import BusyError, ResultsWarning, WriteError
+from pdsolve.results.writer_token import token_in
 
 if sys.platform == "win32":
     import msvcrt
 
     BEHIND = 1 << 30  # bytes: where the lock is, behind what others may read
 
-    def _lock(handle: int) -> None:
+    def _lock(handle: int, shared: bool = False) -> None:
         os.lseek(handle, BEHIND, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         os.lseek(handle, 0, os.SEEK_SET)
 else:
     import fcntl
 
-    def _lock(handle: int) -> None:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    def _lock(handle: int, shared: bool = False) -> None:
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 HELD = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
+TRIES, PAUSE = 10, 0.01  # who only looks whether a lock is held holds it for a moment: how often it is tried, s between
+
+
+def holder(path: Path) -> str | None:
+    """The run that writes to the database at `path`, as "process 12 on host"; None where there is none."""
+    token = token_in(path)
+    if token is not None and token.is_alive(path):
+        return token.name
+    try:
+        handle = os.open(_place(path), os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    except OSError:
+        return None
+    try:
+        _lock(handle, shared=True)
+    except OSError as error:
+        return _named(handle) if error.errno in HELD else None
+    finally:
+        os.close(handle)
+    return None
+
+
+def _place(path: Path) -> Path:
+    return Path(f"{os.path.realpath(path)}-lock")
+
+
+def _named(handle: int) -> str:
+    with suppress(OSError):
+        return os.read(handle, 200).decode(errors="replace").strip() or "unknown"
+    return "unknown"
 
 
 @contextmanager
@@ -47,17 +79,25 @@ def writing_to(path: Path | None) -> Iterator[None]:
     if path is None:
         yield
         return
-    place = Path(f"{os.path.realpath(path)}-lock")
+    place = _place(path)
     handle = _locked(path, place)
     try:
+        token = token_in(path)
+        if token is not None and token.is_alive(path):  # whose lock's file was removed
+            raise _busy(path, token.name)
         yield
     finally:
         if handle is not None:
             _let_go(handle, place)
 
 
+def _busy(path: Path, name: str) -> BusyError:
+    return BusyError(f"{path}: found a run writing to it ({name}), expected none; wait for its end, or stop it")
+
+
 def _locked(path: Path, place: Path) -> int | None:
     """A handle that holds the lock; None where the file system has no locks."""
+    tries = 0
     while True:
         try:
             handle = os.open(place, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
@@ -66,13 +106,14 @@ def _locked(path: Path, place: Path) -> int | None:
         try:
             _lock(handle)
         except OSError as error:
-            holder = os.read(handle, 200).decode(errors="replace").strip() if error.errno in HELD else ""
+            name = _named(handle) if error.errno in HELD else ""
             os.close(handle)
+            tries += 1
+            if error.errno in HELD and tries < TRIES:
+                time.sleep(PAUSE)
+                continue
             if error.errno in HELD:
-                raise BusyError(
-                    f"{path}: found a run writing to it{f' ({holder})' if holder else ''}, expected none;"
-                    " wait for its end, or stop it"
-                ) from None
+                raise _busy(path, name) from None
             warnings.warn(
                 f"{path}: cannot be locked here ({error.strerror}); see to it that no second run writes to it",
                 ResultsWarning,
@@ -87,8 +128,14 @@ def _locked(path: Path, place: Path) -> int | None:
         raise WriteError(f"{place}: found no regular file, expected one, or none, for the lock of {path.name}")
     with suppress(OSError):  # a full disk: the name is missing, the lock holds
         os.ftruncate(handle, 0)
-        os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+        os.write(handle, f"{_holder()}\n".encode())
     return handle
+
+
+def _holder() -> str:
+    """Who holds the lock: the process, and the host if that has a name."""
+    host = socket.gethostname()
+    return f"process {os.getpid()}" + (f" on {host}" if host else "")
 
 
 def _is_at(handle: int, place: Path) -> bool:
@@ -99,12 +146,13 @@ def _is_at(handle: int, place: Path) -> bool:
 
 
 def _let_go(handle: int, place: Path) -> None:
-    """First the file, then the lock, so that no one locks a file that is about to go; Windows wants it closed."""
+    """First the file, unless it is another run's, then the lock, so that no one locks a file that is about to go;
+    Windows wants it closed."""
+    ours = _is_at(handle, place)
     if sys.platform == "win32":
         os.close(handle)
-        with suppress(OSError):
-            place.unlink()
-        return
     with suppress(OSError):
-        place.unlink()
-    os.close(handle)
+        if ours:
+            place.unlink()
+    if sys.platform != "win32":
+        os.close(handle)

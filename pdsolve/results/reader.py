@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sqlite3
-import zlib
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -13,14 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import UNITS
+from pdmesh.model.fields import UNITS, USUAL
 from pdmesh.model.particles import Particles
-from pdsolve.results import shown
+from pdsolve.results import validation
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
-from pdsolve.results.lives import NEVER, Lives
+from pdsolve.results.node_lifetimes import NEVER, Lives
+from pdsolve.results.opening import read_only
 from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, taken
-from pdsolve.results.tables import Tables
+from pdsolve.results.stored_families import written_families
+from pdsolve.results.tables import Meta, Tables
 
 
 class Results:
@@ -31,10 +32,11 @@ class Results:
     What is read is compared with its checksums; all methods raise ResultsError where it is not what was written.
     """
 
-    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+    def __init__(self, connection: sqlite3.Connection, name: str, path: Path | None = None) -> None:
+        """`path`: the file, which anyone may have written; None: in memory."""
         self.connection = connection
         self.name = name
-        self._tables = Tables(connection, name)
+        self._tables = Tables(connection, name, path)
         self._lives: tuple[tuple[int | None, ...], Lives] | None = None  # with how many rows it was read from
         self._nodes: tuple[Lives, int, Nodes] | None = None  # of an epoch
 
@@ -44,19 +46,31 @@ class Results:
         if not path.is_file():
             raise ResultsError(f"{path}: found no such file, expected a database of results")
         with explained(path):
-            connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+            connection = read_only(path)
             try:
-                results = cls(connection, str(path))
+                connection.execute("PRAGMA trusted_schema = OFF")
+                connection.execute("PRAGMA cell_size_check = ON")
+                results = cls(connection, str(path), path.resolve())
                 results._tables.expect_ours()
             except BaseException:
                 connection.close()
                 raise
         return results
 
-    def verify(self) -> None:
-        """Read all there is. Raises ResultsError where it is not what was written, or where that cannot be said
-        because an older version wrote it."""
-        if self._tables.version != SCHEMA_VERSION:
+    @property
+    def version(self) -> int:
+        """The version of the schema."""
+        return int(self._tables.version)
+
+    @property
+    def checked(self) -> bool:
+        """Whether there are checksums, as in all but the oldest files."""
+        return bool(self._tables.checked)
+
+    def verify(self, older: bool = False) -> None:
+        """Read all there is. Raises ResultsError where it is not what was written, or where an older version wrote it,
+        unless `older`."""
+        if self._tables.version != SCHEMA_VERSION and not older:
             raise ResultsError(
                 f"{self.name}: found schema version {self._tables.version}, which can be read but not gone on with,"
                 f" expected {SCHEMA_VERSION}; solve it anew"
@@ -70,14 +84,21 @@ class Results:
         self.close()
 
     def __repr__(self) -> str:
-        return shown.words(self)
+        """Where the results are, of what they are, how the run stands."""
+        try:
+            status, steps, nodes = self.meta().get("status"), self.frames()[0], len(self.nodes(0).ids)
+        except (sqlite3.Error, ValueError):  # closed, or damaged: whoever asks for words wants no error
+            return f"<Results {self.name}>"
+        return f"<Results {self.name}: {nodes} nodes, {len(steps)} frames, {status}>"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: the last picture."""
-        return shown.png(self)
+        """What a notebook shows: a picture of the last frame, which pdpost draws."""
+        from pdpost import notebook_png
+
+        return notebook_png(self)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the database."""
         self.connection.close()
 
     def meta(self) -> dict[str, Any]:
@@ -86,18 +107,29 @@ class Results:
         with tables.snapshot():
             if tables.checked:
                 tables.compare("meta", tables.rows(select("meta", columns="key, crc")))
-            return {row[0]: row[-1] for row in tables.each("meta", most)}
+            return Meta(self._meta_rows(most), name=self.name)
+
+    def _meta_rows(self, where: str) -> dict[str, Any]:
+        rows = {row[0]: row[-1] for row in self._tables.each("meta", where)}
+        for key, value in rows.items():
+            self._tables.expect("meta", validation.wrong_meta(key, value))
+        return rows
 
     def model(self) -> str:
         """The grid file the run was made from, in full. Raises ResultsError if there is none."""
-        rows = list(self._tables.each("meta", "WHERE key = 'model'"))
+        rows = self._meta_rows("WHERE key = 'model'")
         if not rows:
             raise ResultsError(f"{self.name}: found no model, expected the grid file that was solved")
-        return str(rows[0][-1])
+        return str(rows["model"])
 
     def summary(self) -> dict[str, Any]:
         """The closing summary; empty while the run goes on."""
-        summary: dict[str, Any] = json.loads(self.meta().get("summary", "{}"))
+        try:
+            summary = json.loads(self.meta().get("summary", "{}"))
+        except (ValueError, RecursionError):
+            summary = None
+        if not isinstance(summary, dict):
+            self._tables.impossible("meta", "found a summary that is none, expected names and values as JSON")
         return summary
 
     @cached_property
@@ -109,7 +141,9 @@ class Results:
         """The steps (k,) from which on nodes are others than before, 0 among them."""
         if not self._tables.epochs:
             return np.zeros(1, dtype=np.int64)
-        return np.array([row[0] for row in self._tables.all("epoch")], dtype=np.int64)
+        rows = self._tables.all("epoch")
+        self._tables.expect("epoch", validation.wrong_epochs(rows))
+        return np.array([row[0] for row in rows], dtype=np.int64)
 
     def bond_updates(self, steps: int) -> int:
         """Directed bonds times steps, until this many steps were taken."""
@@ -140,6 +174,7 @@ class Results:
         lives, epoch = self.lives(), self.epoch(step)
         if self._nodes is None or self._nodes[0] is not lives or self._nodes[1] != epoch:
             rows = lives.rows(epoch)
+            self._tables.expect("node", None if len(rows) else f"found no node at step {epoch}, expected at least one")
             whole = len(rows) == len(lives.birth)
             nodes = lives.nodes if whole else taken(lives.nodes, rows)
             for column in nodes:
@@ -156,14 +191,7 @@ class Results:
 
     def families(self, step: int | None = None) -> Families:
         """Who of the nodes at a step was bonded to whom at its birth; who has the id of a neighbour takes its place."""
-        counts, neighbours, row = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
-        for *_, bonds, further in self._tables.all("family_chunk"):
-            packed = bonds, further
-            count, ahead = (np.frombuffer(zlib.decompress(blob), dtype="<i4").astype(np.int64) for blob in packed)
-            neighbours.append(np.repeat(np.arange(row, row + len(count)), count) + ahead)
-            counts.append(count)
-            row += len(count)
-        bonds, neighbour = np.concatenate(counts), np.concatenate(neighbours)
+        bonds, neighbour = written_families(self._tables, self.lives().nodes)
         if len(self.epochs()) > 1:
             bonds, neighbour = self._bonded(self.epoch(step), bonds, neighbour)
         return Families(np.concatenate([[0], np.cumsum(bonds)]), neighbour)
@@ -171,7 +199,8 @@ class Results:
     def _bonded(
         self, step: int, bonds: NDArray[np.int64], neighbour: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The same of the nodes at a step and their places there, from all rows; broken bonds to the dead left out."""
+        """The families of the nodes at a step as numbers among them; broken bonds to nodes that are gone are left
+        out."""
         lives = self.lives()
         rows, ids = lives.rows(step), lives.nodes.ids
         there = np.zeros(len(bonds), dtype=bool)
@@ -191,38 +220,58 @@ class Results:
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, or triangles (k, 9) in a body, m."""
         if self.dimension == 3:
-            return np.array(self._tables.all("crack_face"), dtype=float).reshape(-1, 9)
-        return np.array(self._tables.all("crack"), dtype=float).reshape(-1, 4)
+            return self._places("crack_face", 9)
+        return self._places("crack", 4)
+
+    def _places(self, table: str, columns: int) -> NDArray[np.float64]:
+        found = np.array(self._tables.all(table), dtype=float).reshape(-1, columns)
+        self._tables.expect(table, validation.wrong_places(found))
+        return found
 
     def particles(self) -> Particles:
         """All particles of cracks that are some; none where bonds break by themselves."""
         rows = self._tables.all("crack_particle") if self._tables.particles else []
         table = np.array(rows, dtype=float).reshape(-1, 7)
-        step, parent = table[:, 1:3].astype(np.int64).T
+        number, step, parent = table[:, :3].astype(np.int64).T
+        wrong = validation.wrong_particles(step, parent, number)
+        self._tables.expect("crack_particle", wrong or validation.wrong_places(table[:, 3:]))
         return Particles(table[:, 3:5].copy(), table[:, 5:7].copy(), parent, step)
 
     def frames(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Steps and times (s) of the frames."""
         rows = self._tables.all("frame")
-        return np.array([row[0] for row in rows], dtype=np.int64), np.array([row[1] for row in rows], dtype=float)
+        steps, times = np.array([row[0] for row in rows], np.int64), np.array([row[1] for row in rows], float)
+        self._tables.expect("frame", validation.wrong_frames(steps, times))
+        return steps, times
 
     def field(self, name: str, step: int) -> NDArray[np.float32]:
         """A field (n,) of the nodes at `step`. Raises ResultsError, naming those there are, if it is not there."""
         found = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
         if not found:
             self._expect_field(name, step)
+        sizes = [len(row[-1]) for row in found]
+        if any(size != 4 * CHUNK for size in sizes[:-1]) or any(size % 4 or size > 4 * CHUNK for size in sizes[-1:]):
+            self._tables.impossible("field_chunk", f"found a chunk cut short, expected {CHUNK} values in each")
         values = np.frombuffer(b"".join(row[-1] for row in found), dtype="<f4")
         count, there = self._tables.count("node"), [row[2] for row in found]
         if count is not None and len(self.epochs()) == 1:
-            if there != list(range(-(-count // CHUNK))):
+            if there != list(range(-(-count // CHUNK))) or len(values) != count:
                 self._tables.damaged("field_chunk")
-            return values
+            return self._finite(name, step, values)
         chunk, at = np.divmod(self.rows(step), CHUNK)
         chunks = np.unique(chunk)
         place = CHUNK * np.searchsorted(chunks, chunk) + at
         if there != chunks.tolist() or len(values) <= place.max(initial=-1):
             self._tables.damaged("field_chunk")
-        return values[place]
+        return self._finite(name, step, values[place])
+
+    def _finite(self, name: str, step: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The values (n,) of a field. Raises DamagedError for those that no node has."""
+        if np.isinf(values).any() or (name in USUAL and np.isnan(values).any()):
+            self._tables.impossible(
+                "field_chunk", f"found {name} at step {step} that is no number, expected finite ones"
+            )
+        return values
 
     def stored(self, step: int) -> list[str]:
         """The names of the fields that the frame at `step` holds, in the order of the view."""
@@ -235,11 +284,15 @@ class Results:
 
     def _read_lives(self) -> Lives:
         table = self._tables.records("node")
-        _, ids, x, y, z, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
+        row, ids, x, y, z, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
         nodes = Nodes(ids, np.column_stack([x, y, z][: self.dimension]), *others[:4])
         birth, death = np.zeros(len(ids), dtype=np.int64), np.full(len(ids), NEVER)
         if self._tables.epochs:
-            birth, deaths = others[4], self._tables.records("node_death")
+            birth = others[4]
+        self._tables.expect("node", validation.wrong_nodes(nodes, row, birth))
+        if self._tables.epochs:
+            deaths = self._tables.records("node_death")
+            self._tables.expect("node_death", validation.wrong_deaths(deaths["f0"], deaths["f1"], birth))
             death[deaths["f1"]] = deaths["f0"]
         for column in (*nodes, birth, death):
             column.flags.writeable = False
@@ -258,11 +311,14 @@ class Results:
     def breaks(self) -> Breaks:
         """All bonds broken so far."""
         table = self._tables.records("bond_break")
-        return Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
+        found = Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
+        self._tables.expect("bond_break", validation.wrong_breaks(found, self.lives().nodes.ids))
+        return found
 
     def history(self) -> NDArray[np.void]:
         """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
-        momentum_y, broken, refinement, fine_share, clipped_stretch and momentum_z."""
+        momentum_y, broken, refinement, fine_share, clipped_stretch, momentum_z and damped; in files of schema 6 and
+        older what is damped is part of what is dissipated."""
         return self._numbers("history", self._tables.all("history"))
 
     def masses(self) -> NDArray[np.void]:
@@ -283,11 +339,16 @@ class Results:
         found = self._numbers("reaction", rows, leave_out="kind")
         return found[np.lexsort((found["step"], found["condition"]))]
 
+    def has_checkpoint(self) -> bool:
+        """Whether there is one to go on from: a run may be stopped before its first frame."""
+        return bool(self._tables.count("checkpoint"))
+
     def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:
         """Step and arrays of the last checkpoint. Raises ResultsError if there is none."""
         rows = self._tables.all("checkpoint")
         if not rows:
             raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
+        self._tables.expect("checkpoint", validation.wrong_checkpoint(rows))
         return rows[0][1], {name: np.frombuffer(data, dtype=kind).copy() for name, _, kind, *_, data in rows}
 
     def _numbers(self, table: str, rows: Sequence[Row], leave_out: str = "") -> NDArray[np.void]:

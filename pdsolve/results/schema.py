@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fields import ALONG, UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
-SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 6, 5, 3, 2
+SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 7, 5, 3, 2
 CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of a page
 
 
@@ -102,7 +102,7 @@ TABLES = {  # name: columns
     "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL,
-    momentum_z REAL""",
+    momentum_z REAL, damped REAL""",
     "mass": """step INTEGER PRIMARY KEY, time REAL, inside REAL, through REAL, supplied REAL, solid REAL,
     dissolved REAL, surface REAL -- of models of diffusion
     """,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.results.checksums import KEYS, Checksum, Row, is_whole, record, select, select_schema
+from pdsolve.results.checksums import KEYS, RECORDS, Checksum, Row, is_whole, record, select, select_schema
 from pdsolve.results.errors import DamagedError, EmptyError, ResultsError, explained
 from pdsolve.results.schema import (
     APPLICATION_ID,
@@ -21,14 +22,31 @@ from pdsolve.results.schema import (
     WITHOUT_EPOCHS,
     WITHOUT_SPACE,
 )
+from pdsolve.results.validation import checked_rows, table_columns, wrong_schema
+
+OPERATIONS = 100_000  # of SQLite's machine between two looks whether a query goes on for too long
+LEAST, PER_BYTE = 10**7, 64  # operations that a query may take, and how many more for each byte of the file
+
+
+class Meta(dict[str, Any]):
+    """What a run says of itself. Raises ResultsError for what it does not say."""
+
+    def __init__(self, rows: Mapping[str, Any], name: str) -> None:
+        super().__init__(rows)
+        self.name = name
+
+    def __missing__(self, key: str) -> Any:
+        raise ResultsError(f"{self.name}: table meta: found no {key}, expected what pdsolve writes of a run")
 
 
 class Tables:
     """The tables of a database called `name`. All methods raise ResultsError, for what is damaged DamagedError."""
 
-    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+    def __init__(self, connection: sqlite3.Connection, name: str, path: Path | None = None) -> None:
+        """`path`: a file that anyone may have written; None: what this process itself has written."""
         self.connection = connection
         self.name = name
+        self.path = path
         self._look_at_version()
 
     def _look_at_version(self) -> None:
@@ -45,7 +63,10 @@ class Tables:
             there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
             self._look_at_version()
             if not there:
-                raise EmptyError(f"{self.name}: found an empty database, expected one written by pdsolve")
+                raise EmptyError(
+                    f"{self.name}: found nothing in it, expected results; its run has just begun, or was stopped before"
+                    " its first frame (solve it anew), or it was renamed without its log (NAME-wal)"
+                )
             if found != APPLICATION_ID:
                 raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
             if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
@@ -54,15 +75,50 @@ class Tables:
             if any(expected != (name in there) for name, expected in newer.items()):
                 self.damaged("schema")
             self.compare("schema", self.rows(select_schema()))
+            with self._bounded():
+                wrong = wrong_schema(self.connection, self.version == SCHEMA_VERSION)
+            if wrong is not None:
+                raise DamagedError(f"{self.name}: {wrong}")
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of the file with what SQLite keeps beside it; None in memory."""
+        if self.path is None:
+            return None
+        return sum(os.path.getsize(file) for file in (self.path, f"{self.path}-wal") if os.path.exists(file))
+
+    @contextmanager
+    def _bounded(self) -> Iterator[None]:
+        """Inside, a query ends that takes more operations, or a value larger, than a file of this size can give: the
+        pages of a damaged one may lead in circles."""
+        with explained(Path(self.name)):
+            size = self.size
+            if size is None:
+                yield
+                return
+            left = (LEAST + PER_BYTE * size) // OPERATIONS
+
+            def too_long() -> bool:
+                nonlocal left
+                left -= 1
+                return left < 0
+
+            self.connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 10**6))
+            self.connection.set_progress_handler(too_long, OPERATIONS)
+            try:
+                yield
+            finally:
+                self.connection.set_progress_handler(None, 0)
 
     def verify(self) -> None:
-        """Read all there is, of the present schema, and look whether it is what was written."""
+        """Read all there is, and look whether it is what was written."""
         with self.snapshot():
             ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
             if found != "ok":
                 raise DamagedError(f"{self.name}: found {' '.join(found.split())}, expected a whole database")
+            there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
             for table in TABLES:
-                if table != "checksum":
+                if table != "checksum" and table in there:
                     self.compare(table, self.each(table))
 
     @contextmanager
@@ -81,13 +137,17 @@ class Tables:
 
     def rows(self, query: str, values: Row = ()) -> list[Row]:
         """What a query finds, not compared with anything."""
-        with explained(Path(self.name)), closing(self.connection.execute(query, values)) as cursor:
+        with self._bounded(), closing(self.connection.execute(query, values)) as cursor:
             return cursor.fetchall()
 
     def each(self, table: str, where: str = "", values: Row = ()) -> Iterator[Row]:
-        """Rows of a table in their order; such with large values, which are the last ones, compared with their CRC."""
-        with explained(Path(self.name)), closing(self.connection.execute(select(table, where), values)) as rows:
-            for row in rows:
+        """Rows of a table in their order, each value of its column's type; such with large values, which are the last
+        ones, compared with their CRC."""
+        columns = None if table in RECORDS else table_columns(self.connection, table)
+        with self._bounded(), closing(self.connection.execute(select(table, where), values)) as rows:
+            for row in rows if columns is None else checked_rows(rows, columns):
+                if isinstance(row, str):
+                    self.impossible(table, row)
                 if self.checked and table in KEYS and not is_whole(table, row):
                     self.damaged(table)
                 yield row
@@ -116,7 +176,10 @@ class Tables:
     def count(self, table: str) -> int | None:
         """How many rows were written to a table; None if it is not known."""
         rows = self.rows("SELECT rows FROM checksum WHERE name = ?", (table,)) if self.checked else []
-        return rows[0][0] if rows else None
+        count, size = rows[0][0] if rows else None, self.size
+        if rows and (not isinstance(count, int) or count < 0 or (size is not None and count > size)):
+            self.damaged("checksum")
+        return count
 
     def compare(self, table: str, rows: Iterable[Row] | NDArray[np.void]) -> None:
         """Look whether these are all rows of the table, as they were written."""
@@ -132,6 +195,15 @@ class Tables:
         if expected != [found]:
             self.damaged(table)
 
+    def expect(self, table: str, wrong: str | None) -> None:
+        """Raises DamagedError if there is something wrong with a table."""
+        if wrong is not None:
+            self.impossible(table, wrong)
+
+    def impossible(self, table: str, wrong: str) -> NoReturn:
+        """Raises DamagedError for what no run has written, although the checksums may be right."""
+        raise DamagedError(f"{self.name}: table {table}: {wrong}")
+
     def damaged(self, table: str) -> NoReturn:
-        """Raises DamagedError."""
+        """Raise DamagedError for a table whose checksum does not match."""
         raise DamagedError(f"{self.name}: found its {table} damaged, expected what its checksum says was written")

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from pdmesh.files import irregular
 from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
-from pdsolve.results.errors import ResultsError, ResultsWarning, WriteError, explained
+from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
+from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
 from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Epoch, Families, Frame, Nodes, prefixes, statements
+from pdsolve.results.writer_token import KEY, Token
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 READERS = 3.0  # s that a run waits in the end for those who read its database
@@ -40,6 +42,8 @@ class Writer:
         self.connection = connection
         self.path = path  # None: in memory
         self.stop: Callable[[], bool] = lambda: False
+        self._place = Path(os.path.realpath(path or "."))  # though a run may go to another folder
+        self._token: Token | None = None  # None: nobody else can write to it, or it is not this writer's yet
         self._checksums: dict[str, Checksum] = {}  # within a transaction
 
     @classmethod
@@ -61,6 +65,8 @@ class Writer:
         writer = cls(_connected(path), path)
         try:
             with writer._transaction(new=True) as connection:
+                if path is not None:
+                    writer._token = Token.of(writer._place)
                 for statement in statements(nodes.position.shape[1]):
                     connection.execute(statement)
                 writer._checksums = dict.fromkeys(TABLES, Checksum())
@@ -70,7 +76,8 @@ class Writer:
                 writer._write_nodes(0, 0, nodes, families)
                 writer._append("epoch", [(0, len(nodes.ids), int((nodes.family - nodes.cut).sum()))])
                 writer._append("crack" if cracks.shape[1] == 4 else "crack_face", cracks.tolist())
-                writer._tell({**meta, "created": datetime.now(UTC).isoformat(timespec="seconds"), "status": "running"})
+                created = datetime.now(UTC).isoformat(timespec="seconds")
+                writer._tell({**meta, "created": created, **writer._running()})
         except BaseException:
             writer.discard()
             raise
@@ -91,8 +98,12 @@ class Writer:
             for table, where in later.items():
                 if connection.execute(f"DELETE FROM {table} WHERE {where}").rowcount:
                     writer._add_up(table)
-            writer._tell({"status": "running"})
+            writer._token = Token.of(writer._place)
+            writer._tell(writer._running())
         return writer
+
+    def _running(self) -> dict[str, str]:
+        return {"status": "running"} | ({} if self._token is None else {KEY: self._token.text})
 
     def tell(self, meta: Mapping[str, Any]) -> None:
         """Set keys of the table `meta`. Raises WriteError."""
@@ -127,11 +138,16 @@ class Writer:
             self.tell({"status": status})
             return
         try:
-            self.tell({"status": status})
+            with self._transaction() as connection:
+                connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
+                self._tell({"status": status})
             with explained(self.path, WriteError):
                 deadline = time.monotonic() + READERS
                 while not self._alone() and time.monotonic() < deadline:
                     time.sleep(0.02)
+        except GoneError:
+            self._leave(status)
+            raise
         finally:
             self.connection.close()
 
@@ -141,10 +157,21 @@ class Writer:
         with suppress(ResultsError):
             self.close(status)
 
+    def _leave(self, status: str) -> None:
+        """Put all that was written into the file itself, wherever it is by now: SQLite's log may have stayed behind."""
+        self._token = None
+        with suppress(ResultsError, sqlite3.Error):
+            with self._transaction() as connection:
+                connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
+                self._tell({"status": status})
+            self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            if not self._place.exists():
+                remove(self._place)  # what SQLite kept beside it
+
     def discard(self) -> None:
         """Leave nothing behind, as well as can be."""
         self.connection.close()
-        if self.path is not None:
+        if self.path is not None and (self._token is None or self._token.is_of(self._place)):
             with suppress(ResultsError):
                 remove(self.path)
 
@@ -158,6 +185,8 @@ class Writer:
             if self.connection.in_transaction:  # the last one met an error, or an interrupt
                 self.connection.execute("ROLLBACK")
             self._begin()
+            if self._token is not None:
+                self._token.expect_own(self.connection, self._place)
             before = [] if new else self.connection.execute("SELECT name, rows, crc FROM checksum")
             known = {name: Checksum(rows, crc) for name, rows, crc in before}
             self._checksums = known.copy()
@@ -259,7 +288,9 @@ class Writer:
         self._add_up("checkpoint")
 
     def _alone(self) -> bool:
-        """Put SQLite's log away; False where a reader keeps it."""
+        """Put SQLite's log away; False where a reader keeps it. Raises GoneError: SQLite would remove another's log."""
+        if self._token is not None:
+            self._token.expect_in_place(self._place)
         try:
             self.connection.execute("PRAGMA journal_mode = DELETE")
         except sqlite3.OperationalError as error:
@@ -287,6 +318,15 @@ def _connected(path: Path | None) -> sqlite3.Connection:
             connection.close()
             raise
     return connection
+
+
+def put_away(path: Path) -> None:
+    """Leave one single file of a finished run that was killed before it had done so itself, as well as can be."""
+    real = os.path.realpath(path)
+    if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-lock")):
+        with suppress(ResultsError), writing_to(path):
+            if os.path.exists(f"{real}-wal"):
+                Writer(_connected(path), path).abandon("finished")
 
 
 def remove(path: Path) -> None:

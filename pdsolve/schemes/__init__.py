@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pdsolve.bonds import Filling
+from pdsolve.bonds.assembly import Filling
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.scheme import Scheme
@@ -15,7 +15,7 @@ def _bonds_of_their_own(model: Model) -> Filling:
 
 
 def _pairs_of_their_own(model: Model) -> one_sided.Rule:
-    """The same pair by pair. Raises ModelError likewise."""
+    """The one-sided bonds of the thesis, pair by pair. Raises ModelError for a model that has others."""
     _refuse_others(model)
     return one_sided.Rule(model)
 

@@ -28,15 +28,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
-from pdmesh.model.trees import tree_of
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
-from pdsolve.laws.critical import limits
+from pdsolve.laws import limits
 from pdsolve.model import Model
 
 NU = BONDS_NU["space"]
@@ -88,7 +88,7 @@ class Rule:
         return np.asarray(modulus * reach ** (self._model.grid.dimension + 1) > self._nothing)
 
     def looked(self, pairs: Pairs) -> Paired:
-        """Those of the pairs that no hole or edge parts, with a modulus for a stiffness: N/m^5, in space N/m^6."""
+        """The pairs that no hole or edge separates; their stiffness is the modulus, N/m^5, in space N/m^6."""
         reach = self._reach(pairs)
         modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
         kept = np.flatnonzero(self._strong(modulus, reach))

@@ -7,7 +7,7 @@ reaches half a spacing further. Neighbours behind a pre-crack have none, or, by 
 the way round the tip says (`pdmesh.model.visibility`).
 
 What a bond fails at is set so that a crack along a row costs G0, as it does where one half of a lattice is moved away
-from the other (`pdsolve.schemes.opening`).
+from the other (`pdsolve.schemes.separation_energy`).
 
 The cubic spline, with q = |xi| / horizon, is 2/3 - 4 q^2 + 4 q^3 up to q = 1/2 and 4/3 (1 - q)^3 beyond, times 3/2.
 """
@@ -21,22 +21,22 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import dimension_of
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
-from pdsolve.schemes.opening import bonds_in_space, cost, patch, patch_in_space
+from pdsolve.schemes.separation_energy import bonds_in_space, cost, patch, patch_in_space
 
 USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar": "constant"}
 
 
 def influence(material: Material, q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """That of neighbours at q = |xi| / horizon, 1 at the node itself or, of the inverse one, at the horizon."""
+    """The influence of neighbours at q = |xi| / horizon: 1 at the node, or, of the inverse function, at the horizon."""
     kind = material.influence or USUAL[material.model]
     if kind == "constant":
         return np.ones_like(q)
@@ -76,7 +76,7 @@ def fill(model: Model) -> Filling:
 
 
 def filled(model: Model, limits: list[Limit]) -> Filling:
-    """The same, with what bonds of each material fail at."""
+    """The families of a model, whose bonds fail by the `limits` of each material."""
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     first, whole = model.materials[0], whole_cells(model.materials[0])
     margin = 0.0 if whole else grid.delta / 2

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import critical_stretch, micromodulus
 from pdmesh.model.full_lattice import full_family, hu_beta
+from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
-from pdsolve.laws.critical import limits
+from pdsolve.laws import limits
 from pdsolve.model import Model
 
 
@@ -33,7 +33,7 @@ class Rule:
         self._full = full_family(model.settings.horizon.ratio)
 
     def looked(self, pairs: Pairs) -> Paired:
-        """Those of the pairs that no hole or edge parts, not softened yet."""
+        """The pairs that no hole or edge separates, without the softening coefficient."""
         model = self._model
         pairs = chosen(pairs, self._sight.inside(pairs))
         reach = model.horizons[pairs.source]

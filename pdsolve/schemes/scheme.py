@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from pdsolve.bonds import ByPairs, Filling
+from pdsolve.bonds.assembly import ByPairs, Filling
 from pdsolve.model import Model
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.operators.operator import Operator
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 
 ROUND = 3e-16  # of a force: what its sum over neighbours is known to

@@ -17,13 +17,13 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
-from pdsolve.lasting import Breakable
 from pdsolve.model import Model, ModelError, ModelWarning
-from pdsolve.operators.operator import Operator
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, UnsettledError, forces, norm
-from pdsolve.steppers.supports import Loose, loose, unbalanced
+from pdsolve.steppers.rigid_body_modes import Loose, loose, unbalanced
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ class LoadSteps:
         before = self._drive.force.astype(float) if self.rested else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.forget()
-        start, spent = self._size(state, before), float(np.sum(self._area * state.dissipated))
+        start, spent = self._size(state, before), self._released(state)
         try:
             self._balance("")
             settled = self._load(state, before, step, step * self._dt)
@@ -126,18 +126,22 @@ class LoadSteps:
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
         """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
         model = self._model
-        cost = float(np.sum(self._area * state.dissipated)) - spent
+        cost = self._released(state) - spent
         grown = float(model.horizons.max()) ** (model.grid.dimension - 1)
         least_cost = grown * min(material.G0 for material in model.materials)
         if step > 1 and less and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
-                f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: {cost:.3g} J/m were spent"
-                f" on cracks that {least:.3g} of the load was enough for, expected growth that load steps can follow;"
-                " this is that of a jump under this load",
+                f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: cracks released"
+                f" {cost:.3g} J/m and needed only {least:.3g} of the load, expected growth that load steps can"
+                " follow; the result is that of a jump at this load",
                 ModelWarning,
                 stacklevel=2,
             )
+
+    def _released(self, state: State) -> float:
+        """Energy, J/m, that broken bonds have spent and that the plate has given up on its way to rest."""
+        return float(np.sum(self._area * (state.dissipated + state.damped)))
 
     def _size(self, state: State, load: Array) -> float:
         """How much acts: the norm of loads, or of held displacements where there are none."""
@@ -170,11 +174,6 @@ class LoadSteps:
                 break
             if breaks:
                 least = min(least, 1 / most)
-            if breakable.softens[which].any():
-                raise UnsettledError(
-                    f"found a bond stretched {most:.3g} times as far as where it begins to soften, expected a brittle"
-                    " law: softening is not followed at rest"
-                )
             held = breakable.hold(which, stretches)
             state.dissipated[:] += np.bincount(breakable.source[which], held, minlength=len(self._area))
             breakable.intact[which] = False
@@ -211,7 +210,7 @@ class LoadSteps:
         for values in ((u + end) / 2, end):
             state.value[:] = values
             left.append(self._left(state, load))
-        state.dissipated[:] += ((left[0] + 4 * left[1] + left[2]) / 6 * way).sum(axis=1)
+        state.damped[:] += ((left[0] + 4 * left[1] + left[2]) / 6 * way).sum(axis=1)
         state.work[:] += (load * way).sum(axis=1)
         self._note(state)
         return settled

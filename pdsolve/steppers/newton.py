@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.operators.operator import Operator
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
 
@@ -51,7 +51,7 @@ class Newton:
     ) -> None:
         """`area` (n,) m^2 makes equations symmetric where bonds are; `free` is how many components are."""
         self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
-        self._least = round_off(float(operator.stiffest().max(initial=0.0)), tolerance)
+        self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._factored = free <= factored
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.said = f"Newton's method with {way}"
@@ -60,17 +60,17 @@ class Newton:
         self._matrix: csr_array | None = None
 
     def forget(self) -> None:
-        """As in `Method`."""
+        """Drop the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = None
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """As in `Method`: in the equations alone, so that it takes a few more of them."""
+        """Hold these nodes (n,) by weak springs in the equations alone, which takes a few more iterations."""
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
             self.forget()
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """As in `Method`."""
+        """Move the values of the state to rest by Newton's method, in place. Raises UnsettledError."""
         free, done = ~asked.held, 0
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
@@ -84,8 +84,8 @@ class Newton:
                 break
             self.forget()
         raise UnsettledError(
-            f"found no rest after {min(done, self._most)} iterations of {self.said}, expected {self._tolerance:g} of"
-            " the forces from outside to be left; look for what is free to move, or take smaller load steps"
+            f"found no rest after {min(done, self._most)} iterations of {self.said}, expected a residual"
+            f" of {self._tolerance:g} of the external forces; check the supports, or take smaller load steps"
         )
 
     def _lead(self, state: State, asked: Asked) -> None:

@@ -13,10 +13,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.operators.operator import Operator
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
 
@@ -32,11 +32,12 @@ LOOK = 50  # iterations between two looks at the clock
 
 def by_eigenvalue(operator: Operator) -> NDArray[np.float64]:
     """The least mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, by the operator's own bound."""
-    return operator.stiffest() / 2
+    return operator.stiffness_bound() / 2
 
 
 def by_row_sum(tangent: csr_array) -> NDArray[np.float64]:
-    """The same (n w,) by the circles of Gershgorin: a quarter of the sums of |K|."""
+    """The least mass (n w,), N/m^4 s^2, at which a step of 1 s is surely stable, by Gershgorin's circles: a quarter of
+    the row sums of |K|."""
     return np.asarray(abs(tangent).sum(axis=1)).ravel() / 4
 
 
@@ -58,13 +59,13 @@ class Relaxation:
         self._least = round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def forget(self) -> None:
-        """As in `Method`."""
+        """Nothing to drop: each solution depends on the state alone."""
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Never asked for: see `pdsolve.loading`."""
+        """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """As in `Method`."""
+        """Move the values of the state to rest by dynamic relaxation, in place. Raises UnsettledError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
         free, done = ~asked.held, 0
@@ -75,8 +76,8 @@ class Relaxation:
                 return settled
             if last >= self._most or not mass.max() < 100 * self._mass.max():
                 raise UnsettledError(
-                    f"found no rest after {last} iterations of {self.said}, expected {self._tolerance:g}"
-                    " of the forces from outside to be left; look at what is free to move, or at the tolerance"
+                    f"found no rest after {last} iterations of {self.said}, expected a residual"
+                    f" of {self._tolerance:g} of the external forces; check the supports, or the tolerance"
                 )
             done, mass = last, mass * HEAVIER
 
@@ -101,9 +102,9 @@ class Relaxation:
         return None, self._most
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit(error_model="numpy")
 def _move(u, v, out, load, free, mass, before, start, first, cap):  # type: ignore[no-untyped-def]
-    """One step of 1 s; `before` (n, w) are the last residuals over masses, and become these."""
+    """One relaxation step of 1 s; `before` (n, w), the last residuals over masses, is overwritten by the new ones."""
     above = below = 0.0
     for i in range(len(u)):
         for a in range(u.shape[1]):

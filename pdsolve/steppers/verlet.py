@@ -8,17 +8,17 @@ that of the scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, apply_loads
-from pdsolve.operators.operator import Operator
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.holds import hold_component, release_component
 
 
 class Verlet:
-    """Takes steps with any operator."""
+    """Velocity Verlet with any operator."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Verlet:
                 _end(state, drive, out, self._rho, dt, step * dt)
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit(error_model="numpy")
 def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift, to the displacements of `time`, s."""
     u, v, a = state.value, state.rate, state.second
@@ -64,7 +64,7 @@ def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
         apply_loads(drive, time)
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit(error_model="numpy")
 def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
     """From force densities `out` (n, w), N/m^3, to accelerations, and the other half of the kick."""
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
@@ -81,7 +81,7 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
             v[i, axis] += dt / 2 * a[i, axis]
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit(error_model="numpy")
 def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
     """Let a step end with the damping c (n,), 1/s, that it began with, and book what it takes; `before` (n, w) are the
     velocities one step ago. What Verlet takes out of the motion is the mean force of both ends on the way between."""
@@ -93,4 +93,4 @@ def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
                 middle = v[i, axis] - dt / 2 * undamped
                 v[i, axis] /= 1 + c[i] * dt / 2
                 a[i, axis] = undamped - c[i] * v[i, axis]
-                state.dissipated[i] += rho[i] * c[i] * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)
+                state.damped[i] += rho[i] * c[i] * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)

@@ -14,14 +14,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, apply_loads
-from pdsolve.operators.blocks.kernel import FX, FY, INNER, LANES, across, sum_lanes
-from pdsolve.operators.blocks.lanes import ROW
-from pdsolve.operators.blocks.layout import aligned
-from pdsolve.operators.blocks.operator import InBlocks
-from pdsolve.operators.blocks.vectors import kick_and_drift
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.numerics.threads import gate_of, meet, side_by_side
+from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, across, sum_lanes
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.simd_lattice.vectors import kick_and_drift
 from pdsolve.state import State
 from pdsolve.steppers.holds import hold_component, release_component
-from pdsolve.threads import gate_of, meet, side_by_side
 
 
 class Course(NamedTuple):
@@ -41,7 +42,7 @@ class Course(NamedTuple):
 class VerletBlocks:
     """Takes steps with bonds in blocks, whose placed state it changes."""
 
-    def __init__(self, operator: InBlocks, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
+    def __init__(self, operator: SimdLattice, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
         count, threads = len(operator.blocks.softened), len(operator.blocks.scratch)
         block = drive.holds.node // LANES
@@ -86,7 +87,7 @@ def _turns(count: int, threads: int) -> NDArray[np.int64]:
     return np.argsort(np.arange(count) // group % threads, kind="stable").astype(np.int64)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@cached_njit(nogil=True, error_model="numpy")
 def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
+from pdmesh.file_kinds import Kind
+from pdmesh.printing import remark
 
 if TYPE_CHECKING:
     from pdsolve.study.table import Row
@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--workers", type=_count, metavar="N", help="processes (default: cores over --threads)")
     program.add_argument("--threads", type=_count, default=1, metavar="N", help="of each run (default: 1)")
     program.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers see this folder, such as tcp://x:8786"
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers see this folder, such as tls://x:8786"
     )
     program.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
@@ -53,17 +53,14 @@ def _count(text: str) -> int:
 def main(argv: Sequence[str]) -> int:
     """Run pdsolve study; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdsolve study", lambda: _study(args), _exits)
+    return commandline.run("pdsolve study", lambda: _study(args), _exits, args.quiet)
 
 
 def _study(args: argparse.Namespace) -> int:
-    if find_spec("distributed") is None:
-        raise commandline.UsageError(
-            "found no package distributed, which shares runs among processes, expected it: pip install 'pdsuite[study]'"
-        )
-    from pdsolve.study.crew import Crew, solve_study
+    commandline.expect(args.study, Kind.STUDY)
     from pdsolve.study.description import read_study
-    from pdsolve.study.watch import StudyWatch
+    from pdsolve.study.dispatch import Crew, solve_study
+    from pdsolve.study.progress import StudyWatch
 
     if args.scheduler and args.workers:
         raise commandline.UsageError("--workers: found --scheduler as well, whose workers there are, expected one")
@@ -84,10 +81,10 @@ def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     failed = [row for row in rows if row.status == "failed"]
     lines = [f"{path}: {len(rows)} runs, {len(rows) - len(failed)} finished, {len(failed)} failed"]
     for row in failed[:LISTED]:  # said to who wants nothing but errors too
-        print(f"pdsolve study: run {row.number} failed: {row.error}", file=sys.stderr)
+        remark(f"pdsolve study: run {row.number} failed: {row.error}")
     if len(failed) > LISTED:
         more = "(SELECT number, error FROM run WHERE status = 'failed')"
-        print(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}", file=sys.stderr)
+        remark(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}")
     found = [
         {"number": row.number, "status": row.status, "error": row.error, "file": str(row.file)}
         | {"repetition": row.repetition, **row.values}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import math
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from pdsolve.study.columns import column_of
+from pdsolve.study.measure_columns import column_of
 
 Mode = Literal["conservative", "thesis"]
 Kernel = Literal["blocks", "listed"]
@@ -65,7 +66,7 @@ ONCE = Repeat()
 
 
 class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file study.toml."""
+    """The contents of the file study.toml."""
 
     drawing: str
     set: Set = Set()
@@ -76,7 +77,7 @@ class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study."""
+    """The parameters of one run of a study."""
 
     drawing: Mapping[str, Any]
     model: Mapping[str, Any]
@@ -102,7 +103,7 @@ class Case:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Its parameters by their columns in the table."""
+        """The parameters of this run by their columns in the table."""
         return {column: getattr(self, kind)[name] for kind, name, column in self.names}
 
     def assignments(self, kind: str) -> list[tuple[str, str]]:
@@ -123,6 +124,11 @@ class Study:
     def drawing(self) -> Path:
         """The file of the drawing; its name is relative to the study's folder."""
         return self.path.parent / self.description.drawing
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of the drawing as it is now. Raises OSError."""
+        return hashlib.sha256(self.drawing.read_bytes()).hexdigest()
 
     @property
     def varied(self) -> list[str]:
@@ -227,7 +233,7 @@ def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """The same value whether a number was written as 1 or as 1.0."""
+    """A value in which 1 and 1.0 are written alike."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

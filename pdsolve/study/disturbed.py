@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.durations import counted
 from pdmesh.model.graphs import connected
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
 from pdsolve.study.description import Repeat
 

@@ -3,23 +3,27 @@
     SELECT "Zones/fine/Spacing", branching FROM run WHERE status = 'finished'
 
 The table ``run`` has a column for each parameter and each measure, ``column_unit`` says what they are, ``study`` holds
-the study itself.
+the study itself, ``checksum`` what tells a damaged table; older tables have none.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdsolve.study.columns import OWN, UNITS, Measure
+from pdsolve.results.errors import WriteError
+from pdsolve.results.opening import read_only, roll_back
+from pdsolve.study import table_checksums
 from pdsolve.study.description import Case, Study, StudyError
+from pdsolve.study.measure_columns import OWN, UNITS, Measure
 
 APPLICATION_ID = 0x70647374  # "pdst"
 WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
+MOST_SAID = 200  # letters of what SQLite says
 
 
 class Row(NamedTuple):
@@ -50,29 +54,63 @@ class Table:
 
     @classmethod
     def open(cls, path: Path) -> Table:
-        """The table in the file at `path`, read only. Raises StudyError if it is none."""
+        """The table in the file at `path`, read only. Raises StudyError if it is none, or damaged."""
+        roll_back(path)
         if not is_study(path):
             raise StudyError(f"{path}: found no table of a study, expected one written by pdsolve study")
-        return cls(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True), path)
+        with _explained(path):
+            table = cls(read_only(path), path)
+        table._expect_whole()
+        return table
 
     @classmethod
     def create(cls, path: Path, study: Study, version: str) -> Table:
-        """A new table at `path`, or the one that is there, with a row for each run of the study.
+        """A new table at `path`, or the one that is there; rows are added by `add`.
 
-        Raises StudyError if something else is there, or the table of another drawing.
+        Raises StudyError if something else is there, a damaged table, or the table of another drawing.
         """
+        roll_back(path)
         new = not path.exists() or path.stat().st_size == 0  # a run that was killed has left nothing in it
         if not new and not is_study(path):
-            raise StudyError(f"{path}: found a file that is no table of a study, expected one or none (-o: another)")
-        table = cls(sqlite3.connect(path), path)
-        with table.connection:
+            raise StudyError(
+                f"{path}: found a file that is no table of a study, expected one or none (-o names another; if it was a"
+                f" table that was damaged: remove it, and it is made anew from the runs in {runs_of(path).name})"
+            )
+        with _explained(path):
+            table = cls(sqlite3.connect(path, isolation_level=None), path)
+        if not new:
+            table._expect_whole()
+        with _explained(path), table._transaction():
             if new:
                 table._make()
+            elif not table_checksums.has(table.connection):
+                table_checksums.begin(table.connection)
             table._tell(study, version)
+            table_checksums.seal(table.connection)
         return table
 
+    def _expect_whole(self) -> None:
+        try:
+            with _explained(self.path):
+                table_checksums.expect_whole(self.connection)
+        except StudyError:
+            self.connection.close()
+            raise
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """All of what is written meanwhile, or nothing."""
+        self.connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self.connection.execute("COMMIT")
+        except BaseException:
+            if self.connection.in_transaction:
+                self.connection.execute("ROLLBACK")
+            raise
+
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the table."""
         self.connection.close()
 
     def __enter__(self) -> Table:
@@ -90,10 +128,11 @@ class Table:
             f"PRAGMA application_id = {APPLICATION_ID}",
         ):
             self.connection.execute(statement)
+        table_checksums.begin(self.connection)
 
     def _tell(self, study: Study, version: str) -> None:
         """Write down what the study is, and that all is of one drawing. Raises StudyError."""
-        mark = hashlib.sha256(study.drawing.read_bytes()).hexdigest()
+        mark = study.digest
         known = self.about().get("drawing_sha256", mark)
         if known != mark:
             raise StudyError(f"{self.path}: found runs of another {study.drawing}, expected the same (--force: anew)")
@@ -106,32 +145,41 @@ class Table:
         return dict(self.connection.execute("SELECT name, value FROM study"))
 
     def add(
-        self, cases: Sequence[Case], described: Mapping[str, tuple[str, str]], measures: Mapping[str, Measure]
+        self,
+        cases: Sequence[Case],
+        described: Mapping[str, tuple[str, str]],
+        measures: Mapping[str, Measure],
+        kept: Mapping[str, int] = {},
     ) -> dict[str, int]:
         """Rows for cases that have none; returns the number of each case's row by its key.
 
-        `described` has unit and meaning of parameters of the drawing, `measures` are those of each run.
+        `described` has unit and meaning of parameters of the drawing, `measures` are those of each run; `kept` are the
+        numbers of runs, by their keys, whose databases are there already.
         """
-        for case in cases:
-            for kind, name, column in case.names:
-                self._column(column, Column(kind, *described.get(name, (UNITS.get(name, ""), ""))))
-        for name, measure in measures.items():
-            self._column(name, Column("measure", measure.unit, measure.meaning))
-        known = dict(self.connection.execute("SELECT key, number FROM run"))
-        with self.connection:
+        with _explained(self.path), self._transaction():
+            for case in cases:
+                for kind, name, column in case.names:
+                    self._column(column, Column(kind, *described.get(name, (UNITS.get(name, ""), ""))))
+            for name, measure in measures.items():
+                self._column(name, Column("measure", measure.unit, measure.meaning))
+            known = dict(self.connection.execute("SELECT key, number FROM run"))
+            last, new = max([*known.values(), *kept.values()], default=0), []
             for case in cases:
                 if case.key not in known:
-                    known[case.key] = number = len(known) + 1
+                    number = kept.get(case.key, last + 1)
+                    last = max(last, number)
+                    known[case.key] = number
                     first = {"number": number, "key": case.key, "status": WAITING, "repetition": case.repetition}
                     self._insert(first | {"file": f"{self.runs.name}/{number:04}.sqlite"} | case.values)
+                    new.append(number)
+            table_checksums.seal(self.connection, new)
         return {case.key: known[case.key] for case in cases}
 
     def _column(self, name: str, column: Column) -> None:
         if name.lower() in {known.lower() for known in self.columns()}:
             return
-        with self.connection:
-            self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
-            self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
+        self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
+        self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
 
     def _insert(self, values: Mapping[str, Any]) -> None:
         names, marks = ", ".join(map(quoted, values)), ", ".join("?" * len(values))
@@ -142,10 +190,11 @@ class Table:
         """Write down how a run ended: what was measured, or what went wrong."""
         values: dict[str, Any] = {"status": FINISHED if error is None else FAILED, "error": error, **(measures or {})}
         places = ", ".join(f"{quoted(name)} = ?" for name in values)
-        with self.connection:
+        with _explained(self.path), self._transaction():
             self.connection.execute(
                 f"UPDATE run SET {places} WHERE number = ?", [*map(_stored, values.values()), number]
             )
+            table_checksums.seal(self.connection, [number])
 
     def columns(self) -> dict[str, Column]:
         """Parameters, then measures, as they came."""
@@ -174,6 +223,23 @@ class Table:
 def runs_of(path: Path) -> Path:
     """The folder with the databases of the study whose table is at `path`."""
     return path.with_suffix(".runs")
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turns what SQLite says, and what is damaged, into a line that names the file and what to do."""
+    try:
+        yield
+    except (sqlite3.Error, UnicodeDecodeError, table_checksums.DamagedTableError) as error:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
+        said = " ".join(str(error).split())[:MOST_SAID]
+        if code not in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR):
+            written = code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
+            raise (WriteError if written else StudyError)(f"{path}: {said}") from None
+        raise StudyError(
+            f"{path}: {said}, expected a whole table; remove it, and pdsolve study makes it anew from the runs in"
+            f" {runs_of(path).name} (--force: solves them all anew)"
+        ) from None
 
 
 def is_study(path: Path) -> bool:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
+from messages import mentions, naming
 from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main
 from pdsolve.results import Results
-from pdsolve.watch import Watch
+from pdsolve.run.progress import Watch
 
 FOOT = Displacement(box=(-1.0, -1.0, 1e-4, 1.0), x=0.0, y=0.0)
 PULL = Load(box=(9.9e-3, -1.0, 1.0, 1.0), body_force=(1e9, 0.0), profile=((0.0, 0.0), (2.0, 1.0)))
@@ -28,11 +30,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["held.json", "--static", "--dry-run"]) == 0
-    assert "66 nodes, 1110 bonds, 10 load steps of 0.2 s, times without cracks" in capsys.readouterr().out
+    assert mentions(capsys.readouterr().out, "66 nodes", "1110 bonds", "10 load steps", "0.2 s")
     assert main(["held.json", "--static", "--set", "run.static.load_steps=4", "--threads", "1"]) == 0
     said = capsys.readouterr().out
     assert "4 load steps to 2 s" in said
-    assert "iterations of Newton's method with factors, residual" in said
+    assert mentions(said, "Newton's", "factors", "residual")
     assert main(["held.json", "--static", "--json", "--force", "--threads", "1"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [step["step"] for step in found["load_steps"]] == list(range(1, 11))
@@ -44,33 +46,33 @@ def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (["free.json", "--static"], 2, "free.json: $.conditions: found the whole plate around"),
-        (["free.json", "--static", "--dry-run"], 2, "free.json: $.conditions: found the whole plate around"),
+        (["free.json", "--static"], 2, naming("free.json", "$.conditions", found="whole plate")),
+        (["free.json", "--static", "--dry-run"], 2, naming("free.json", "$.conditions", found="whole plate")),
         *(
-            (["held.json", "--static", "--set", f"run.static.tolerance={wrong}"], 2, "- at `$.run.static.tolerance`")
+            (["held.json", "--static", "--set", f"run.static.tolerance={wrong}"], 2, naming("`$.run.static.tolerance`"))
             for wrong in (0, -1, "nan", "inf", 1e-300, 2)
         ),
         (
             ["held.json", "--static", "--every", "2"],
             2,
-            "run.every: found it given for run.solver static, expected run.",
+            naming("run.every", found="run.solver static"),
         ),
-        (["held.json", "--static", "--set", "run.time_step=1"], 2, "run.time_step: found it given for run.solver st"),
+        (["held.json", "--static", "--set", "run.time_step=1"], 2, naming("run.time_step", found="run.solver static")),
         (
             ["held.json", "--set", "run.static.tolerance=1e-3"],
             2,
-            "run.static.tolerance: found it given for run.solver e",
+            naming("run.static.tolerance", found="run.solver explicit"),
         ),
         (
             ["held.json", "--set", "run.static.load_steps=3", "--set", "run.start=static"],
             2,
-            "expected run.solver static (--static)",
+            naming("run.static.load_steps", expected=("run.solver static", "--static")),
         ),
-        (["held.json", "--float"], 2, "--float: found a run in time, expected --static or run.start static"),
+        (["held.json", "--float"], 2, naming("--float", expected=("--static", "run.start static"))),
         (
             ["held.json", "--static", "--set", "run.static.method=relaxation", "--set", "run.static.iterations=3"],
             3,
-            "held.json: load step 1, 0.2 s: found no rest after 3 iterations of adaptive dynamic relaxation",
+            naming("held.json", "load step 1", "0.2 s", found=("3 iterations", "relaxation")),
         ),
     ],
 )
@@ -79,7 +81,7 @@ def test_what_cannot_be_brought_to_rest(
 ) -> None:
     assert main([*words, "-o", "rest.sqlite", "--threads", "1"]) == code
     (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+    assert re.search(said, line)
     assert Path("rest.sqlite").exists() == (code == 3)
     if code == 3:
         with Results.open(Path("rest.sqlite")) as results:

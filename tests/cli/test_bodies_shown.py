@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import mentions, naming
 from PIL import Image
 from plates import GEOMETRIES
 
@@ -70,17 +72,17 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["slice", "--plane", "z=1"], "found no node at z = 1 m, expected -0.0"),
-        (["slice", "--field", "stress"], "found a model of diffusion, expected one of mechanics for stress (this has"),
-        (["slice", "--component", "x"], "content: found no component 'x', expected none, it is a scalar"),
-        (["damage"], "found a model of diffusion, expected one of mechanics for damage (this has concentration, conte"),
-        (["history", "--node", "7"], "found a node or a component, expected none: masses are of the whole"),
+        (["slice", "--plane", "z=1"], naming(found="z = 1 m", expected=("-0.01", "0.01 m"))),
+        (["slice", "--field", "stress"], naming(found=("model", "diffusion"), expected=("mechanics", "stress"))),
+        (["slice", "--component", "x"], naming("content", found="component 'x'", expected=("none", "scalar"))),
+        (["damage"], naming(found=("model", "diffusion"), expected=("mechanics", "concentration"))),
+        (["history", "--node", "7"], naming(found=("node", "component"), expected=("masses", "whole"))),
     ],
 )
 def test_bad_input_gets_one_line(screw: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert pdpost([words[0], str(screw), *words[1:]]) == 2
     found = capsys.readouterr().err
-    assert said in found
+    assert re.search(said, found)
     assert found.count("\n") == 1
 
 
@@ -90,5 +92,5 @@ def test_without_pyvista_a_body_is_not_drawn(
     monkeypatch.setitem(sys.modules, "pyvista", None)
     path = tmp_path / "never.png"
     assert pdpost(["render", str(screw), "-o", str(path)]) == 2
-    assert "found no PyVista, expected it: pip install 'pdsuite[render]'" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found="PyVista", expected="pip install 'pdsuite[render]'")
     assert not path.exists()

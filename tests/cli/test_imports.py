@@ -29,20 +29,24 @@ class Row(NamedTuple):
     imports: set[str]
 
 
+GROUND = (
+    "pdmesh.spelling",
+    "pdmesh.commandline",
+    "pdmesh.completion",
+    "pdmesh.files",
+    "pdmesh.file_kinds",
+    "pdmesh.lazy_imports",
+    "pdmesh.model",
+    "pdmesh.printing",
+    "pdmesh.trust",
+)
 MAY = {  # what a program may import of the others
     "pdmesh": (),
-    "pdsolve": ("pdmesh.commandline", "pdmesh.files", "pdmesh.lazily", "pdmesh.model"),
-    "pdpost": (
-        "pdmesh.commandline",
-        "pdmesh.files",
-        "pdmesh.lazily",
-        "pdmesh.model",
-        "pdsolve.results",
-        "pdsolve.study",
-    ),
+    "pdsolve": GROUND,
+    "pdpost": (*GROUND, "pdsolve.results", "pdsolve.study"),
 }
 BARE = """import numpy as np  # a bare list of nodes, solved
-from pdmesh.model.cloud import Grid
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.document import Material, Run, Settings
 from pdsolve import Model, simulate
 x, y = (side.ravel() * 1e-3 for side in np.meshgrid(range(8), range(8)))

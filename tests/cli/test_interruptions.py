@@ -13,15 +13,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from messages import mentions
 from whole import contents
 
 from pdmesh import commandline
 from pdsolve.__main__ import main
 from pdsolve.model import Model
 from pdsolve.results import Results, Writer
-from pdsolve.simulation import simulate
+from pdsolve.run.simulation import simulate
+from pdsolve.run.system import Options, Stepper, prepare
 from pdsolve.state import State
-from pdsolve.system import Options, Stepper, prepare
 
 
 @pytest.fixture(autouse=True)
@@ -35,8 +36,8 @@ def _listens() -> Iterator[None]:
 @pytest.fixture
 def model(here: Path, probed: Model, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A plate in a folder, looked at after every step, without a word of progress."""
-    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
-    monkeypatch.setattr("pdsolve.watch.LINE_EVERY", 1e9)
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.run.progress.LINE_EVERY", 1e9)
     (here / "plate.json").write_text(probed.to_json())
     return here / "plate.json"
 
@@ -49,7 +50,7 @@ def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["msgspec", "numpy._core.multiarray", "numpy.random", "numba.core", "pdsolve.system"]
+    "module", ["msgspec", "numpy._core.multiarray", "numpy.random", "numba.core", "pdsolve.run.system"]
 )
 @pytest.mark.parametrize("program", ["pdsolve", "pdpost"])
 def test_while_libraries_are_imported(here: Path, program: str, module: str) -> None:
@@ -66,7 +67,7 @@ def test_while_libraries_are_imported(here: Path, program: str, module: str) -> 
         sys.exit(main({words!r}))
     """
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    if program == "pdpost" and module in ("numba.core", "pdsolve.system"):
+    if program == "pdpost" and module in ("numba.core", "pdsolve.run.system"):
         assert ran.returncode == 2  # it does without them
         return
     assert (ran.returncode, ran.stderr) == (130, f"{program}: interrupted\n")
@@ -153,9 +154,6 @@ def test_while_another_program_is_waited_for(
     out, err = capsys.readouterr()
     assert out == ""
     first, *_, last = err.splitlines()
-    assert first == "pdsolve: warning: plate.sqlite: locked by another program for 0 s; waiting for it to let go"
-    assert last == (
-        "pdsolve: plate.sqlite: found it locked by another program for 1 s, expected it to let go; the database"
-        " holds the run up to its last checkpoint"
-    )
+    assert mentions(first, "pdsolve: warning: plate.sqlite", "locked", "0 s")
+    assert mentions(last, "pdsolve: plate.sqlite", "last checkpoint", found=("locked", "1 s"))
     check_resumed(probed, capsys)

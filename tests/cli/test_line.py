@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
+from messages import mentions, naming
 
 from pdpost.__main__ import main
 
@@ -18,7 +20,7 @@ def test_a_picture_numbers_and_a_table(small_results: Path, here: Path, capsys: 
     assert main(["line", str(small_results), *WAY, "--component", "y", "--component", "magnitude"]) == 0
     said = capsys.readouterr().out
     assert (here / "small.line.png").stat().st_size > 10_000
-    assert "displacement y at 3 us: 23 of 23 places known, from " in said
+    assert mentions(said, "displacement y", "3 us", "23 of 23")
     assert main(["line", str(small_results), *WAY, "--component", "y", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["step"], found["components"], found["unit"]) == (60, ["y"], "m")
@@ -33,10 +35,10 @@ def test_a_picture_numbers_and_a_table(small_results: Path, here: Path, capsys: 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--from", "1,0", "--to", "2,0"], "found no place of the plate from 1,0 to 2,0, expected some of -0.0005,"),
-        (["--from", "0,0", "--to", "0,0"], "--to: found 0,0, where the line begins, expected another place"),
-        ([*WAY, "--component", "xx"], "displacement: found no component 'xx', expected one of magnitude, x, y"),
-        ([*WAY, "--frame", "9"], "found no frame 9, expected 0 to 3"),
+        (["--from", "1,0", "--to", "2,0"], naming(found=("1,0", "2,0"), expected="-0.0005")),
+        (["--from", "0,0", "--to", "0,0"], naming("--to", found="0,0", expected="place")),
+        ([*WAY, "--component", "xx"], naming("displacement", found="component 'xx'", expected=("magnitude", "x"))),
+        ([*WAY, "--frame", "9"], naming(found="frame 9", expected=("0", "3"))),
     ],
 )
 def test_what_is_wrong_is_one_line(
@@ -45,13 +47,13 @@ def test_what_is_wrong_is_one_line(
     assert main(["line", str(small_results), *words]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert message in err
+    assert re.search(message, err)
     assert list(here.glob("*.png")) == []
 
 
 def test_a_frame_without_the_field(few_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["line", str(few_results), *WAY, "--field", "energy"]) == 2
-    assert "found no field 'energy', expected one of ux, uy" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found="field 'energy'", expected=("ux", "uy"))
 
 
 @pytest.mark.parametrize("words", [["--from", "0", "--to", "1,0"], ["--to", "1,0"], ["--from", "0,nan", "--to", "1,0"]])

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from messages import mentions, naming
 
 import pdmesh.__main__
 import pdpost.__main__
@@ -17,7 +18,7 @@ import pdsolve.__main__
 from pdmesh.files import irregular, replacing, write_atomically
 from pdsolve.model import Model
 from pdsolve.results import Results, WriteError, Writer
-from pdsolve.simulation import simulate
+from pdsolve.run.simulation import simulate
 
 resource = pytest.importorskip("resource")  # not on Windows
 MAIN: dict[str, Callable[[list[str]], int]] = {
@@ -98,7 +99,7 @@ def test_what_is_no_file_is_neither_written_to_nor_replaced(
         assert run(path) == 2
         out, err = capsys.readouterr()
         assert (out, err.count("\n")) == ("", 1)
-        assert f"{path}: found {kind}, expected a regular file or none" in err
+        assert mentions(err, path, found=kind, expected="regular file")
     after = (there / name).lstat()
     assert (after.st_mode, after.st_rdev, after.st_ino) == (before.st_mode, before.st_rdev, before.st_ino)
     assert made(there) == {name, "links"}
@@ -186,10 +187,10 @@ def test_the_library_refuses_the_same(tmp_path: Path, small_plate: Model) -> Non
     assert irregular(tmp_path / "pipe") == "a pipe"
     assert irregular(tmp_path) == "a folder"
     assert irregular(tmp_path / "none") is None
-    with pytest.raises(OSError, match="found a pipe, expected a regular file or none") as error:
+    with pytest.raises(OSError, match=naming(found="pipe", expected="regular file")) as error:
         write_atomically(tmp_path / "pipe", b"")
     assert error.value.filename == str(tmp_path / "pipe")
-    with pytest.raises(WriteError, match=r"pipe: found a pipe, expected a database or nothing"):
+    with pytest.raises(WriteError, match=naming("pipe", found="pipe", expected=("database", "nothing"))):
         simulate(small_plate, tmp_path / "pipe")
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
     assert (tmp_path / "pipe").is_fifo()

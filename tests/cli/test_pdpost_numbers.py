@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import mentions, naming
 from tampered import tampered
 
 from pdpost.__main__ import main
@@ -43,7 +45,7 @@ def test_a_picture_by_default_and_numbers_without(
     assert picture.stat().st_size > 10_000
     before = picture.read_bytes()
     assert main([command, str(small_results)]) == 2
-    assert "found a file there already" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found=("file", "already"))
     assert main([command, str(small_results), "--force", "-q"]) == 0
     assert picture.read_bytes() == before
     assert capsys.readouterr() == ("", "")
@@ -125,7 +127,7 @@ def test_the_crack_of_the_whole_plate(solved: Callable[[str], Path], capsys: pyt
     spent = np.array(result["release"]["value"], dtype=float) / result["release"]["G0"]
     assert np.nanmedian(spent) == pytest.approx(1.24, abs=0.15)  # measured 1.24, from 1.07 to 1.50 at the trunk's end
     (fork,) = result["forks"]
-    assert fork["place"] == pytest.approx([68.5e-3, 0.0], abs=3e-3)  # measured 68.5 mm; branching by columns: 70
+    assert fork["place"] == pytest.approx([68.5e-3, 0.0], abs=3e-3)  # measured 68.5 mm
     assert fork["angle"] == pytest.approx(55, abs=10)  # measured 54.6 degrees; in the thesis mode 43.0
     assert [piece["nodes"] for piece in result["fragments"]["pieces"]] == [2470]
 
@@ -150,7 +152,7 @@ def test_cracks_of_two_plates_are_not_compared(
     assert main(["crack", str(solved("thesis")), "--compare", str(small_results)]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert f"{small_results}: found a plate from (-0.0005, -0.006) to (0.0205, 0.006) m, expected that of" in err
+    assert mentions(err, small_results, found=("(-0.0005, -0.006)", "(0.0205, 0.006) m"))
     assert list(here.glob("*.png")) == []
 
 
@@ -239,11 +241,11 @@ LOCKS: list[sqlite3.Connection] = []
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda path: path.unlink() or other_file(path), "found a database of another program"),
-        (lambda path: path.write_text("no database, just text " * 100), "file is not a database"),
-        (older_file, "found schema version 1, expected 6"),
-        (half_file, "malformed"),
-        (Path.unlink, "found no such file"),
+        (lambda path: path.unlink() or other_file(path), naming(found=("database", "program"))),
+        (lambda path: path.write_text("no database, just text " * 100), re.escape("file is not a database")),
+        (older_file, naming(found="version 1", expected="7")),
+        (half_file, re.escape("malformed")),
+        (Path.unlink, naming(found="no such file")),
     ],
 )
 def test_files_that_are_not_ours_are_two_and_one_line(
@@ -259,7 +261,7 @@ def test_files_that_are_not_ours_are_two_and_one_line(
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
-    assert message in err
+    assert re.search(message, err)
     assert list(here.glob(f"*.{command}.*")) == []
 
 
@@ -269,7 +271,7 @@ def test_a_run_without_a_frame_yet(small_results: Path, capsys: pytest.CaptureFi
     assert main([command, str(small_results)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert "found no" in err or "found an empty ledger" in err
+    assert "found no" in err or mentions(err, found=("empty", "ledger"))
 
 
 def test_a_locked_file(
@@ -288,15 +290,15 @@ def test_a_locked_file(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["history", "--node", "999"], "found no node 999, expected one of 1 to 252"),
-        (["history", "--at", "0.5,0"], "is 0.48 m away; expected a place on the plate, from 0,-0.0055 to 0.02,0.0055"),
-        (["history", "--box", "1,1,2,2"], "found no node in the box 1,1,2,2, expected some"),
-        (["reaction", "--condition", "left"], "found no condition 'left', expected one of 0 (condition 0), 1"),
-        (["crack", "--step", "61"], "--step: found 61, expected 0 to 60"),
-        (["crack", "--compare", "none.sqlite"], "none.sqlite: found no such file"),
-        (["crack", "--set", "cracked=2"], "--set cracked=2: expected cracked= and a damage from 0"),
-        (["balance", "--set", "nothing=2"], "--set nothing: found no such matplotlib setting"),
-        (["balance", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
+        (["history", "--node", "999"], naming(found="node 999", expected=("1", "252"))),
+        (["history", "--at", "0.5,0"], naming("0.48 m", expected=("0,-0.0055", "0.02,0.0055"))),
+        (["history", "--box", "1,1,2,2"], naming(found="1,1,2,2")),
+        (["reaction", "--condition", "left"], naming(found="condition 'left'", expected=("0", "(condition 0)", "1"))),
+        (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
+        (["crack", "--compare", "none.sqlite"], naming("none.sqlite", found="no such file")),
+        (["crack", "--set", "cracked=2"], naming("--set", "cracked=2", expected=("cracked=", "0"))),
+        (["balance", "--set", "nothing=2"], naming("nothing", "--set", found=("matplotlib", "setting"))),
+        (["balance", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
     ],
 )
 def test_what_is_not_there_is_named(
@@ -306,7 +308,7 @@ def test_what_is_not_there_is_named(
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
-    assert message in err
+    assert re.search(message, err)
 
 
 @pytest.mark.parametrize("words", [["--node", "x"], ["--node", "1.5"], ["--at", "1"], ["--box", "0,0,1,nan"]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import signal
 import sqlite3
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import mentions, naming
 from tampered import tampered
 
 from pdpost.__main__ import main
@@ -66,48 +68,48 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["stress", "--component", "zx"], "stress: found no component 'zx', expected one of largest, smallest, xx"),
-        (["damage", "--csv", "-", "--json"], "--csv -: found --json as well"),
-        (["damage", "--csv", "gone/x.csv"], "gone/x.csv: found no folder"),
-        (["damage", "-o", "x.png", "--csv", "./x.png"], "--csv: found x.png, which is written to as well"),
-        (["history", "-o", "x.png", "--csv", "x.png"], "--csv: found x.png, which is written to as well"),
-        (["bonds", "--frame", "4"], "found no frame 4, expected 0 to 3 or -4 to -1"),
-        (["bonds", "--frame", "-5"], "found no frame -5, expected 0 to 3 or -4 to -1"),
-        (["damage", "--time", "5"], "--time: found 5, expected seconds, 0 to 3e-06"),
-        (["stress", "--time", "-1"], "--time: found -1, expected seconds, 0 to 3e-06"),
-        (["nodes", "--time", "3.1e-6"], "--time: found 3.1e-06, expected seconds, 0 to 3e-06"),
-        (["bonds", "--time", "nan"], "--time: found nan, expected seconds, 0 to 3e-06"),
-        (["export", "-o", "x.vtu", "--time", "1"], "--time: found 1, expected seconds, 0 to 3e-06"),
-        (["crack", "--step", "61"], "--step: found 61, expected 0 to 60"),
-        (["crack", "--step", "-1"], "--step: found -1, expected 0 to 60"),
+        (["stress", "--component", "zx"], naming("stress", found="component 'zx'", expected=("largest", "smallest"))),
+        (["damage", "--csv", "-", "--json"], naming("--csv", found="--json")),
+        (["damage", "--csv", "gone/x.csv"], naming("gone/x.csv", found="no folder")),
+        (["damage", "-o", "x.png", "--csv", "./x.png"], naming("--csv", found="x.png")),
+        (["history", "-o", "x.png", "--csv", "x.png"], naming("--csv", found="x.png")),
+        (["bonds", "--frame", "4"], naming(found="frame 4", expected=("0", "3", "-4", "-1"))),
+        (["bonds", "--frame", "-5"], naming(found="frame -5", expected=("0", "3", "-4", "-1"))),
+        (["damage", "--time", "5"], naming("--time", found="5", expected=("0", "3e-06"))),
+        (["stress", "--time", "-1"], naming("--time", found="-1", expected=("0", "3e-06"))),
+        (["nodes", "--time", "3.1e-6"], naming("--time", found="3.1e-06", expected=("0", "3e-06"))),
+        (["bonds", "--time", "nan"], naming("--time", found="nan", expected=("0", "3e-06"))),
+        (["export", "-o", "x.vtu", "--time", "1"], naming("--time", found="1", expected=("0", "3e-06"))),
+        (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
+        (["crack", "--step", "-1"], naming("--step", found="-1", expected=("0", "60"))),
+        (["damage", "--window", "1,1,2,2"], naming("1,1,2,2", expected="-0.0005,-0.006,0.0205,0.006")),
+        (["watch", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
+        (["animate", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
+        (["crack", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
+        (["damage", "--set", "savefig.dpi=0"], naming("--set", "savefig.dpi=0", expected=("10", "1200"))),
+        (["crack", "--set", "savefig.dpi=-5"], naming("--set", "savefig.dpi=-5", expected=("10", "1200"))),
+        (["report", "--set", "savefig.dpi=1e9"], naming("--set", "savefig.dpi=1e9", expected=("10", "1200"))),
+        (["balance", "--set", "figure.dpi=nan"], naming("--set", "figure.dpi=nan", expected=("10", "1200"))),
+        (["history", "--set", "font.size=inf"], naming("--set", "font.size=inf", expected=("1", "72"))),
+        (["nodes", "--set", "font.size=0"], naming("--set", "font.size=0", expected=("1", "72"))),
+        (["bonds", "--set", "lines.linewidth=nan"], naming("--set", "lines.linewidth=nan", expected=("-1000", "1000"))),
+        (["reaction", "--set", "axes.titlesize=0"], naming("--set", "axes.titlesize=0", found=("settings", "picture"))),
         (
-            ["damage", "--window", "1,1,2,2"],
-            "1,1,2,2, expected some of the plate, -0.0005,-0.006,0.0205,0.006",
+            ["animate", "--set", "font.family=None Such"],
+            naming("--set", "font.family=None Such", found=("settings", "picture")),
         ),
-        (["watch", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
-        (["animate", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
-        (["crack", "--window", "1,1,2,2"], "--window: found 1,1,2,2, expected some of the plate"),
-        (["damage", "--set", "savefig.dpi=0"], "--set savefig.dpi=0: found 0, expected 10 to 1200"),
-        (["crack", "--set", "savefig.dpi=-5"], "--set savefig.dpi=-5: found -5, expected 10 to 1200"),
-        (["report", "--set", "savefig.dpi=1e9"], "--set savefig.dpi=1e9: found 1e+09, expected 10 to 1200"),
-        (["balance", "--set", "figure.dpi=nan"], "--set figure.dpi=nan: found nan, expected 10 to 1200"),
-        (["history", "--set", "font.size=inf"], "--set font.size=inf: found inf, expected 1 to 72"),
-        (["nodes", "--set", "font.size=0"], "--set font.size=0: found 0, expected 1 to 72"),
-        (["bonds", "--set", "lines.linewidth=nan"], "--set lines.linewidth=nan: found nan, expected -1000 to 1000"),
+        (["watch", "--set", "path.simplify_threshold=7"], re.escape("--set path.simplify_threshold=7: ")),
+        (["damage", "--set", "webagg.port=1"], naming("webagg.port", "--set", found=("matplotlib", "setting"))),
+        (["animate", "-o", "x.avi"], naming("x.avi", found="suffix '.avi'", expected=(".gif", ".mp4"))),
+        (["watch", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
         (
-            ["reaction", "--set", "axes.titlesize=0"],
-            "--set axes.titlesize=0: found settings that no picture can be d",
+            ["export", "-o", "x.foo"],
+            naming("x.foo", found="suffix '.foo'", expected=(".vtu", ".pvd", ".xdmf", ".msh", ".csv")),
         ),
-        (["animate", "--set", "font.family=None Such"], "--set font.family=None Such: found settings that no picture"),
-        (["watch", "--set", "path.simplify_threshold=7"], "--set path.simplify_threshold=7: "),
-        (["damage", "--set", "webagg.port=1"], "--set webagg.port: found no such matplotlib setting"),
-        (["animate", "-o", "x.avi"], "x.avi: found suffix '.avi', expected .gif or .mp4"),
-        (["watch", "-o", "x.foo"], "x.foo: found suffix '.foo'"),
-        (["export", "-o", "x.foo"], "x.foo: found suffix '.foo', expected one of .vtu, .pvd, .xdmf, .msh, .csv"),
-        (["export", "--set", "a=b"], "--set a: found a setting, export has none"),
-        (["export", "--frame", "1"], "--frame or --time: found with .pvd, which holds all frames"),
-        (["export", "-o", "x.vtu", "--every", "2"], "--every: found with .vtu, which holds one frame"),
-        (["export", "-o", "x.csv", "--squares"], "--squares: found with .csv, which holds points"),
+        (["export", "--set", "a=b"], naming("a", "--set", found=("setting", "export"))),
+        (["export", "--frame", "1"], naming("--frame", "--time", found=".pvd")),
+        (["export", "-o", "x.vtu", "--every", "2"], naming("--every", found=".vtu")),
+        (["export", "-o", "x.csv", "--squares"], naming("--squares", found=".csv")),
     ],
 )
 def test_what_cannot_be_drawn_is_two_and_one_line(
@@ -116,16 +118,16 @@ def test_what_cannot_be_drawn_is_two_and_one_line(
     assert main([arguments[0], str(small_results), *arguments[1:]]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert message in err
+    assert re.search(message, err)
     assert sorted(path.name for path in here.iterdir()) == ["small.sqlite"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["energy"], "found no field 'energy', expected one of ux, uy, vx, vy, damage (pdsolve --fields"),
-        (["animate", "--field", "acceleration"], "found no field 'ax'"),
-        (["history", "--quantity", "acceleration", "--node", "5"], "found no field 'ax', expected one of"),
+        (["energy"], naming(found="field 'energy'", expected="--fields")),
+        (["animate", "--field", "acceleration"], naming(found="field 'ax'")),
+        (["history", "--quantity", "acceleration", "--node", "5"], naming(found="field 'ax'")),
     ],
 )
 def test_fields_that_were_not_stored_are_named(
@@ -134,7 +136,7 @@ def test_fields_that_were_not_stored_are_named(
     assert main([arguments[0], str(few_results), *arguments[1:]]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert message in err
+    assert re.search(message, err)
     assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
 
 
@@ -186,7 +188,7 @@ def test_windows_that_are_none(small_results: Path, capsys: pytest.CaptureFixtur
     with pytest.raises(SystemExit) as stop:
         main(["damage", str(small_results), f"--window={words}"])
     assert stop.value.code == 2
-    assert f"found '{words}', expected the lower left and the upper right corner" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found=f"'{words}'", expected=("lower left", "upper right"))
 
 
 def test_the_first_and_the_last_time_are_of_the_run(
@@ -203,13 +205,13 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
     data = good.read_bytes()
     if what == "empty":
         path.write_bytes(b"")
-        return path, "found an empty database, expected one written by pdsolve"
+        return path, "found nothing in it, expected results"
     if what == "truncated":
         path.write_bytes(data[: len(data) // 2])
         return path, "malformed, expected a whole one (was the file cut short?)"
     if what == "older":
         path.write_bytes(data[:63] + b"\x01" + data[64:])
-        return path, "found schema version 1, expected 6"
+        return path, "found schema version 1, expected 7"
     if what == "no frame":
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
@@ -256,9 +258,9 @@ def test_a_frame_without_displacements_is_drawn_where_it_was(
     assert main(["nodes", str(small_results), "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["scale"] == 0.0
-    assert "holds no displacements; the reference is drawn" in err
+    assert mentions(err, "displacements", "reference")
     assert main(["damage", str(small_results), "--scale", "2"]) == 2
-    assert "found no field 'ux', expected one of damage" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found="field 'ux'", expected="damage")
 
 
 def test_a_film_of_a_window(small_results: Path, here: Path) -> None:
@@ -270,7 +272,7 @@ def test_a_film_of_a_window(small_results: Path, here: Path) -> None:
 def test_numbers_are_not_written_over(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "a.bin").write_text("mine")
     assert main(["export", str(small_results), "-o", "a.xdmf"]) == 2
-    assert "a.bin: found a file there already, expected none (--force overwrites it)" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "a.bin", found=("file", "already"), expected="--force")
     assert (here / "a.bin").read_text() == "mine"
     assert main(["export", str(small_results), "-o", "a.xdmf", "--force", "-q"]) == 0
 

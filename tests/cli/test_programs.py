@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -14,14 +15,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import mentions, naming
 from plates import GEOMETRIES
 
 import pdmesh.__main__
 import pdpost.__main__
 import pdsolve.__main__
 from pdmesh import VERSION, commandline
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import write_file
+from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model
 from pdsolve.results import Results
 
@@ -104,7 +106,7 @@ def test_usage_is_two(program: str, capsys: pytest.CaptureFixture[str]) -> None:
 def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "plate.sqlite").write_text("precious")
     assert MAIN["pdsolve"]([str(model)]) == 2
-    assert "plate.sqlite: found a file there already, expected none (--force" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "plate.sqlite", found=("file", "already"), expected="--force")
     assert (here / "plate.sqlite").read_text() == "precious"
     assert MAIN["pdsolve"]([str(model), "--force", "-q"]) == 0
     assert capsys.readouterr() == ("", "")
@@ -117,26 +119,38 @@ def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: p
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["pdmesh", "build", "none.geo"], "none.geo: cannot be read: No such file or directory"),
-        (["pdmesh", "build", "models/plate.json"], "plate.json"),
-        (["pdsolve", "none.json"], "none.json: cannot be read: No such file or directory"),
-        (["pdsolve", "models/plate.json", "--set", "run.steps=-1"], "Expected `int` >= 0 - at `$.run.steps`"),
-        (["pdsolve", "models/plate.json", "--settings", "none.toml"], "none.toml: cannot be read"),
-        (["pdsolve", "models/plate.json", "-o", "gone/x.sqlite"], "gone/x.sqlite: found no folder"),
-        (["pdsolve", "models/plate.json", "--threads", "1000"], "threads: found 1000, expected 1 to"),
-        (["pdsolve", "models/plate.json", "--probe", "nan,0"], "$.run.probes[0][0]: found nan, expected a number"),
+        (["pdmesh", "build", "none.geo"], re.escape("none.geo: cannot be read: No such file or directory")),
+        (["pdmesh", "build", "models/plate.json"], re.escape("plate.json")),
+        (["pdsolve", "none.json"], re.escape("none.json: cannot be read: No such file or directory")),
+        (
+            ["pdsolve", "models/plate.json", "--set", "run.steps=-1"],
+            re.escape("Expected `int` >= 0 - at `$.run.steps`"),
+        ),
+        (["pdsolve", "models/plate.json", "--settings", "none.toml"], re.escape("none.toml: cannot be read")),
+        (["pdsolve", "models/plate.json", "-o", "gone/x.sqlite"], naming("gone/x.sqlite", found="no folder")),
+        (["pdsolve", "models/plate.json", "--threads", "1000"], naming("threads", found="1000", expected="1")),
+        (
+            ["pdsolve", "models/plate.json", "--probe", "nan,0"],
+            naming("$.run.probes[0][0]", found="nan", expected="number"),
+        ),
         (
             ["pdsolve", "models/plate.json", "--set", "run.time_step=inf"],
-            "$.run.time_step: found inf, expected",
+            naming("$.run.time_step", found="inf"),
         ),
-        (["pdsolve", "models/plate.json", "--set", "run.until=quiet"], "$.run.quiet: found none, expected seconds"),
-        (["pdsolve", "models/plate.json", "--until", "quiet:nan"], "at `$.run.quiet`"),
-        (["pdsolve", "models/plate.json", "--every", "inf"], "Expected `int`, got `float` - at `$.run.every`"),
-        (["pdsolve", "--resume", "none.sqlite"], "none.sqlite: found no such file"),
-        (["pdsolve", "--resume", "models/plate.json"], "plate.json: file is not a database"),
-        (["pdsolve", "--resume", "x.sqlite", "--mode", "thesis"], "--resume: found mode given anew"),
-        (["pdpost", "damage", "none.sqlite"], "none.sqlite: found no such file"),
-        (["pdpost", "damage", "models/plate.json"], "plate.json: file is not a database"),
+        (
+            ["pdsolve", "models/plate.json", "--set", "run.until=quiet"],
+            naming("$.run.quiet", found="none", expected="seconds"),
+        ),
+        (["pdsolve", "models/plate.json", "--until", "quiet:nan"], re.escape("at `$.run.quiet`")),
+        (
+            ["pdsolve", "models/plate.json", "--every", "inf"],
+            re.escape("Expected `int`, got `float` - at `$.run.every`"),
+        ),
+        (["pdsolve", "--resume", "none.sqlite"], naming("none.sqlite", found="no such file")),
+        (["pdsolve", "--resume", "models/plate.json"], naming("plate.json", found="JSON", expected="database")),
+        (["pdsolve", "--resume", "x.sqlite", "--mode", "thesis"], naming("--resume", found=("mode", "anew"))),
+        (["pdpost", "damage", "none.sqlite"], naming("none.sqlite", found="no such file")),
+        (["pdpost", "damage", "models/plate.json"], naming("plate.json", found="JSON", expected="database")),
     ],
 )
 def test_bad_input_is_two_and_one_line(
@@ -147,22 +161,22 @@ def test_bad_input_is_two_and_one_line(
     assert out == ""
     assert err.startswith(f"{arguments[0]}: ")
     assert err.count("\n") == 1
-    assert message in err
+    assert re.search(message, err)
     assert [path.name for path in here.iterdir()] == ["models"]
 
 
 def test_the_input_is_never_overwritten(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = model.read_bytes()
     assert MAIN["pdsolve"]([str(model), "-o", str(model), "--force"]) == 2
-    assert "found the input itself, expected another file" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found=("input", "itself"), expected="file")
     assert model.read_bytes() == before
     assert MAIN["pdpost"](["damage", "."]) == 2
-    assert capsys.readouterr().err == "pdpost: .: found a folder, expected a file\n"
+    assert capsys.readouterr().err == "pdpost: .: found a folder, expected a database of results\n"
 
 
 def test_steps_a_run_does_not_have(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert MAIN["pdpost"](["crack", str(small_results), "--step", "61"]) == 2
-    assert "--step: found 61, expected 0 to 60" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--step", found="61", expected=("0", "60"))
 
 
 @pytest.mark.parametrize(("option", "value"), [("--frame", "4"), ("--frame", "-5"), ("--time", "nan"), ("-o", "x.foo")])
@@ -184,7 +198,7 @@ def test_an_unstable_run_is_three(model: Path, capsys: pytest.CaptureFixture[str
 
 def test_a_step_above_the_bound_warns(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert MAIN["pdsolve"]([str(model), "--set", "run.time_step=2.2e-7", "--set", "run.steps=2"]) == 0
-    assert "plate.json: the time step 2.2e-07 s is above the bound" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "plate.json", "2.2e-07 s", "bound")
 
 
 def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,9 +210,9 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
     assert connection.execute("SELECT count(*), count(DISTINCT node) FROM probe").fetchone() == (6, 2)
     connection.close()
     assert MAIN["pdsolve"]([str(model), "--until", "quiet"]) == 2
-    assert "--until: found 'quiet', expected split or quiet:SECONDS" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--until", found="'quiet'", expected="quiet:SECONDS")
     assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
-    assert "Invalid enum value 'heat' - at `$.run.fields[0]`" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "value 'heat'", "`$.run.fields[0]`")
 
 
 @pytest.mark.parametrize(

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sqlite3
+import sys
+from contextlib import closing
 from itertools import product
 from pathlib import Path
 
 import pytest
+from messages import mentions, naming
 from plates import plate, square_grid
 
 from pdmesh.__main__ import main as pdmesh
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Load, Run, write_file
+from pdmesh.model.node_grid import document_of
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.study_figure import study
 from pdpost.measures.scatter import chosen
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
 from pdsolve.model import ModelError
-from pdsolve.study import crew
+from pdsolve.results import writing_to
+from pdsolve.study import dispatch, one_run, workers
 from pdsolve.study.description import Case
-from pdsolve.study.making import made
+from pdsolve.study.one_run import Outcome, Task
+from pdsolve.study.run_model import made
 from pdsolve.study.table import Column, Row, Table
 
 STUDY = """
@@ -54,7 +60,6 @@ def small(folder: Path) -> None:
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a study of eight runs, half of which cannot be solved, solved by two processes."""
-    pytest.importorskip("distributed")
     folder = tmp_path_factory.mktemp("study")
     small(folder)
     (folder / "study.toml").write_text(STUDY)
@@ -78,6 +83,13 @@ def rows(folder: Path) -> list[sqlite3.Row]:
     return found
 
 
+def edit(*statements: str) -> None:
+    """Change the table as one of an older version, which has no checksums."""
+    with closing(sqlite3.connect("study.sqlite")) as connection, connection:
+        for statement in ("DROP TABLE IF EXISTS checksum", *statements):
+            connection.execute(statement)
+
+
 def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,34 +102,32 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     assert good[0]["time_step"] == 50e-9
     assert 45e-9 <= good[1]["time_step"] < 50e-9
     assert good[2]["first_break"] < good[0]["first_break"]  # of less G0
-    monkeypatch.setattr(crew, "solved", None)  # nothing is solved again, nor are those that failed
+    monkeypatch.setattr(workers, "_process", None)  # nothing is solved again, nor are those that failed
     assert main(["study", "study.toml"]) == 1
     captured = capsys.readouterr()
     assert captured.out == "study.sqlite: 8 runs, 4 finished, 4 failed\n"
     said = captured.err.splitlines()
     assert len(said) == 4
     assert said[0].startswith("pdsolve study: run 3 failed: ")
-    assert "$.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness" in said[0]
+    assert mentions(said[0], "$.horizon.ratio", found=("1", "conical"))
     assert main(["study", "study.toml", "-q"]) == 1
     assert capsys.readouterr() == ("", captured.err)  # a failure is always said
 
 
 def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One run was never begun, one had only just begun, one had ended but nobody had written it down; two are new."""
-    with sqlite3.connect("study.sqlite") as connection:
-        before = rows(solved)
-        connection.execute("UPDATE run SET status = 'waiting', dissipated = NULL WHERE number IN (1, 2, 5)")
-    connection.close()
+    before = rows(solved)
+    edit("UPDATE run SET status = 'waiting', dissipated = NULL WHERE number IN (1, 2, 5)")
     Path("study.runs/0001.sqlite").unlink()
     Path("study.runs/0002.sqlite").write_bytes(b"")
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[204, 100, 50]").replace("[3, 1]", "[3]"))
     asked = []
 
-    def here(tasks: list[crew.Task], how: crew.Crew) -> list[crew.Outcome]:
+    def here(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
         asked.extend(task.number for task in tasks)
-        return [crew.solved(task) for task in tasks]
+        return [one_run.solved(task) for task in tasks]
 
-    monkeypatch.setattr(crew, "_solved", here)
+    monkeypatch.setattr(dispatch, "_solved", here)
     assert main(["study", "study.toml", "-q"]) == 0
     assert asked == [1, 2, 5, 9, 10]
     after = rows(solved)
@@ -126,15 +136,82 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
 
 
 def test_another_drawing_and_another_file_are_refused(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("plate.json").write_bytes(Path("plate.json").read_bytes() + b"\n")
+    Path("plate.json").write_bytes(Path("plate.json").read_bytes().rpartition(b',\n"digest"')[0] + b"\n}\n")
     assert main(["study", "study.toml"]) == 2
-    assert "study.sqlite: found runs of another plate.json, expected the same" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "study.sqlite", found="plate.json", expected="same")
     assert main(["study", "study.toml", "-o", "study.runs/0001.sqlite"]) == 2
-    assert "found a file that is no table of a study" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, found=("table", "study"))
     assert main(["study", "study.toml", "-o", "plate.json"]) == 2
     Path("study.sqlite").unlink()
     assert main(["study", "study.toml"]) == 2
-    assert "study.runs: found files in it, expected none before the first run" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "study.runs", found="files", expected=("none", "first"))
+
+
+def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
+    solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run that the study has no more keeps its number; none is solved again."""
+    before, whole = rows(solved), Path("study.sqlite").read_bytes()
+    with closing(sqlite3.connect("study.sqlite")) as connection, connection:
+        connection.execute("UPDATE run SET dissipated = 2 * dissipated WHERE number = 2")
+    for words in (["study", "study.toml"], ["study", "study.toml", "--again"]):
+        assert main(words) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("pdsolve study: study.sqlite: found run 2 damaged, ")
+        assert mentions(said, "remove", "study.runs", "--force")
+        assert said.count("\n") == 1
+    for words in (
+        ["study", "study.sqlite"],
+        ["crack", "study.sqlite"],
+        ["tradeoff", "study.sqlite", "--reference", "a"],
+    ):
+        assert pdpost(words) == 2
+        said = capsys.readouterr().err
+        assert mentions(said, "study.sqlite", found="run 2")
+        assert said.count("\n") == 1
+    Path("study.sqlite").write_bytes(b"x" + whole[1:])
+    assert main(["study", "study.toml"]) == 2
+    assert mentions(capsys.readouterr().err, "remove", "study.runs")
+    Path("study.sqlite").unlink()
+    Path("study.toml").write_text(STUDY.replace("[204, 100]", "[100]").replace("[3, 1]", "[3]"))
+    began = {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")}
+    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: [one_run.solved(task) for task in tasks])
+    assert main(["study", "study.toml", "-q"]) == 0
+    after = rows(solved)
+    assert [row["number"] for row in after] == [5, 6]
+    assert [row["dissipated"] for row in after] == [row["dissipated"] for row in before[4:6]]
+    assert {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")} == began
+
+
+def test_force_begins_anew_whatever_has_become_of_the_table(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: asked.extend(task.number for task in tasks) or [])
+    Path("mine.sqlite").write_bytes(b"")
+    edit("UPDATE run SET file = '../mine.sqlite' WHERE number = 1")
+    main(["study", "study.toml", "--force"])
+    assert asked == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert Path("mine.sqlite").exists()
+    assert list(Path("study.runs").iterdir()) == []
+    Path("study.runs/0003.sqlite").write_bytes(b"")
+    Path("study.sqlite").unlink()
+    main(["study", "study.toml", "--force"])
+    assert not Path("study.runs/0003.sqlite").exists()
+
+
+def test_a_run_that_is_held_is_said_and_waited_for(
+    solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edit("UPDATE run SET status = 'waiting' WHERE number = 5")
+    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: [one_run.solved(task) for task in tasks])
+    Path("study.runs/0005.sqlite").unlink()
+    with writing_to(Path("study.runs/0005.sqlite")), monkeypatch.context() as patch:
+        patch.setattr(one_run, "PATIENCE", 0.0)
+        assert main(["study", "study.toml", "-q"]) == 1
+    said = capsys.readouterr().err
+    assert re.search(r"^pdsolve study: run 5 waits up to 30 s for process \d+", said, re.M)
+    assert "run 5 failed: " in said
+    assert main(["study", "study.toml", "--again", "-q"]) == 1  # the others fail as before
+    assert [row["status"] for row in rows(solved)][4] == "finished"
 
 
 @pytest.mark.parametrize(
@@ -161,19 +238,20 @@ def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(
 
 def test_a_setting_that_its_runs_do_not_use_is_refused(here: Path) -> None:
     small(here)
-    with pytest.raises(ModelError, match=r"run.theta: found it given for run.solver explicit, expected run.solver"):
+    with pytest.raises(ModelError, match=naming("run.theta", found="run.solver", expected="run.solver")):
         made(Path("plate.json"), Case({}, {"run.theta": 0.6}, {}))
 
 
-def test_without_the_extra_it_is_named(
+def test_without_the_extra_there_is_no_cluster(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("pdsolve.study.command.find_spec", lambda name: None)
-    assert main(["study", "study.toml"]) == 2
-    assert capsys.readouterr().err == (
-        "pdsolve study: found no package distributed, which shares runs among processes, expected it:"
-        " pip install 'pdsuite[study]'\n"
-    )
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    small(here)
+    Path("study.toml").write_text('drawing = "plate.json"')
+    assert main(["study", "study.toml", "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    err = capsys.readouterr().err
+    assert mentions(err, "pdsolve study: --scheduler", found="distributed", expected="pip install 'pdsuite[study]'")
+    assert err.count("\n") == 1
 
 
 def test_a_plan_counts_what_is_different(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -185,39 +263,35 @@ def test_a_plan_counts_what_is_different(solved: Path, capsys: pytest.CaptureFix
     assert found["different"][0]["bonds"] < found["different"][1]["bonds"]
     assert found["solve_seconds"] == pytest.approx(sum(2 * one["solve_seconds"] for one in found["different"]))
     assert pdmesh(["plan", "study.toml", "--set", "a=1"]) == 2
-    assert "--set: found it beside a study, expected it in study.toml" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--set", found="study", expected="study.toml")
 
 
 def test_its_measures_are_drawn_and_told(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with sqlite3.connect("study.sqlite") as connection:
-        connection.execute("UPDATE run SET branching = NULL WHERE number = 6")
-    connection.close()
-    words = ["study", "study.sqlite", "--measure", "dissipated", "--measure", "branching"]
+    edit("UPDATE run SET start = NULL WHERE number = 6")
+    words = ["study", "study.sqlite", "--measure", "dissipated", "--measure", "start"]
     assert pdpost([*words, "--json", "-o", "study.svg"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["over"] == "material.G0"
     assert found["failed"] == 4
-    first, _, branching, _ = found["measures"]
+    first, _, start, _ = found["measures"]
     with Table.open(Path("study.sqlite")) as table:
         values = [row.values["dissipated"] for row in table.rows((5, 6))]
     assert (first["value"], first["runs"], first["happened"]) == (100, 2, 2)
     assert (first["smallest"], first["largest"]) == (min(values), max(values))
-    assert (branching["value"], branching["runs"], branching["happened"]) == (100, 2, 1)
+    assert (start["value"], start["runs"], start["happened"]) == (100, 2, 1)
     assert first["median"] == pytest.approx(sum(values) / 2)
     assert "material.G0, J/m" in Path("study.svg").read_text()
-    assert "did not happen in 1 of 4 runs" in Path("study.svg").read_text()
+    assert mentions(Path("study.svg").read_text(), "1 of 4 runs")
     assert pdpost(["study", "study.sqlite", "--measure", "wonder"]) == 2
-    assert "--measure: found 'wonder', expected one of nodes, bonds" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--measure", found="'wonder'", expected=("nodes", "bonds"))
     assert pdpost(["study", "plate.json"]) == 2
 
 
 def test_where_nothing_cracks_there_is_something_to_draw(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What a crack does happened nowhere, and what broke was nothing: what moved is left."""
     cracked = ("first_break", "start", "branching", "split", "speed", "fork_angle", "direction")
-    with sqlite3.connect("study.sqlite") as connection:
-        nothing = ", ".join(f"{one} = NULL" for one in cracked)
-        connection.execute(f"UPDATE run SET length = 0, dissipated = 0, {nothing}")
-    connection.close()
+    nothing = ", ".join(f"{one} = NULL" for one in cracked)
+    edit(f"UPDATE run SET length = 0, dissipated = 0, {nothing}")
     assert pdpost(["study", "study.sqlite", "--json", "-o", "calm.svg"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)["measures"]
@@ -229,9 +303,7 @@ def test_where_nothing_cracks_there_is_something_to_draw(solved: Path, capsys: p
     assert pdpost(["study", "study.sqlite", "--measure", "start", "-o", "start.svg"]) == 0
     assert capsys.readouterr().err == "pdpost study: in none of 4 runs: start\n"
     assert "in none of 4 runs" in Path("start.svg").read_text()
-    with sqlite3.connect("study.sqlite") as connection:
-        connection.execute("UPDATE run SET start = 1e-6 + 1e-8 * number WHERE number IN (1, 2)")
-    connection.close()
+    edit("UPDATE run SET start = 1e-6 + 1e-8 * number WHERE number IN (1, 2)")
     low, high = study(Path("study.sqlite"), ["start"]).axes[0].get_xlim()
     assert low < 100 < 204 < high  # of G0, of which nothing started at 100
 

@@ -85,6 +85,21 @@ def test_a_rigid_motion_makes_no_force_and_holds_no_energy(case: Case) -> None:
 
 
 @every
+def test_what_is_turned_has_turned_forces(case: Case) -> None:
+    """Strained, partly broken, edges and all, by 40 degrees: forces, their moment, which is none, and energy."""
+    made = torn(case)
+    force, held, R = made.forces(), made.energy(), turn(case.dimension)
+    place = (made.position + made.state.value) @ R.T
+    made.state.value[:] = place - made.position
+    found = made.forces()
+    moment = np.einsum("na,nb->ab", place, made.cell[:, None] * found)
+    scale = np.abs(made.cell[:, None] * found).sum() * place.max()
+    assert apart(found, force @ R.T) <= (5e-3 if case.single else 5e-11)  # measured 5e-4, 5e-12
+    assert np.abs(moment - moment.T).max() <= (5e-6 if case.single else 5e-12) * scale  # measured 3e-7, 3e-13
+    assert made.energy() == pytest.approx(held, rel=1e-3 if case.single else 5e-11)
+
+
+@every
 def test_momentum_and_angular_momentum(case: Case) -> None:
     """Forces add up to none, and so do their moments about the origin, at the deformed places."""
     made = torn(case)
@@ -211,7 +226,7 @@ def test_the_tangent_is_minus_the_slope_of_the_force(case: Case) -> None:
 
 @exact
 def test_the_bound_is_safe_and_not_far_off(case: Case) -> None:
-    """2 / omega_max of the tangent at rest, over the step that `stiffest` says is surely stable."""
+    """2 / omega_max of the tangent at rest, over the step that `stiffness_bound` says is surely stable."""
     made = cloud(case, SIDE[case.dimension])
     mass = np.repeat(np.sqrt(made.cell / made.rho), case.dimension)
     K = tangent(made) * np.outer(mass, 1 / mass) / made.rho[0]

@@ -27,11 +27,12 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (entry,) = blocks("diff")
     table = folder / "pdsolve" / "laws" / "__init__.py"
     text = table.read_text()
-    lines = entry.splitlines()
-    for before, after in zip(lines[::2], lines[1::2], strict=True):
-        assert (before[0], after[0]) == ("-", "+")
-        assert text.count(before[1:] + "\n") == 1
-        text = text.replace(before[1:], after[1:])
+    changes = re.findall(r"((?:^-.*\n)+)((?:^\+.*\n)+)", entry, re.MULTILINE)
+    assert "".join(map("".join, changes)) == entry
+    for change in changes:
+        old, new = (re.sub(r"^[-+]", "", lines, flags=re.MULTILINE) for lines in change)
+        assert text.count(old) == 1
+        text = text.replace(old, new)
     table.write_text(text)
     return folder
 
@@ -70,3 +71,9 @@ def test_the_contracts_hold(copy: Path) -> None:
         "saturating and 2D and 64",
     )
     assert " passed" in said
+
+
+def test_a_crack_costs_G0(copy: Path) -> None:
+    """In the plane and in space, in both precisions."""
+    words = "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "tests/contracts/test_spent.py"
+    assert "12 passed" in python(copy, *words, "-k", "saturating")

@@ -19,7 +19,6 @@ from plates import GLASS, square_grid, two_scale_grid
 from pdmesh import Circle, Material, Scene, box, files, ramp
 from pdmesh.grid import building
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.cloud import document_of, grid_of
 from pdmesh.model.document import (
     Acceleration,
     Displacement,
@@ -39,7 +38,8 @@ from pdmesh.model.document import (
     schema,
     write_file,
 )
-from pdmesh.say.report import info
+from pdmesh.model.node_grid import document_of, grid_of
+from pdmesh.reports.report import info
 
 BARE: dict[str, Any] = {
     "notch": [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]],
@@ -161,7 +161,8 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
 
 
 def changed(**changes: Any) -> bytes:
-    return json.dumps(PLAIN | changes).encode()
+    plain = {name: value for name, value in PLAIN.items() if name != "digest"}
+    return json.dumps(plain | changes).encode()
 
 
 def node(**changes: Any) -> bytes:
@@ -178,7 +179,7 @@ def without(key: str) -> bytes:
 
 
 BAD = {
-    "nothing": (b"", "truncated"),
+    "nothing": (b"", "found nothing in it, expected a grid file"),
     "an open brace": (b"{", "truncated"),
     "cut short": (TEXT[:1000], "truncated"),
     "something behind": (TEXT + b"x", "trailing"),
@@ -196,7 +197,7 @@ BAD = {
     "another version": (changed(version=99), r"\$.version: found 99, expected 1"),
     "NaN": (TEXT.replace(b'"position":[0.0', b'"position":[NaN', 1), "malformed|invalid"),
     "infinity": (TEXT.replace(b'"position":[0.0', b'"position":[Infinity', 1), "malformed|invalid"),
-    "too large a number": (TEXT.replace(b'"position":[0.0', b'"position":[1e999', 1), "out of range"),
+    "too large a number": (TEXT.replace(b'"position":[0.0', b'"position":[1e999', 1), r"position\[0\]: found .* float"),
     "null": (node(position=None), r"got `null` - at `\$.nodes\[0\].position`"),
     "null for a number": (node(position=[None, 0, 0]), r"got `null` - at `\$.nodes\[0\].position\[0\]`"),
     "two coordinates": (node(position=[0, 0]), r"Expected `array` of length 3 - at `\$.nodes\[0\].position`"),
@@ -283,6 +284,7 @@ anything = st.recursive(
 )
 
 
+@pytest.mark.filterwarnings("ignore::pdmesh.model.digest.GridWarning")
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.data())
 def test_any_damage_to_a_file(data: st.DataObject) -> None:
@@ -322,7 +324,7 @@ def test_a_scene_of_many_nodes_holds_a_lattice(monkeypatch: pytest.MonkeyPatch) 
     scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS, 4.0, Run(adapt="hybrid")).crack([(0, 0.0105), (0.01, 0.0105)])
     scene = scene.load("top", traction=(0.0, 1e6), rows=2).fix([(0.0, 0.0), (0.01, 0.0)])
     listed = building.build(scene)
-    monkeypatch.setattr("pdmesh.grid.whole.MANY", 800)
+    monkeypatch.setattr("pdmesh.grid.whole_lattice.MANY", 800)
     held = building.build(scene)
     assert held.grid.lattice == Lattice((0.0, 0.0), 1e-3, 41, 21)
     assert held.settings == listed.settings

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from whole import contents, kill_when
 from zones import struck
 
-from pdpost.measures.cracked import damage_at
-from pdsolve.pace import Pace
+from pdpost.measures.cracked_nodes import damage_at
 from pdsolve.results import Results
-from pdsolve.simulation import Options, Progress, resume, simulate
+from pdsolve.run.simulation import Options, Progress, resume, simulate
+from pdsolve.steppers.pace import Pace
 
 TESTS = Path(__file__).parent.parent
 
@@ -51,9 +52,9 @@ def test_a_killed_run_goes_on_to_the_same_tables(solved: tuple[Path, str], tmp_p
 import sys, time; sys.path.insert(0, {str(TESTS)!r})
 from pathlib import Path
 from zones import struck
-from pdsolve.simulation import Options, simulate
-import pdsolve.simulation
-pdsolve.simulation.PATIENCE = 1e6
+from pdsolve.run.simulation import Options, simulate
+import pdsolve.run.simulation
+pdsolve.run.simulation.PATIENCE = 1e6
 watch = lambda progress: bool(time.sleep(0.02))
 simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), watch)
 """
@@ -69,14 +70,14 @@ def test_a_stop_between_two_entries_of_the_ledger_is_heard(
     """At once, back to the last checkpoint, or at the entry where that comes soon; then to the same tables."""
     whole, law = solved
     path, heard = tmp_path / "stopped.sqlite", []
-    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     monkeypatch.setattr(Pace, "is_soon", lambda pace, steps: False)
 
     def stop(progress: Progress) -> bool:
         heard.append(progress.step)
         return progress.step > 45
 
-    with pytest.raises(KeyboardInterrupt, match=r"at step 50; steps since the last checkpoint are lost"):
+    with pytest.raises(KeyboardInterrupt, match=naming("step 50")):
         simulate(struck("hybrid", law=law), path, Options(threads=1), stop)
     assert heard[-1] == 50
     with Results.open(path) as results:

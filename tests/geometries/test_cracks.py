@@ -8,15 +8,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from messages import mentions
 from mirrors import mirrored
 from plates import GEOMETRIES
 
-from pdmesh.drawing.sources import build
+from pdmesh.drawing.file_reading import build
 from pdpost.measures.crack_summary import Summary, crack, sentences
 from pdpost.measures.paths import LONG
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 
 def told(results: Results) -> Summary:
@@ -58,7 +59,9 @@ def test_kalthoff_and_winkler(mode: str) -> None:
         assert branch.mean_speed / found.rayleigh_speed == pytest.approx(0.6, abs=0.1)  # measured 0.58 and 0.62
         assert np.isfinite(branch.speed.value).mean() > 0.7
         assert np.nanmax(branch.speed.value) < found.rayleigh_speed
-    assert [way.angle for way in found.directions] == pytest.approx([-68, 68], abs=3)
+    assert [way.whole for way in found.directions] == pytest.approx([-68, 68], abs=3)
+    first = {"thesis": 61.1, "conservative": 43.7}[mode]  # measured: cracks turn away from their notches by and by
+    assert [way.angle for way in found.directions] == pytest.approx([-first, first], abs=1)
     rubble = [branch for branch in found.branches if not branch.line.all()]
     assert rubble or mode == "conservative"  # under the impactor
     assert all(branch.mean_speed is None for branch in rubble)
@@ -89,4 +92,4 @@ def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
     assert second.time[0] > first.time[0]
     (way,) = found.directions  # the crack at the left end came to it from below
     assert way.tip == pytest.approx((92.3e-3, 39.3e-3), abs=1e-4)
-    assert any("from (74, 14) mm at 52.95 us" in sentence for sentence in sentences(found))
+    assert any(mentions(sentence, "(74, 14) mm", "52.95 us") for sentence in sentences(found))

@@ -14,13 +14,13 @@ from shapely import box
 
 from pdmesh import Scene
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Run
-from pdmesh.say.report import info, plan
+from pdmesh.model.node_grid import document_of
+from pdmesh.reports.report import info, plan
 from pdsolve.diffusion import system as diffusion
-from pdsolve.estimate import plan as planned
 from pdsolve.model import Model
-from pdsolve.system import Options, prepare
+from pdsolve.run.estimate import estimate_run as planned
+from pdsolve.run.system import Options, prepare
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 BODIES = ("penny.geo", "screw.geo")  # see tests/unit/pdsolve/test_space.py
@@ -34,7 +34,7 @@ MODES = ("thesis", "conservative")
 @pytest.mark.parametrize("name", SCENES)
 def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
     """One estimate, which `info`, `plan` and `--dry-run` show: to the bond."""
-    from pdmesh.drawing.sources import read_scene
+    from pdmesh.drawing.file_reading import read_scene
 
     grid, settings, _ = build_grid(read_scene(GEOMETRIES / name, [], [], True))
     if settings.physics == "diffusion":
@@ -50,7 +50,7 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
 
 
 def test_plan_info_and_dry_run_say_the_same() -> None:
-    from pdmesh.drawing.sources import read_scene
+    from pdmesh.drawing.file_reading import read_scene
 
     scene = read_scene(GEOMETRIES / "duran50.geo", [], [], True)
     grid, settings, _ = build_grid(scene)

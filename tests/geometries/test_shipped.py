@@ -9,7 +9,7 @@ import pytest
 from pages import GUIDE
 from plates import GEOMETRIES
 
-from pdmesh.drawing.sources import Built, build
+from pdmesh.drawing.file_reading import Built, build
 from pdmesh.model.document import Displacement, Load, Velocity
 
 # nodes in all, by spacing (mm), and on each condition

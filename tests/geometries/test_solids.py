@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES
 
-from pdmesh.drawing.sources import build
+from pdmesh.drawing.file_reading import build
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 
 def solved(name: str, **parameters: str) -> Results:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Run, Velocity, write_file
+from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main
-from pdsolve.measures import books
-from pdsolve.system import Options, prepare
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, prepare
 
 FAMILY = ["material.model=correspondence", "material.nu=0.2"]
 FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_stress=1e8"]
@@ -25,13 +27,13 @@ FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_
     [
         (
             ["material.model=ordinary", "material.nu=0.5"],
-            "$.material.nu: found 0.5, expected Poisson's ratio below 0.5",
+            naming("$.material.nu", found="0.5", expected=("Poisson's", "below 0.5")),
         ),
-        (["material.model=micropolar", "material.nu=0.34"], "$.material.nu: found 0.34, expected 0.3333 at most"),
-        ([*FAMILY, "material.order=7"], "$.material.order: found 7, expected 4 at most"),
-        ([*FAMILY, "material.order=8"], "material.order"),
-        ([*FLOWS, "material.yield_stress=0"], "material.yield_stress"),
-        ([*FLOWS, "material.hardening=-1e9"], "$.material.hardening: found -1e+09, expected 0 Pa or more"),
+        (["material.model=micropolar", "material.nu=0.34"], naming("$.material.nu", found="0.34", expected="0.3333")),
+        ([*FAMILY, "material.order=7"], naming("$.material.order", found="7", expected="4")),
+        ([*FAMILY, "material.order=8"], re.escape("material.order")),
+        ([*FLOWS, "material.yield_stress=0"], re.escape("material.yield_stress")),
+        ([*FLOWS, "material.hardening=-1e9"], naming("$.material.hardening", found="-1e+09", expected="0 Pa")),
     ],
 )
 def test_a_material_that_cannot_be(
@@ -44,7 +46,7 @@ def test_a_material_that_cannot_be(
     assert main([str(path), *settings, "-o", str(tmp_path / "plate.sqlite")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("pdsolve: ")
-    assert words in line
+    assert re.search(words, line)
     assert "expected" in line.lower()
     assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
 

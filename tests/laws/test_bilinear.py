@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plates import GLASS
 
-from pdmesh.model.continuum import critical_stretch, micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import lattice_ratios, offsets
+from pdmesh.model.material_constants import critical_stretch, micromodulus
+from pdsolve.laws import limits
 from pdsolve.laws.bilinear import intact_share, spent_share
-from pdsolve.laws.critical import limits
 
 MARAGING = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)
 

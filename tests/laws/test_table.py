@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import msgspec
 import pytest
+from messages import naming
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Material, Region, Run
 from pdsolve.laws import bilinear, brittle, law_of, ordinary
 from pdsolve.model import Model, ModelError
-from pdsolve.starts import started
-from pdsolve.system import Options, prepare
+from pdsolve.run.static_start import started
+from pdsolve.run.system import Options, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 STATE_BASED = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
@@ -33,23 +34,23 @@ def test_springs_mix_and_have_the_law_that_both_follow() -> None:
 @pytest.mark.parametrize(
     ("material", "other", "says"),
     [
-        ({"law": "elastic"}, None, r"\$\.material\.law: found 'elastic', expected one of brittle, bilinear"),
-        ({"law": "ordinary"}, None, r"law: found 'ordinary', expected .* \(or material\.model = 'ordinary'\)"),
-        ({}, {"law": "elastic"}, r"\$\.regions\[0\]\.material\.law: found 'elastic', expected one of"),
-        ({}, {"model": "ordinary", "nu": 0.2}, "law: found brittle and ordinary in one plate, expected one of them"),
-        ({"model": "ordinary"}, None, r"\$\.material\.nu: found none, expected Poisson's ratio below 0\.5"),
-        ({"model": "ordinary", "nu": 0.5}, None, r"\$\.material\.nu: found 0\.5, expected .* below 0\.5"),
-        ({"model": "ordinary", "nu": 0.2, "kr": 2.0}, None, r"\.kr: found 2, expected none with model 'ordinary'"),
-        ({"order": 2}, None, r"\.order: found '2', expected none with model 'bond'"),
-        ({"model": "micropolar", "nu": 0.35}, None, r"\.nu: found 0\.35, expected 0\.3333 at most"),
-        ({"model": "correspondence", "nu": 0.2, "order": 7}, None, r"order: found 7, expected \d at most"),
-        ({"model": "correspondence", "nu": 0.2, "solid": "j2"}, None, r"yield_stress: found none"),
+        ({"law": "elastic"}, None, naming("$.material.law", found="'elastic'", expected=("brittle", "bilinear"))),
+        ({"law": "ordinary"}, None, naming("law", found="'ordinary'", expected="material.model = 'ordinary'")),
+        ({}, {"law": "elastic"}, naming("$.regions[0].material.law", found="'elastic'")),
+        ({}, {"model": "ordinary", "nu": 0.2}, naming("law", found=("brittle", "ordinary"))),
+        ({"model": "ordinary"}, None, naming("$.material.nu", found="none", expected=("Poisson's", "below 0.5"))),
+        ({"model": "ordinary", "nu": 0.5}, None, naming("$.material.nu", found="0.5", expected="below 0.5")),
+        ({"model": "ordinary", "nu": 0.2, "kr": 2.0}, None, naming("kr", found="2", expected="model 'ordinary'")),
+        ({"order": 2}, None, naming("order", found="'2'", expected="model 'bond'")),
+        ({"model": "micropolar", "nu": 0.35}, None, naming("nu", found="0.35", expected="0.3333")),
+        ({"model": "correspondence", "nu": 0.2, "order": 7}, None, naming("order", found="7")),
+        ({"model": "correspondence", "nu": 0.2, "solid": "j2"}, None, naming("yield_stress", found="none")),
         (
             {"model": "correspondence", "nu": 0.2, "hardening": -1.0},
             None,
-            r"hardening: found -1, expected 0 Pa or more",
+            naming("hardening", found="-1", expected="0 Pa"),
         ),
-        ({"failure": "none"}, None, r"\.failure: found 'none', expected one of stretch with model 'bond'"),
+        ({"failure": "none"}, None, naming("failure", found="'none'", expected="model 'bond'")),
     ],
 )
 def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dict[str, object], says: str) -> None:
@@ -61,15 +62,15 @@ def test_laws_that_cannot_be_are_refused(material: dict[str, object], other: dic
 def test_the_fast_kernel_does_not_know_all_laws() -> None:
     beams = msgspec.structs.replace(GLASS, model="micropolar", nu=0.2)
     assert prepare(of(beams), Options()).system.operator.name == "listed"
-    with pytest.raises(ModelError, match=r"kernel: found .* a law that blocks do not know"):
+    with pytest.raises(ModelError, match=naming("kernel", found="blocks", expected=("listed", "law"))):
         prepare(of(beams), Options(kernel="blocks"))
 
 
 @pytest.mark.parametrize(
     ("material", "says"),
     [
-        ({"model": "ordinary", "nu": 0.2}, r"failure: found 'stretch', expected 'none' at rest with 'ordinary'"),
-        ({"model": "micropolar", "nu": 0.2, "failure": "none"}, r"model: found 'micropolar', expected one without"),
+        ({"model": "ordinary", "nu": 0.2}, naming("failure", found="'stretch'", expected=("'none'", "'ordinary'"))),
+        ({"model": "micropolar", "nu": 0.2, "failure": "none"}, naming("model", found="'micropolar'")),
     ],
 )
 def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], says: str) -> None:
@@ -86,8 +87,8 @@ def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], sa
 @pytest.mark.parametrize(
     ("material", "says"),
     [
-        ({"form": "rate"}, r"form: found 'rate', expected 'total' at rest with 'correspondence'"),
-        ({"solid": "j2", "yield_stress": 1e8}, r"solid: found 'j2', expected one that does not flow at rest"),
+        ({"form": "rate"}, naming("form", found="'rate'", expected=("'total'", "'correspondence'"))),
+        ({"solid": "j2", "yield_stress": 1e8}, naming("solid", found="'j2'", expected=("does", "flow"))),
     ],
 )
 def test_a_run_does_not_begin_at_rest_where_nodes_remember(material: dict[str, object], says: str) -> None:

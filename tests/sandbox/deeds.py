@@ -9,6 +9,7 @@ import ctypes
 import json
 import mmap
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -48,12 +49,19 @@ def traced() -> None:
         raise OSError(ctypes.get_errno(), "ptrace")
 
 
+def let_start_processes() -> None:
+    """The limit does not hold for root, which has other walls: that it is set is looked at."""
+    if resource.getrlimit(resource.RLIMIT_NPROC)[0] == 0:
+        raise PermissionError
+
+
 DEEDS: dict[str, Callable[[], object]] = {
     "read here": lambda: Path("kept").read_text(),
     "read elsewhere": lambda: Path("/etc/passwd").read_text(),
     "list elsewhere": lambda: os.listdir("/"),
     "write": wrote,
     "create": lambda: Path("new").touch(),
+    "create and read": lambda: os.close(os.open("created", os.O_RDONLY | os.O_CREAT)),
     "append": lambda: open("kept", "a").close(),
     "remove": lambda: os.remove("old"),
     "rename": lambda: os.rename("kept", "moved") or os.rename("moved", "kept"),
@@ -64,6 +72,7 @@ DEEDS: dict[str, Callable[[], object]] = {
     "run a program": lambda: subprocess.run(["/bin/true"], check=True),
     "become a program": lambda: os.execv("/nowhere/at/all", ["x"]),
     "fork": forked,
+    "be let start processes": let_start_processes,
     "start a thread": threaded,
     "signal another": lambda: os.kill(os.getppid(), 0),
     "open a socket": lambda: socket.socket().close(),

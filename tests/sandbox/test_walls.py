@@ -12,21 +12,36 @@ from pathlib import Path
 
 import pytest
 from hostile import ATTACKS, PLATE
+from plates import MESH
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
 from pdmesh import SceneError
+from pdmesh.__main__ import main
+from pdmesh.drawing import mesh_checks
+from pdmesh.drawing.sandbox import child
 from pdmesh.drawing.sandbox.child import read_copies
 from pdmesh.drawing.sandbox.copies import Copy
+from pdmesh.drawing.sandbox.walls import warn_of_missing
 
-WRITING = {"write", "create", "append", "remove", "rename", "make a folder", "make a link", "make a pipe"}
+WRITING = {
+    "write",
+    "create",
+    "create and read",
+    "append",
+    "remove",
+    "rename",
+    "make a folder",
+    "make a link",
+    "make a pipe",
+}
 STOPS = {  # deeds, by the wall that stops them
     "seccomp": WRITING
     | {"change a mode", "run a program", "become a program", "fork", "start a thread", "signal another", "be traced"}
     | {"open a socket", "be a server", "fill a disk"},
     "landlock": WRITING - {"append"}
     | {"append", "read elsewhere", "list elsewhere", "run a program", "be a server", "fill a disk"},
-    "limits": {"take memory", "fill a disk"},
+    "limits": {"take memory", "fill a disk", "be let start processes"},
 }
 
 
@@ -81,3 +96,31 @@ def test_an_honest_drawing_is_read_behind_them() -> None:
     assert [group["name"] for group in found["groups"]] == ["zone:plate"]
     if platform.system() == "Linux" and platform.machine() == "x86_64":
         assert "seccomp" in found["walls"]
+
+
+@pytest.mark.parametrize("name", ["plate.geo", "plate.msh"])
+def test_a_missing_wall_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """By a command, however many files it reads; not where it is quiet, or trusts them."""
+    monkeypatch.chdir(tmp_path)
+    Path("plate.geo").write_text(PLATE)
+    Path("plate.msh").write_text(MESH)
+    stands: list[tuple[str, ...]] = [("limits", "landlock", "seccomp"), ("limits", "landlock")]
+
+    def twice(path: Path, _: object) -> None:
+        warn_of_missing(path, stands[-1])
+        warn_of_missing(path, stands[-1])
+
+    for module in (child, mesh_checks):
+        monkeypatch.setattr(module, "warn_of_missing", twice)
+    said = f"pdmesh: warning: {name}: read without seccomp, which this system lacks, expected walls around the reader;"
+    assert main(["build", name]) == 0
+    assert [line for line in capsys.readouterr().err.splitlines() if "read without" in line] == [
+        f"{said} read files of others elsewhere"
+    ]
+    assert main(["build", name, "--force", "-q"]) == 0
+    assert main(["build", name, "--force", "--trust"]) == 0
+    stands.reverse()
+    assert main(["build", name, "--force"]) == 0
+    assert "read without" not in capsys.readouterr().err

@@ -6,16 +6,15 @@ says why, and what it tells the fixture are the numbers. `pytest tests/stability
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from failures import Said, cases, page, theme_of
+from failures import Said, cases, page, reason_of, theme_of
 
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import write_file
+from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main
 from pdsolve.model import Model
 
@@ -31,11 +30,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def failure(request: pytest.FixtureRequest) -> Callable[..., None]:
     """Takes down what a test has found: what fails, how the program notices and what it says, and the cure."""
     key = theme_of(request.module.__doc__), theme_of(request.function.__doc__)
-    why = inspect.cleandoc(request.function.__doc__).partition("\n")[2]
 
     def tell(*, fails: str, noticed: str, says: Sequence[str] = (), cure: str) -> None:
         quotes = "".join(f"\n\n> {' '.join(line.split())}" for line in says)
-        parts = [f"### {key[1]}", " ".join(why.split()), f"**Fails.** {fails}", f"**Noticed.** {noticed}{quotes}"]
+        parts = [
+            f"### {key[1]}",
+            reason_of(request.function.__doc__),
+            f"**Fails.** {fails}",
+            f"**Noticed.** {noticed}{quotes}",
+        ]
         text = "\n\n".join(part for part in [*parts, f"**Cure.** {cure}"] if part)
         request.config.stash.setdefault(_told, {})[key] = text
 

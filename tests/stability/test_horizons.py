@@ -11,7 +11,7 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
 from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
 SIDE = 31
@@ -20,7 +20,8 @@ SIDE = 31
 def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     """m = 3.0 and 3.015: round-off at the horizon.
 
-    The fourth ring of neighbours lies exactly on a horizon of three spacings, and 3 * 0.001 is not 0.003.
+    The fourth ring of neighbours lies exactly on a horizon of three spacings, and in floating point 3 * 0.001 is not
+    0.003.
     """
     grid = square_grid(40, 40)
     x, y = grid.position.T
@@ -40,9 +41,9 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     failure(
         fails=f"|xi| <= 0.003 on a grid of 0.001: inner nodes have {min(naive[3.0])} to {max(naive[3.0])} neighbours, "
         f"{100 * few:.0f} % of them fewer than 28.",
-        noticed="Nothing to notice: families reach to the horizon and 1e-9 of it.",
-        cure=f"With that slack all have {families['thesis'][0]} (the conservative mode, whose families reach half a "
-        f"spacing further, {families['conservative'][0]}), and m = 3.0 gives the very bonds of m = 3.015, in both "
+        noticed="Nothing to notice: families reach 1e-9 beyond the horizon, relative to it.",
+        cure=f"With that slack all have {families['thesis'][0]} (in the conservative mode, whose families reach half a "
+        f"spacing further, {families['conservative'][0]}), and m = 3.0 gives exactly the bonds of m = 3.015, in both "
         "modes.",
     )
 
@@ -50,7 +51,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
 def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
     """m = 2 and m = 6.
 
-    Few bonds are a lattice with directions of its own; many are slow, and blur.
+    A lattice of few bonds is anisotropic. Many bonds are slow, and blur.
     """
     table = {}
     for m in (2, 3, 4, 6):
@@ -73,7 +74,7 @@ def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
     failure(
         fails=f"m = 2 (constant micromodulus, {two[0]} neighbours): C11 / C66 is {100 * two[1]:.1f} % off that of an "
         f"isotropic plate, and a crack at 45 degrees costs {100 * two[2]:.1f} % more than one along a row.",
-        noticed="Not at all; means over directions are right, as they are calibrated.",
+        noticed="Not at all. Means over all directions are calibrated, and right.",
         cure=f"m = 3, 4 and 6: {', '.join(f'{100 * table[m][1]:.1f}' for m in (3, 4, 6))} % and "
         f"{', '.join(f'{100 * table[m][2]:.1f}' for m in (3, 4, 6))} %. m = 6 has {six[0]} neighbours, "
         f"{six[0] / table[3][0]:.0f} times the work of m = 3, and needs a plate of many horizons (see "

@@ -19,12 +19,12 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
 from systems import accelerate, at_step, bonds_of, broken, equilibrium, sources
 
-from pdmesh.model.cloud import Grid
-from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Load, Material, Run
-from pdsolve.estimate import plan
-from pdsolve.measures import damage
-from pdsolve.system import Options, Prepared, prepare
+from pdmesh.model.material_constants import critical_stretch
+from pdmesh.model.node_grid import Grid
+from pdsolve.run.estimate import estimate_run
+from pdsolve.run.measures import damage
+from pdsolve.run.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
@@ -60,8 +60,8 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
 def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
     """A wave of compression that tears, one-sided bonds.
 
-    Compression breaks no bond. But the thesis mode's softening coefficient counts nodes: at an interface a coarse node
-    sees many fine ones and is made half as stiff. A soft layer sends compression back as tension.
+    Compression breaks no bond. But the softening coefficient of the thesis mode counts nodes: a coarse node at an
+    interface has many fine neighbours and becomes half as stiff. A soft layer reflects compression as tension.
     """
     shares = (3.0, 6.0, 8.0)
     thesis, conservative = ([torn(mode, -share * FIRST) for share in shares] for mode in ("thesis", "conservative"))
@@ -70,10 +70,10 @@ def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
     assert thesis[2] > 150  # measured 236
     assert conservative == [0, 0, 0]
     failure(
-        fails="Thesis mode: a pulse of compression, 8 mm wide, 6 and 8 times the stretch at which coarse bonds "
-        f"break: {thesis[1]} and {thesis[2]} bonds break at the interface, a false crack along it.",
+        fails="Thesis mode, a compression pulse 8 mm wide of 6 and 8 times the stretch at which coarse bonds break: "
+        f"{thesis[1]} and {thesis[2]} bonds break along the interface, a false crack.",
         noticed="Not at all: it looks like spalling.",
-        cure="The conservative mode corrects by energy, not by number, and bonds are the same for both ends: "
+        cure="The conservative mode corrects by energy instead of by number, and equally for both ends of a bond: "
         f"{conservative[1]} and {conservative[2]} bonds.",
     )
 
@@ -96,19 +96,19 @@ def concentration(mode: str, m: int) -> float:
 def test_slow_tension_across_an_interface(failure: Callable[..., None]) -> None:
     """Slow tension across an interface, symmetric bonds.
 
-    What is symmetric does not pass the patch test: under uniform tension the bonds at an interface of the conservative
-    mode are stretched unevenly. This is the price of momentum.
+    Symmetric bonds do not pass the patch test: under uniform tension the conservative mode stretches the bonds at an
+    interface unevenly. This is the price of conserving momentum.
     """
     found = {(mode, m): concentration(mode, m) for mode in ("thesis", "conservative") for m in (3, 4)}
     expected = {("thesis", 3): 1.059, ("thesis", 4): 1.031, ("conservative", 3): 1.133, ("conservative", 4): 1.160}
     assert found == pytest.approx(expected, abs=0.002)
     failure(
-        fails=f"Conservative mode: bonds at the interface are at {found['conservative', 3]:.2f} (m = 3) and "
-        f"{found['conservative', 4]:.2f} (m = 4) of the share of their limit that bonds far from it are at: a plate "
+        fails=f"Conservative mode: bonds at the interface come {found['conservative', 3]:.2f} (m = 3) and "
+        f"{found['conservative', 4]:.2f} (m = 4) times as close to their limit as bonds far from it. A plate that is "
         "torn slowly breaks there first.",
         noticed="Not at all.",
-        cure="Keep interfaces away from where a plate is to break (`pdmesh` grows zones by the horizon for this). "
-        f"One-sided bonds are better at this: {found['thesis', 3]:.2f} and {found['thesis', 4]:.2f}.",
+        cure="Keep interfaces away from where the plate is to break (`pdmesh` enlarges zones by the horizon for this). "
+        f"One-sided bonds do better here: {found['thesis', 3]:.2f} and {found['thesis', 4]:.2f}.",
     )
 
 
@@ -142,8 +142,8 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
 def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     """A crack that reaches an interface.
 
-    Where it crosses, bonds along the interface break to both sides of it, that would not have in a plate of one
-    spacing.
+    Where a crack crosses an interface, bonds break along the interface to both sides of it that would not break in a
+    plate of one spacing.
     """
     one = crossed("conservative", 5e6, 1)
     thesis = crossed("thesis", 5e6 / 0.79, 2)  # as much more as its softening loses of four rows
@@ -153,11 +153,11 @@ def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     assert thesis.stray == pytest.approx(42, abs=4)
     assert conservative.stray == pytest.approx(13, abs=4)
     failure(
-        fails=f"Thesis mode, at a load that makes up for what it loses: {thesis.stray} bonds along the interface, "
+        fails=f"Thesis mode, at a load that makes up for the load it loses: {thesis.stray} bonds along the interface, "
         "more than 5 mm off the crack.",
-        noticed="Not at all; no node of them is damaged by more than 0.35.",
-        cure=f"The conservative mode: {conservative.stray} bonds, fewer, not none. One spacing: {one.stray}. Better "
-        "still, no interface in a crack's way.",
+        noticed="Not at all; none of their nodes is damaged by more than 0.35.",
+        cure=f"The conservative mode: {conservative.stray} bonds, fewer but not none. One spacing: {one.stray}. Better "
+        "still, no interface in the path of a crack.",
     )
 
 
@@ -196,8 +196,7 @@ def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float)
 def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     """Spacings that jump by 2, 4 and 8.
 
-    A coarse zone cannot carry a wave shorter than its horizon, and sends back the more, the larger the jump of
-    horizons.
+    A coarse zone cannot carry a wave shorter than its horizon. The larger the jump of horizons, the more it reflects.
     """
     found = {(w, jump): sent_back((1, jump), (160, 160), w * 1e-3) for w in (8, 16) for jump in (2, 4, 8)}
     expected = {(8, 2): 0.0320, (8, 4): 0.296, (8, 8): 0.655, (16, 2): 0.01676, (16, 4): 0.0709, (16, 8): 0.371}
@@ -207,17 +206,18 @@ def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     says = {}
     for spacings, lengths in (((1, 2), (40, 40)), ((1, 4), (40, 40)), ((1, 2, 4, 8), (40, 24, 48, 80))):
         with saying() as says[spacings]:
-            plan(layered(spacings, lengths).system.model, Options(threads=1))
+            estimate_run(layered(spacings, lengths).system.model, Options(threads=1))
     assert [len(lines) for lines in says.values()] == [0, 1, 0]
     assert "found spacings of" in says[1, 4][0]
     failure(
-        fails="Of a pulse 8 mm wide, steps of 2, 4 and 8 send back "
+        fails="Of a pulse 8 mm wide, steps of 2, 4 and 8 reflect "
         + ", ".join(f"{100 * found[8, jump]:.1f}" for jump in (2, 4, 8))
         + " %; of one 16 mm wide "
         + ", ".join(f"{100 * found[16, jump]:.1f}" for jump in (2, 4, 8))
         + " % (conservative mode, m = 3).",
-        noticed="A warning before the run where nodes next to each other differ by more than 2.5.",
+        noticed="By a warning before the run where neighbouring spacings differ by a factor of more than 2.5.",
         says=says[1, 4],
-        cure=f"Grading by steps of 2, as `pdmesh` does: from 1 to 8 {100 * graded[8]:.0f} and {100 * graded[16]:.0f} "
-        "%. What is left is what 8 mm nodes cannot carry: waves should be several horizons long.",
+        cure=f"Steps of 2, as `pdmesh` grades zones: from 1 to 8 they reflect {100 * graded[8]:.0f} and "
+        f"{100 * graded[16]:.0f} "
+        "%. The rest is what nodes 8 mm apart cannot carry: waves should be several horizons long.",
     )

@@ -15,10 +15,10 @@ from scipy.sparse.linalg import spsolve
 from systems import at_step, matrix
 
 from pdmesh.model.document import Region, Run
-from pdsolve.estimate import plan
-from pdsolve.measures import books
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.estimate import estimate_run
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, Prepared, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows
@@ -74,8 +74,8 @@ def growth(mode: str, contrast: float) -> float:
 def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     """Two materials, one-sided bonds.
 
-    A bond has the constants of its own node. At rest each node's sum is nothing whatever its constants are, so a
-    uniform stretch is in equilibrium: no stress is passed on from one material to the other.
+    Each end of a bond uses the constants of its own node. In a uniform stretch the sum of every node vanishes, whatever
+    its constants are. That is equilibrium without any stress passed on from one material to the other.
     """
     thesis, conservative = stretched("thesis", 10), stretched("conservative", 10)
     assert thesis.strains == pytest.approx(1, abs=1e-9)
@@ -86,30 +86,32 @@ def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     says = {}
     for mode in ("thesis", "conservative"):
         with saying() as says[mode]:
-            plan(layers(10), Options(mode, threads=1))
+            estimate_run(layers(10), Options(mode, threads=1))
     assert len(says["thesis"]) == 1
     assert says["thesis"][0].startswith(
         "model: $.regions: found E from 6.5e+09 to 6.5e+10 Pa, expected one E in the thesis"
     )
     assert says["conservative"] == []
     failure(
-        fails="Two layers in series, one ten times softer: thesis mode stretches both alike (ratio "
-        f"{thesis.strains:.2f}). With a contrast of 1:1e6 the energy of random motion is {energy['thesis']:.0e} times "
-        "itself after 2e4 steps.",
-        noticed="A warning before the run.",
+        fails="Two layers in series, one ten times softer: the thesis mode stretches both alike (ratio "
+        f"{thesis.strains:.2f}). With a contrast of 1:1e6 random motion has {energy['thesis']:.0e} times its first "
+        "energy "
+        "after 2e4 steps.",
+        noticed="By a warning before the run.",
         says=says["thesis"],
-        cure=f"In the conservative mode each end brings half of a bond: the ratio is {conservative.strains:.2f}, the "
-        f"energy {energy['conservative']:.1f} times itself.",
+        cure="In the conservative mode each end contributes half of a bond: the ratio is "
+        f"{conservative.strains:.2f}, the "
+        f"energy {energy['conservative']:.1f} times the first.",
     )
 
 
 def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
     """A contrast of 1:1e6.
 
-    Bonds across the boundary have half the stiffness of the stiff side and take its soft neighbours along.
+    Bonds across the boundary have half the stiffness of the stiff side and move its soft neighbours along.
     """
     with saying() as says:
-        plan(layers(1e6), Options(threads=1))
+        estimate_run(layers(1e6), Options(threads=1))
     assert says == []
     found = {contrast: 1e3 * (MIDDLE - stretched("conservative", contrast).boundary) for contrast in (10, 1e3, 1e6)}
     assert [abs(shift) < 0.15 for shift in found.values()] == [True] * 3  # measured -0.07, 0.11 and 0.14 spacings
@@ -117,8 +119,8 @@ def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
     soft = steps[1] * 1e3
     assert steps[1e6] == pytest.approx(steps[1], rel=1e-12)
     failure(
-        fails="The boundary is blurred over a horizon, and the stable step is that of the stiff side, "
-        f"{steps[1e6]:.2g} s; the soft side alone would take {soft:.2g} s, a thousand times as much.",
+        fails="The boundary is blurred over a horizon. The stable step is that of the stiff side, "
+        f"{steps[1e6]:.2g} s; the soft side alone would allow {soft:.2g} s, a thousand times as much.",
         noticed="Not at all, as nothing is wrong; `pdsolve --dry-run` shows the step.",
         cure=f"None needed: layers in series meet within {max(abs(shift) for shift in found.values()):.2f} spacings "
         "of where they are drawn, for contrasts of 10, 1e3 and 1e6.",

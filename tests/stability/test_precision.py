@@ -8,13 +8,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from failures import saying
+from messages import mentions
 from plates import plate, square_grid
 
 from pdmesh.model.document import InitialVelocity, Load, Run
-from pdsolve.measures import books, damage
 from pdsolve.model import Model
-from pdsolve.simulation import simulate
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.measures import books, damage
+from pdsolve.run.simulation import simulate
+from pdsolve.run.system import Options, Prepared, prepare
 
 COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is
@@ -44,8 +45,8 @@ def asymmetry(problem: Prepared) -> tuple[float, int]:
 def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     """float32 and a crack that branches.
 
-    A mirror image is summed in another order, so both halves of a symmetric plate differ in the last digit; where
-    cracks branch again and again, differences grow.
+    A mirror image is summed in another order, so the halves of a symmetric plate differ in the last digit. Where cracks
+    branch again and again, the difference grows.
     """
     found = {}
     for precision in ("float64", "float32"):
@@ -63,19 +64,19 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     failure(
         fails=f"The Duran plate in float32, pulled at 13 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
         f"the displacement at step 800, and to {found['float32'][1][0]:.2f} at step 1800, in fragments; "
-        f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes have another damage than their mirror image.",
-        noticed="Not at all; both halves are cracks that noise could have made. `meta` in the database says which "
-        "precision was used.",
+        f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes differ in damage from their mirror image.",
+        noticed="Not at all; each half is a crack that noise could have made. `meta` in the database gives the "
+        "precision.",
         cure="float64, the default, and sums in a fixed order: below 1e-14 at the end, and the damage of both halves "
-        "is the same to the bit.",
+        "has the same bits.",
     )
 
 
 def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """The tip of a crack, on a bond.
 
-    A crack usually ends on the line between two nodes, and diagonal bonds pass through that very point: whether they
-    are cut is then decided by the last digit, differently above and below.
+    A crack usually ends on the line between two nodes, and diagonal bonds pass through that very point. The last digit
+    then decides whether they are cut, differently above and below.
     """
     cut = {}
     for end in (TIP - 1e-12, TIP, TIP + 1e-12):
@@ -93,12 +94,12 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     halves, _ = asymmetry(exact)
     assert halves > 0.1  # measured 0.36
     failure(
-        fails=f"Bonds that meet the segment to the last digit: {nodes} nodes at the tip of the Duran crack have more "
+        fails=f"Bonds compared with the crack to the last digit: {nodes} nodes at the tip of the Duran crack have more "
         f"bonds cut than their mirror image; after 1800 steps the halves differ by {halves:.1f} of the displacement, "
         "in float64.",
-        noticed="Nothing to notice: a crack is taken to be longer by 1e-6 of a spacing at both ends.",
+        noticed="Nothing to notice: a crack is extended by 1e-6 of a spacing at both ends.",
         cure=f"With that, {cut[TIP]} directed bonds are cut whether the crack ends 1e-12 m before, at or behind the "
-        "line between two nodes, and mirror images are the same to the end (see above).",
+        "line between two nodes, and mirror images stay equal to the end (see above).",
     )
 
 
@@ -126,7 +127,7 @@ def shape_error(problem: Prepared) -> float:
 def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     """Fragments that fly away for a long time.
 
-    Displacements grow without end and are known to a fixed number of digits; stretches are differences of them.
+    Displacements grow without end but have a fixed number of digits, and stretches are differences of displacements.
     """
     flying = spinning("float64")
     flying.march(1, 100_001)
@@ -143,17 +144,19 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
         first = int(results.breaks().step.min())
     assert broken > 1000  # measured 1902, all of them
     says = says[:1]  # pieces that turn over come later
-    assert "which float32 knows to" in says[0]
+    assert mentions(says[0], "float32")
     assert int(says[0].split("step ")[1].split(":")[0]) < first
     with saying() as silent, simulate(model, options=Options(threads=1)) as results:
         assert results.summary()["broken_bonds"] == 0
     assert silent == []
     failure(
-        fails="A spinning fragment in float32, 1.1 m and 18 turns in 1e5 steps: the first bond breaks at step "
-        f"{first}, of round-off, and {broken} of {flying.system.bonds} directed bonds until the end.",
-        noticed="A warning as soon as displacements are known to no better than 0.5 % of what breaks a bond, before "
-        "the first one does.",
+        fails="A spinning fragment in float32, 1.1 m and 18 turns in 1e5 steps: round-off breaks the first bond at "
+        "step "
+        f"{first}, and {broken} of {flying.system.bonds} directed bonds until the end.",
+        noticed="By a warning, before the first bond breaks: as soon as the round-off of displacements exceeds 0.5 % "
+        "of what "
+        "breaks a bond.",
         says=says,
         cure=f"float64: no bond breaks, the shape is kept to {error:.4f} spacings, energy to {balance:.0e} and "
-        "momentum to 1e-10; and no warning.",
+        "momentum to 1e-10, without a warning.",
     )

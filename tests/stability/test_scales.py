@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from failures import saying
+from messages import mentions
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from systems import broken
@@ -17,10 +18,10 @@ from systems import broken
 from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Run
-from pdsolve.estimate import plan
 from pdsolve.model import Model
+from pdsolve.run.estimate import estimate_run
+from pdsolve.run.system import Options, prepare
 from pdsolve.state import Broken
-from pdsolve.system import Options, prepare
 
 SIZES = (1e-9, 1e-3, 1e3)
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
@@ -57,7 +58,7 @@ def counts(x: NDArray[np.float64], slack: float) -> list[int]:
 def test_from_nanometres_to_kilometres(failure: Callable[..., None]) -> None:
     """Spacings of 1e-9 m and of 1e3 m.
 
-    What is compared with a length of its own, such as a slack in metres, works at one size only.
+    A tolerance with a fixed length, such as a slack in metres, works at one size only.
     """
     (small, small_broken, small_bound), (u, middle, bound), (large, large_broken, large_bound) = map(torn, SIZES)
     assert len(middle.step) > 500  # 810 directed bonds
@@ -70,12 +71,12 @@ def test_from_nanometres_to_kilometres(failure: Callable[..., None]) -> None:
     assert (wrong[1e-9][-1], wrong[1e-3], wrong[1e3]) == (48, [28], [28])
     for delta in SIZES:
         with saying() as lines:
-            plan(cracked(delta), Options(threads=1))
+            estimate_run(cracked(delta), Options(threads=1))
         assert lines == []
     failure(
         fails=f"A slack of 1e-9 m at the horizon: nodes 1e-9 m apart have {wrong[1e-9][-1]} neighbours at m = 3, "
         f"others {wrong[1e-3][0]}.",
-        noticed="Nothing to notice: every tolerance in the solver is a share of a spacing or of a horizon.",
+        noticed="Nothing to notice: every tolerance in the solver is relative to a spacing or a horizon.",
         cure="The same plate with spacings of 1e-9, 1e-3 and 1e3 m breaks the same bonds in the same steps; "
         "displacements over the spacing agree to better than 1e-12.",
     )
@@ -84,8 +85,8 @@ def test_from_nanometres_to_kilometres(failure: Callable[..., None]) -> None:
 def test_far_from_the_origin(failure: Callable[..., None]) -> None:
     """A small plate far from the origin.
 
-    Coordinates are known to 16 digits; with too many of them before the first that matters, round-off decides who is
-    within whose horizon.
+    Coordinates have 16 digits. If too many of them are spent on the distance from the origin, round-off decides which
+    nodes are within a horizon.
     """
     found = {}
     for away in (0.0, 1.0):
@@ -93,16 +94,17 @@ def test_far_from_the_origin(failure: Callable[..., None]) -> None:
         model = plate(grid, 3, material=CONSTANT, run=Run(steps=1))
         families = prepare(model, Options("thesis", threads=1)).system.count.reshape(30, 30)[4:-4, 4:-4]
         with saying() as says:
-            plan(model, Options(threads=1))
+            estimate_run(model, Options(threads=1))
         found[away] = (np.unique(families).tolist(), says)
     assert found[0.0] == ([28], [])
     assert min(found[1.0][0]) < 28
     assert len(found[1.0][1]) == 1
-    assert "found coordinates up to 1 m, known to 2.2e-16 m" in found[1.0][1][0]
+    assert mentions(found[1.0][1][0], found=("coordinates", "1 m", "2.2e-16 m"))
     failure(
-        fails=f"Spacings of 1e-9 m, 1 m away: inner nodes have {' or '.join(map(str, found[1.0][0]))} neighbours, not "
-        "28.",
-        noticed="A warning before the run.",
+        fails=f"Spacings of 1e-9 m, 1 m from the origin: inner nodes have {' or '.join(map(str, found[1.0][0]))} "
+        "neighbours, "
+        "not 28.",
+        noticed="By a warning before the run.",
         says=found[1.0][1],
         cure=f"The same plate at the origin: {found[0.0][0][0]}.",
     )
@@ -123,7 +125,7 @@ def scene(size: float, units: Literal["m"] | None = None) -> Scene:
 def test_millimetres_taken_for_metres(failure: Callable[..., None]) -> None:
     """Millimetres taken for metres.
 
-    A plate of 20 000 m is a plate of 20 m in millimetres, far more often than not.
+    A plate of 20 000 m is far more often than not one of 20 m, drawn in millimetres.
     """
     with pytest.raises(SceneError) as refused:
         build_grid(scene(1e3))
@@ -136,12 +138,14 @@ def test_millimetres_taken_for_metres(failure: Callable[..., None]) -> None:
         assert middle.areas is not None
         assert grid.areas / size**2 == pytest.approx(middle.areas / 1e-6, rel=1e-9)
     failure(
-        fails="A drawing in millimetres is a plate a thousand times too large, with waves that take a thousand times "
-        "as long.",
-        noticed="`pdmesh` refuses plates of more than 20 m whose unit is not said (exit code 2), and warns of those of "
-        "more than 2 m.",
+        fails="A drawing in millimetres becomes a plate a thousand times too large, in which waves take a thousand "
+        "times as "
+        "long.",
+        noticed="`pdmesh` refuses plates of more than 20 m without a unit (exit code 2), and warns of those of more "
+        "than "
+        "2 m.",
         says=[str(refused.value)],
-        cure='`Units = "mm"`, or `--unit mm`, says what it is, `"m"` that it is meant: plates of 2e-8, 0.02 and '
-        "2e4 m are then the same "
+        cure='`Units = "mm"`, or `--unit mm`; `"m"` if metres are meant. Plates of 2e-8, 0.02 and '
+        "2e4 m then have the same "
         f"{len(middle)} nodes and areas but for their size, to 1e-9.",
     )

@@ -16,14 +16,15 @@ import pytest
 from numpy.typing import NDArray
 from plates import plate, struck_plate
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Load, Material, Run
-from pdpost.measures.cracked import cracked_since
-from pdpost.measures.cracks import directions
+from pdmesh.model.node_grid import Grid
+from pdpost.measures.cracked_nodes import cracked_since
+from pdpost.measures.directions import directions
+from pdpost.measures.tips import tips
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import run
-from pdsolve.system import Options, prepare
+from pdsolve.run.simulation import run
+from pdsolve.run.system import Options, prepare
 
 ONE = Options(threads=1)
 LENGTH, HEIGHT, TIP, DELTA = 100e-3, 40e-3, 50e-3, 0.5e-3  # m, of the Duran plate
@@ -132,8 +133,8 @@ def trusted(outcomes: list[Outcome]) -> str:
 def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> None:
     """A fork that comes and goes.
 
-    Whether a crack forks, and where, is decided as its tip bends to one side or the other by a bond. On its axis of
-    symmetry it cannot bend, so it forks; off it, by however little, it may.
+    A crack forks or not as its tip turns to one side or the other by a single bond. On an axis of symmetry it cannot
+    turn, so it forks. Off the axis, by however little, it can.
     """
     shares, heights = (1.0, 0.9, 0.8, 0.7), (0.0, 14e-6, 100e-6, 200e-6)
     found = {up: [duran(up=up, share=share) for share in shares] for up in heights}
@@ -153,8 +154,9 @@ def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> Non
         f"{100 * 100e-6 / DELTA:.0f} %, {more}; by {100 * 200e-6 / DELTA:.0f} %, {most}.",
         noticed="Not at all: each run is a valid one.",
         cure=f"Over all {len(every)} runs these can be trusted: {trusted(every)}. Whether, where and when it forks is "
-        "a distribution: solve several times, with the notch moved by parts of a spacing or with other time steps, and "
-        "say how many did.",
+        "a distribution. Solve several times, with the notch moved by fractions of a spacing or with other time "
+        "steps, and "
+        "report how many forked.",
     )
 
 
@@ -162,8 +164,8 @@ def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> Non
 def test_lattices_that_are_turned(failure: Callable[..., None]) -> None:
     """A lattice that is turned.
 
-    Bonds lie along the lattice; a crack that meets them at other angles, and a notch whose tip is elsewhere between the
-    nodes, is another draw.
+    Bonds lie along the lattice. A crack that meets them at other angles, or a notch that ends elsewhere between nodes,
+    is another draw.
     """
     places = ((0.10e-3, 0.07e-3), (0.13e-3, 0.02e-3), (0.20e-3, 0.02e-3), (0.0, 0.02e-3))
     found = {turned: [duran(turned=turned, place=place) for place in places] for turned in (15.0, 30.0, 45.0)}
@@ -202,8 +204,8 @@ def struck(ratio: float, kr: float) -> Struck:
     for share in (1.0, 0.95, 0.9, 0.8, 0.7, 0.6):
         with solved(struck_plate(ratio, 16.5, clamped=False, material=steel), 70e-6, share) as results:
             books, first = results.history(), results.breaks().step.min() * float(results.meta()["time_step"])
-            ways = directions(results, int(books["step"][-1]))
-            found.append((np.mean([abs(way.angle) for way in ways]), 1e6 * first, books["dissipated"][-1]))
+            ways = directions(results, tips(results))
+            found.append((np.mean([abs(way.whole) for way in ways]), 1e6 * first, books["dissipated"][-1]))
     return Struck(*np.array(found).T)
 
 
@@ -211,7 +213,7 @@ def struck(ratio: float, kr: float) -> Struck:
 def test_the_path_of_a_struck_plate(failure: Callable[..., None]) -> None:
     """A path that wanders with the time step.
 
-    A lattice with few neighbours has ways that a crack prefers, and a crack between two of them takes either.
+    A lattice with few neighbours has preferred directions for a crack. A crack between two of them takes either.
     """
     brittle, more, softening = struck(3, 1.0), struck(4, 1.0), struck(4, 1.638)
     assert np.ptp(brittle.angle) > 5  # measured 15.0
@@ -224,8 +226,8 @@ def test_the_path_of_a_struck_plate(failure: Callable[..., None]) -> None:
         fails="Kalthoff and Winkler's plate of 1 mm, 16.5 m/s, free ends, brittle, m = 3: at six time steps, 1 to 0.6 "
         f"of the surely stable one, the cracks leave the notches at {brittle.angles}.",
         noticed="Not at all.",
-        cure=f"m = 4: {more.angles}; m = 4 with a bilinear law (kr = 1.638, G0 kept), which lets many bonds decide: "
+        cure=f"m = 4: {more.angles}; m = 4 with a bilinear law (kr = 1.638, G0 kept), in which many bonds decide: "
         f"{softening.angles}. At m = 3 the start can be trusted, {brittle.first.min():.1f} to "
         f"{brittle.first.max():.1f} us, and the energy dissipated, within "
-        f"{50 * np.ptp(brittle.dissipated) / brittle.dissipated.mean():.0f} %; the path only as a distribution.",
+        f"{50 * np.ptp(brittle.dissipated) / brittle.dissipated.mean():.0f} %; the path is a distribution.",
     )

@@ -11,7 +11,7 @@ from systems import accelerate, at_step
 
 from pdmesh.model.document import Absorb
 from pdmesh.scene.scene import DEEP
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.system import Options, Prepared, prepare
 
 DELTA, RATIO = 1e-3, 4
 HORIZON = RATIO * DELTA

@@ -11,7 +11,7 @@ from systems import broken
 
 from pdmesh.model.document import Run
 from pdsolve.model import read_model
-from pdsolve.simulation import Options, prepare, simulate
+from pdsolve.run.simulation import Options, prepare, simulate
 
 
 def momentum_drift(mode: str) -> float:

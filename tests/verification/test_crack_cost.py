@@ -9,11 +9,11 @@ import pytest
 from pdmesh import Body, Box, Material
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
-from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Displacement, Run
+from pdmesh.model.material_constants import critical_stretch
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 H = 1e-3  # m: between nodes
 FIRST, LAST, GROWTH = 0.3, 15.0, 1.01  # openings over that of the shortest bonds at their limit, and from step to step

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from plates import GEOMETRIES, GLASS, plate, square_grid
 from systems import bonds_of, equilibrium, sources
 
-from pdmesh.model.cloud import Grid
-from pdsolve.bonds import Filling, Part
+from pdmesh.model.node_grid import Grid
+from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.model import Model
-from pdsolve.notes import breaks
+from pdsolve.run.recorder import breaks
+from pdsolve.run.system import Options, Prepared, prepare, system_of
 from pdsolve.schemes import SCHEMES, average_horizon
-from pdsolve.system import Options, Prepared, prepare, system_of
 
 ONE = Options(threads=1)
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1.0)

@@ -16,7 +16,7 @@ from strips import torn
 import pdsolve.laws
 from benchmarks import ties
 from pdmesh.model.document import Material
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="ordinary", failure="none", nu=0.3)
 STRAIN = msgspec.structs.replace(UNIT, plane="strain")

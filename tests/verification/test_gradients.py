@@ -10,12 +10,12 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Run, Static
-from pdsolve.laws.gradients import fit
+from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
+from pdsolve.run.system import Options, prepare
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.relaxation import Relaxation, by_row_sum
-from pdsolve.system import Options, prepare
 
 TURN = np.radians(30)
 EXACT = np.diag([-0.375, 0.0])  # Green's strain at the corner

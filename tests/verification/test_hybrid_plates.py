@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import warnings
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 from zones import side_by_side
 
 from pdmesh import Circle, Material, Run, Scene, box, ramp
-from pdmesh.drawing.sources import read_scene
+from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.building import build
 from pdmesh.model.document import Load
+from pdsolve.errors import UnstableError
 from pdsolve.model import Model
-from pdsolve.unstable import UnstableError
 
 GEOMETRIES = Path(__file__).parent.parent.parent / "geometries"
 GLASS = Material(E=72e9, rho=2440, G0=135)
@@ -73,7 +75,7 @@ def test_a_plate_cracks_as_the_uniform_one(name: str) -> None:
 def test_what_must_not_break_makes_no_cell_fine() -> None:
     """A plate that is pulled so hard that cracks run out of the fine zone, where the run stops; and one kept whole."""
     found = model(pulled(120, traction=60e6, spacing=1e-3))
-    with pytest.raises(UnstableError, match="found a bond at the border of the fine zone stretched to 1"):
+    with pytest.raises(UnstableError, match=naming(found=("border", re.compile(r"1\.?\d*")))):
         side_by_side(found)
     whole = Load(box=(-1.0, -1.0, 1.0, 1.0), body_force=(0.0, 0.0), breakable=False)
     settings = msgspec.structs.replace(found.settings, conditions=(*found.settings.conditions, whole))

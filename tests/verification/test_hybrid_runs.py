@@ -9,13 +9,13 @@ from plates import plate
 from zones import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, Load, Run
-from pdsolve.adapt import zone_moved
-from pdsolve.adaptive.hybrid import Hybrid
-from pdsolve.adaptive.lattice import COARSE, FINE
-from pdsolve.measures import books
+from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
+from pdsolve.adaptivity.hybrid.operator import Hybrid
 from pdsolve.model import Model
-from pdsolve.system import Options, Prepared, prepare
-from pdsolve.threads import cores
+from pdsolve.numerics.threads import cores
+from pdsolve.run.measures import books
+from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.system import Options, Prepared, prepare
 
 
 def pulled(adapt: str) -> Model:
@@ -85,7 +85,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
         first[adapt] = int(broken.step.min())
         y = np.sort(system.model.grid.position[broken.source, 1])
         assert np.abs(y + y[::-1] - 0.2).max() < 1e-12
-    told = hybrid(problem).told()
+    told = hybrid(problem).zone_summary()
     assert abs(first["hybrid"] - first["none"]) <= 1  # 42, 43
     assert found["hybrid"].work == pytest.approx(found["none"].work, rel=0.04)
     assert found["hybrid"].dissipated == pytest.approx(found["none"].dissipated, rel=0.1)
@@ -109,7 +109,9 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
         assert one.work == pytest.approx(other.work, rel=0.02)
     assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067
     assert found["hybrid"][2] == found["none"][2]
-    assert hybrid(problem).told().clipped_stretch < 0.7  # 0.58; 1.01 if faces were to follow the next coarse node alone
+    assert (
+        hybrid(problem).zone_summary().clipped_stretch < 0.7
+    )  # 0.58; 1.01 if faces were to follow the next coarse node alone
 
 
 @pytest.mark.skipif(cores() < 2, reason="one core")

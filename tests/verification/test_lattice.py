@@ -9,7 +9,7 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
 from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 # m, micromodulus: per cent of C11 and C66 too much, whole cells up to the horizon | Hu's beta, half a spacing beyond
 STIFFNESS = {

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.spatial.transform import Rotation
 
-from pdmesh.model.continuum import lame
 from pdmesh.model.document import Displacement, Run
-from pdsolve.loading import in_load_steps
+from pdmesh.model.material_constants import lame
+from pdsolve.run.system import Options, at_rest, scheme_of
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.newton import Newton
-from pdsolve.system import Options, at_rest, scheme_of
+from pdsolve.steppers.static_loads import in_load_steps
 
 ONE = Options(threads=1)
 SOLID = {"model": "correspondence", "solid": "neo hooke", "failure": "none", "nu": 0.3, "plane": "strain"}

@@ -9,16 +9,15 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import bonds_of, equilibrium, matrix, sources
 
-from pdmesh.model.continuum import critical_stretch
 from pdmesh.model.document import Material, Region
 from pdmesh.model.full_lattice import calibration
-from pdsolve.bonds import Bonds
-from pdsolve.laws import brittle, law_of
-from pdsolve.laws.critical import limits
-from pdsolve.measures import books
+from pdmesh.model.material_constants import critical_stretch
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws import brittle, law_of, limits
 from pdsolve.model import Model
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, prepare
 from pdsolve.schemes import average_horizon
-from pdsolve.system import Options, prepare
 
 SOFT = Material(E=20e9, rho=1200.0, G0=500.0, law="bilinear", kr=4.0)
 HALF = 12

@@ -11,8 +11,8 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, broken, forces, worst
 
 from pdmesh.model.document import Displacement, Material, Run
-from pdsolve.measures import books
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, Prepared, prepare
 
 DELTA, STEP = 1e-3, 1e-8
 KR = 2.5

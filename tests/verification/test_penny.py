@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from pdmesh.model.cloud import Grid
-from pdmesh.model.continuum import C11, C66
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.material_constants import C11, C66
+from pdmesh.model.node_grid import Grid
 from pdsolve.laws import brittle
 from pdsolve.model import Model
-from pdsolve.operators.listed import Listed
+from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.state import State
 
@@ -55,7 +55,9 @@ def opened(nodes_of_radius: int, half: float) -> Penny:
     ratios = lattice_ratios(3.0, "constant", "space", True)
     c11, c12 = ratios.c11 * C11["space"], ratios.c12 * C66["space"]
     E, nu = (c11 - c12) * (c11 + 2 * c12) / (c11 + c12), c12 / (c11 + c12)
-    u = _at_rest(Listed(brittle, model, whole.bonds, True), position, SMALL * np.array([-nu, -nu, 1]) / E, half - 3 * h)
+    u = _at_rest(
+        BondList(brittle, model, whole.bonds, True), position, SMALL * np.array([-nu, -nu, 1]) / E, half - 3 * h
+    )
     above, below = np.isclose(position[:, 2], h / 2), np.isclose(position[:, 2], -h / 2)
     opening, radius = (u[above] - u[below])[:, 2] / SMALL, np.hypot(*position[above, :2].T)
     inside = radius < 1
@@ -67,10 +69,10 @@ def opened(nodes_of_radius: int, half: float) -> Penny:
 
 
 def _at_rest(
-    operator: Listed, position: NDArray[np.float64], strain: NDArray[np.float64], free_to: float
+    operator: BondList, position: NDArray[np.float64], strain: NDArray[np.float64], free_to: float
 ) -> NDArray[np.float64]:
     """Displacements (n, 3) with those beyond `free_to` held as in a uniform strain along the axes."""
-    state = State(*np.zeros((3, *position.shape)), *np.zeros((2, len(position))))
+    state = State(*np.zeros((3, *position.shape)), *np.zeros((3, len(position))))
     free = np.repeat((np.abs(position) < free_to).all(axis=1), 3)
 
     def force(u: NDArray[np.float64]) -> NDArray[np.float64]:

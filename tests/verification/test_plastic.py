@@ -12,11 +12,11 @@ from plates import GLASS, plate, square_grid
 from whole import contents
 
 from pdmesh.model.document import Displacement, Run, Static
-from pdsolve.loading import in_load_steps
-from pdsolve.measures import books
 from pdsolve.model import Model
-from pdsolve.simulation import resume, simulate
-from pdsolve.system import Options, prepare
+from pdsolve.run.measures import books
+from pdsolve.run.simulation import resume, simulate
+from pdsolve.run.system import Options, prepare
+from pdsolve.steppers.static_loads import in_load_steps
 
 STEEL = msgspec.structs.replace(
     GLASS, E=200e9, nu=0.3, plane="strain", model="correspondence", solid="j2", failure="none", yield_stress=250e6
@@ -82,7 +82,7 @@ def test_a_run_that_goes_on_flows_to_the_same_bits(
     solid: dict[str, object], static: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Interrupted after nodes have begun to flow; all tables are those of a run left alone."""
-    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     model, stop = bar(solid, static), 2 if static else 37
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     simulate(model, whole, Options(threads=1)).close()

@@ -15,10 +15,10 @@ from scipy.sparse.linalg import eigsh, spsolve
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.full_lattice import lattice_ratios
-from pdsolve.bonds import Filling, Part
+from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.conditions import put_loads
-from pdsolve.loading import in_load_steps
 from pdsolve.model import Model
+from pdsolve.run.system import Options, Prepared, at_rest
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.scheme import Scheme
@@ -27,7 +27,7 @@ from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.relaxation import Relaxation, by_eigenvalue, by_row_sum
-from pdsolve.system import Options, Prepared, at_rest
+from pdsolve.steppers.static_loads import in_load_steps
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")
 ONE = Options(threads=1)

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdmesh.model.cloud import Grid
-from pdmesh.model.continuum import C11, C66, critical_stretch, lame, micromodulus
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.full_lattice import full_family, lattice_ratios, offsets
-from pdmesh.say.families import count
+from pdmesh.model.material_constants import C11, C66, critical_stretch, lame, micromodulus
+from pdmesh.model.node_grid import Grid
+from pdmesh.reports.bonds_and_step import count
 from pdsolve.laws import law_of
 from pdsolve.model import Model
-from pdsolve.operators.listed import Listed
+from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.families import fill as fill_families
-from pdsolve.schemes.opening import bonds_in_space, cost, patch_in_space
+from pdsolve.schemes.separation_energy import bonds_in_space, cost, patch_in_space
 from pdsolve.state import State
 
 SPRINGS = Material(E=1.0, rho=1.0, G0=1.0, micromodulus="constant", plane="space")
@@ -42,7 +42,7 @@ class Solid(NamedTuple):
     """An operator on a cube."""
 
     model: Model
-    operator: Listed
+    operator: BondList
 
     def forces(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Densities (n, 3) at displacements (n, 3)."""
@@ -55,7 +55,7 @@ class Solid(NamedTuple):
         return self.operator.energies(self.state(u))[0]
 
     def state(self, u: NDArray[np.float64]) -> State:
-        return State(u, np.zeros_like(u), np.zeros_like(u), *np.zeros((2, len(u))))
+        return State(u, np.zeros_like(u), np.zeros_like(u), *np.zeros((3, len(u))))
 
     def inner(self) -> NDArray[np.bool_]:
         """Nodes with whole families."""
@@ -69,7 +69,7 @@ def solid(material: Material) -> Solid:
     springs = material.model == "bond"
     filling = fill(model, BARE) if springs else fill_families(model)
     law: ModuleType = law_of(model)
-    return Solid(model, Listed(law, model, filling.whole().bonds, True))
+    return Solid(model, BondList(law, model, filling.whole().bonds, True))
 
 
 def of(model: str, **more: object) -> Material:

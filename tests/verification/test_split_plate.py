@@ -15,7 +15,7 @@ import pytest
 from benchmarks.pages import put_section
 from benchmarks.split import COARSE, Way, plate, solved
 from pdsolve.model import ModelWarning
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 STEPS = (25e-9, 24.5e-9, 24e-9)  # s
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.model.continuum import BONDS_NU, pressure_speed
 from pdmesh.model.document import Displacement, Load, Material, Run
 from pdmesh.model.domain_integrals import Ring
-from pdpost.measures.fracture import Series, follow
+from pdmesh.model.material_constants import BONDS_NU, pressure_speed
+from pdpost.measures.stress_intensities import Series, follow
 from pdsolve.model import Model
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 PUSH, RAMP, STEP = 1e-6, 6.0, 0.4  # Pa; spacings that a wave goes while it rises; s
 SOLID = Material(E=1.0, rho=1.0, G0=1e9, plane="strain")

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
 from systems import broken
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Load, Material, Run
-from pdsolve.measures import damage
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.notes import breaks
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.run.measures import damage
+from pdsolve.run.recorder import breaks
+from pdsolve.run.system import Options, Prepared, prepare
 
 MODES = ("thesis", "conservative")
 LAWS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=3.0)}

@@ -12,7 +12,7 @@ from systems import equilibrium
 
 from pdmesh.model.document import Load
 from pdmesh.model.full_lattice import calibration, lattice_ratios
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 STRESS = 1.0
 

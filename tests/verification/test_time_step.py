@@ -13,8 +13,8 @@ from scipy.sparse.linalg import eigs
 from systems import accelerate, at_step, matrix, true_limit
 
 from pdmesh.model.full_lattice import calibration
-from pdmesh.say.families import SURFACES, stable_step
-from pdsolve.system import Options, Prepared, prepare
+from pdmesh.reports.bonds_and_step import SURFACES, stable_step
+from pdsolve.run.system import Options, Prepared, prepare
 
 ONE = Options(threads=1)
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

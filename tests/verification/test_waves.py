@@ -9,10 +9,10 @@ from periodic import joined
 from plates import GLASS, plate, square_grid
 from systems import accelerate, at_step
 
-from pdmesh.model.continuum import micromodulus
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, hu_beta, offsets
-from pdsolve.system import Options, Prepared, prepare
+from pdmesh.model.material_constants import micromodulus
+from pdsolve.run.system import Options, Prepared, prepare
 
 UNIT = Material(E=1.0, rho=1.0, G0=1.0)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -12,9 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pdmesh.drawing.processes import how_it_ended
+from pdmesh import trust
+from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.sandbox.copies import Copy
 from pdmesh.drawing.sandbox.scan import OWN
+from pdmesh.drawing.sandbox.walls import warn_of_missing
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError
 
 SYSTEM_LIBRARIES = (
@@ -50,6 +51,8 @@ def read_copies(
             "walls": WALLS,
         }
         found = _run(copies[first].path, job, limit, Path(folder))
+    if job["walls"]:
+        warn_of_missing(copies[first].path, found["walls"])
     found["messages"] = [_in_originals(message, copies) for message in found["messages"]]
     return found
 
@@ -66,7 +69,7 @@ def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> 
     with tempfile.TemporaryDirectory(prefix="pdmesh-") as aside:
         result = Path(aside) / "found.json"
         job |= {"chords": CHORD_TOLERANCE}
-        last = run_reader("pdmesh.drawing.sandbox.reader", "Gmsh", path, job, result, limit, folder)
+        last = run_reader("pdmesh.drawing.sandbox.gmsh_reader", "Gmsh", path, job, result, limit, folder)
         try:
             found: dict[str, Any] = json.loads(result.read_bytes())
         except (OSError, ValueError):
@@ -94,7 +97,7 @@ def run_reader(
                 timeout=limit,
                 check=False,
                 cwd=folder,
-                env=os.environ | ONE_THREAD,
+                env=trust.environment() | ONE_THREAD,
             ).returncode
     except subprocess.TimeoutExpired:
         raise SceneError(f"{path}: {name} was still reading after {limit:g} s, expected it to end") from None

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
-from pdmesh.drawing.sandbox.sizes import unused
 from pdmesh.drawing.sandbox.tokens import Refused, Token, decoded, tokens_of, written
+from pdmesh.drawing.sandbox.unused_mesh_sizes import unused
 from pdmesh.files import read_bytes
 from pdmesh.scene.shapes import SceneError
 
-LARGEST = 2**26  # bytes of a drawing or a CAD file
+LARGEST, LARGEST_DRAWING = 2**26, 2**24  # bytes of a CAD file; of a drawing, with all drawings that it reads
 # by suffix, in the cases in which Gmsh knows it (it takes a suffix that it does not know for a script's)
 STEP, BREP = (".step", ".stp", ".STEP", ".STP"), (".brep", ".brp", ".BRP")
 CAD = (*STEP, *BREP)
@@ -41,10 +41,10 @@ class Copy:
     unused: Mapping[str, int] = field(default_factory=dict)  # what it says of a mesh, and on which line first
 
 
-def drawing_bytes(path: Path) -> bytes:
-    """What is in a .geo file. Raises SceneError where it cannot be one."""
+def drawing_bytes(path: Path, largest: int = LARGEST_DRAWING) -> bytes:
+    """What is in a .geo file of at most so many bytes. Raises SceneError where it cannot be one."""
     try:
-        data = read_bytes(path, LARGEST)
+        data = read_bytes(path, largest)
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     if b"\0" in data:
@@ -63,7 +63,7 @@ def cad_bytes(path: Path) -> bytes:
     kind = "STEP" if path.suffix.lower() in STEP else "BREP"
     begins, ends = CONTENT[kind]
     if not begins.match(data):
-        raise SceneError(f"{path}: found something else, expected a {kind} file")
+        raise SceneError(f"{path}: found another content, expected a {kind} file")
     if not ends.search(data[-200:]):
         raise SceneError(f"{path}: found no end of the shapes, expected a whole {kind} file")
     plain = ASIDE.sub(lambda match: b"''" + b"\n" * match[0].count(b"\n"), data) if kind == "STEP" else data
@@ -94,6 +94,7 @@ class _Copies:
         self.drawings: dict[str, tuple[Path, Drawing]] = {}  # by the names of their copies
         self.copies: dict[str, Copy] = {}
         self.named: dict[Path, str] = {}
+        self.left = LARGEST_DRAWING  # bytes that may still be read
         self.add(path, ())
 
     def add(self, path: Path, within: tuple[Path, ...]) -> str:
@@ -106,7 +107,9 @@ class _Copies:
             self.copies[name] = Copy(path, cad_bytes(path))
             return name
         try:
-            drawing = Drawing(tokens_of(decoded(drawing_bytes(path))))
+            data = drawing_bytes(path, self.left)
+            self.left -= len(data)
+            drawing = Drawing(tokens_of(decoded(data)))
             found = readings(drawing)
         except Refused as error:
             raise _refused(path, error) from None

@@ -15,15 +15,22 @@ from typing import NamedTuple
 
 from pdmesh.drawing.sandbox import words
 from pdmesh.drawing.sandbox.structure import heads, partners
-from pdmesh.drawing.sandbox.tokens import Refused, Token
+from pdmesh.drawing.sandbox.tokens import LONGEST_STRING, Refused, Token
 
 OWN = "own__"  # begins the drawing's own names in what Gmsh reads
 HARMLESS = "a word known to reach for no other file or program, or a name that the drawing defines"
 READS = ("Include", "Merge", "MergeWithBoundingBox", "ShapeFromFile")
+MESSAGES = ("Printf", "Error", "Warning")
 ASSIGNMENTS = ("=", "+=", "-=", "*=", "/=", "++", "--")
 MOST_INDICES = 4  # of a~{1}~{2}...: names of any length would overflow Gmsh's messages
-# what is printed with numbers in it, through C's printf: anything but plain numbers would read or write memory
-FORMAT = re.compile(r"(?:[^%\n\r]|%%|%[-+ 0#]?[0-9]{0,2}(?:\.[0-9]{1,2})?l?[gGeEfF]){0,250}")
+# What is printed with numbers in it goes through C's printf, a conversion and what follows it at a time, into a buffer
+# of Gmsh's: anything but plain numbers would read or write memory, and %f has a digit for each power of ten
+PIECE = re.compile(
+    r"(?:%%|(?P<number>%[-+ 0#]?(?P<width>[0-9]{0,2})(?:\.(?P<digits>[0-9]{1,2}))?l?(?P<kind>[gGeEfF])))[^%\n\r]*"
+)
+TEXT = re.compile(r"(?:[^%\n\r]|%%)*")
+BUFFER = 255  # bytes
+MORE = len("-.e+308") + len("0.000")  # of a number, beside its digits
 
 
 class Reading(NamedTuple):
@@ -46,7 +53,7 @@ class Drawing:
         return self.tokens[place].text if 0 <= place < len(self.tokens) else ""
 
     def kind(self, place: int) -> str:
-        """Its kind."""
+        """The kind of the token at a place; "" outside the drawing."""
         return self.tokens[place].kind if 0 <= place < len(self.tokens) else ""
 
     def starts(self, place: int) -> bool:
@@ -55,11 +62,19 @@ class Drawing:
 
     def inside(self, word: str) -> set[int]:
         """The places within the square brackets behind each ``word``."""
-        found: set[int] = set()
-        for place, token in enumerate(self.tokens):
-            if token.text == word and token.kind == "word":
-                bracket = next((i for i in range(place, len(self.tokens)) if self.text(i) in ("[", ";")), place)
-                found.update(range(bracket + 1, self.partner[bracket]) if self.text(bracket) == "[" else ())
+        opening, ahead = set(), -1  # the bracket, or the end of the statement, that comes next
+        for place in range(len(self.tokens) - 1, -1, -1):
+            token = self.tokens[place]
+            if token.text in ("[", ";"):
+                ahead = place
+            elif token.text == word and token.kind == "word" and self.text(ahead) == "[":
+                opening.add(ahead)
+        found, end = set(), 0  # brackets nest: what is open ends with the outermost
+        for place in range(len(self.tokens)):
+            if place < end:
+                found.add(place)
+            if place in opening:
+                end = max(end, self.partner[place])
         return found
 
 
@@ -114,6 +129,9 @@ def admitted(drawing: Drawing, known: Collection[str]) -> list[Token]:
             if not member and (token.text not in known or token.text in KEYWORDS):
                 raise Refused(token.line, _quoted(drawing, place), HARMLESS, trustable=True)
             found[place] = token._replace(text=OWN + token.text)
+        elif token.kind == "word" and token.text in MESSAGES:  # what a message says of a number is no matter
+            text = drawing.tokens[place + 2]
+            found[place + 2] = text._replace(text=f"{text.text[0]}{_plain(text.content)}{text.text[0]}")
         elif token.text == "." and token.kind == "sign" and drawing.kind(place + 1) != "word":
             raise Refused(token.line, "'.'", "a name after it")
         elif token.text == "~" and token.kind == "sign":
@@ -181,14 +199,57 @@ def _anywhere(drawing: Drawing, place: int) -> bool:
 
 def _message(drawing: Drawing, place: int) -> bool:
     """Printf, Error, Warning: what is printed is harmless, and goes to no file."""
-    return _sprintf(drawing, place) and drawing.text(drawing.partner[place + 1] + 1) == ";"
+    return _prints(drawing, place) and drawing.text(drawing.partner[place + 1] + 1) == ";"
 
 
 def _sprintf(drawing: Drawing, place: int) -> bool:
+    """Sprintf: what it makes is short. Raises Refused for numbers that may have any length."""
+    if not _prints(drawing, place):
+        return False
+    token = drawing.tokens[place + 2]
+    if _plain(token.content) != token.content:
+        raise Refused(token.line, f"'%f' in {token.text[:40]}", "%g or %e, whose length is known", trustable=True)
+    return True
+
+
+def _prints(drawing: Drawing, place: int) -> bool:
+    """Whether a format and numbers follow, of which Gmsh makes a text of bounded length."""
     if drawing.text(place + 1) not in ("(", "[") or drawing.kind(place + 2) != "string":
         return False
-    harmless = FORMAT.fullmatch(drawing.tokens[place + 2].content) is not None
-    return harmless and drawing.text(place + 3) in (",", ")", "]")
+    content = drawing.tokens[place + 2].content
+    if drawing.text(place + 3) in (
+        ")",
+        "]",
+    ):  # no numbers: Gmsh takes the text for the format of a message all the same
+        return TEXT.fullmatch(content) is not None and len(content.encode()) <= LONGEST_STRING
+    return drawing.text(place + 3) == "," and _is_short(_plain(content))
+
+
+def _plain(content: str) -> str:
+    """A format with %g in place of %f."""
+    return PIECE.sub(_with_digits, content)
+
+
+def _with_digits(piece: re.Match[str]) -> str:
+    if piece["kind"] not in ("f", "F"):
+        return piece[0]
+    end = piece.end("kind") - piece.start()
+    return piece[0][: end - 1] + {"f": "g", "F": "G"}[piece["kind"]] + piece[0][end:]
+
+
+def _is_short(content: str) -> bool:
+    """Whether each piece of a format, and all that it makes, is short for any numbers."""
+    start = content.find("%") if "%" in content else len(content)
+    sizes, place = [start], start
+    while place < len(content):
+        piece = PIECE.match(content, place)
+        if piece is None:
+            return False
+        after = len(piece[0].encode()) - len(piece["number"] or "")
+        widest = max(int(piece["width"] or 0), int(piece["digits"] or 6) + MORE) if piece["number"] else 0
+        sizes.append(max(len(piece[0].encode()), after + widest))
+        place = piece.end()
+    return max(sizes) <= BUFFER and sum(sizes) <= LONGEST_STRING and "\n" not in content and "\r" not in content
 
 
 def _factory(drawing: Drawing, place: int) -> bool:
@@ -226,7 +287,7 @@ def _arrangement(drawing: Drawing, place: int) -> bool:
 
 
 def _attribute(drawing: Drawing, place: int) -> bool:
-    """In a list, and a value follows, or nothing."""
+    """Whether a token is an attribute in a list: a value, or nothing, follows it."""
     follows = drawing.kind(place + 1) in ("string", "number", "word") or drawing.text(place + 1) in ("{", "-", ",", "}")
     return drawing.depths[place] > 0 and drawing.text(place - 1) in (",", "[") and follows
 
@@ -236,7 +297,7 @@ def _option(drawing: Drawing, place: int) -> bool:
 
 
 def _named(drawing: Drawing, place: int) -> bool:
-    """``SetName "plate";``"""
+    """Whether a token begins a command with a single text, as in ``SetName "plate";``."""
     return drawing.starts(place) and drawing.kind(place + 1) == "string" and drawing.text(place + 2) == ";"
 
 
@@ -258,7 +319,7 @@ KEYWORDS = _table(  # which no drawing can take for names
     (words.CONTROL, _anywhere),  # looked at by `heads`
     (READS, _anywhere),  # looked at by `readings`
     (("Struct",), _anywhere),
-    (("Printf", "Error", "Warning"), _message),
+    (MESSAGES, _message),
     (("Sprintf",), _sprintf),
     (("SetFactory",), _factory),
     (("Field",), _field),

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pdmesh.drawing.sandbox.tokens import Refused, Token
 
 OPENING = {"(": ")", "[": "]", "{": "}"}
+DEEPEST = 100  # brackets inside each other
 CLOSING = {end: start for start, end in OPENING.items()}
 ENDS = {"EndFor": "For", "EndIf": "If", "Return": "Macro", "ElseIf": "If", "Else": "If"}
 # what Gmsh's skipping reader takes for an end although its lexer does not
@@ -29,6 +30,8 @@ def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
             continue
         if token.text in OPENING:
             open_at.append(place)
+            if len(open_at) > DEEPEST:
+                raise Refused(token.line, f"{len(open_at)} brackets inside each other", f"at most {DEEPEST}")
         elif token.text in CLOSING:
             if not open_at or tokens[open_at[-1]].text != CLOSING[token.text]:
                 expected = f"'{OPENING[tokens[open_at[-1]].text]}' first" if open_at else "one that is open"

@@ -68,12 +68,13 @@ def tokens_of(text: str) -> list[Token]:
     data = text.encode("utf-8")
     found: list[Token] = []
     place, line, row = 0, 1, 1
-    while place < len(data):
-        match = PIECES.match(data, place)
-        if match is None:
-            raise _stray(data, place, line)
+    for match in PIECES.finditer(data):
+        if match.start() != place:
+            break
         kind, piece, place = match.lastgroup, match[0], match.end()
-        if kind in ("word", "number", "sign"):
+        if kind == "blank" and piece[0] in b" \t\f":
+            continue
+        if kind == "word" or kind == "number" or kind == "sign":
             if len(piece) > LONGEST_WORD:
                 raise Refused(line, f"'{piece[:20].decode()}...' of {len(piece)} bytes", f"at most {LONGEST_WORD}")
             found.append(Token(kind, piece.decode(), line, row))
@@ -82,6 +83,8 @@ def tokens_of(text: str) -> list[Token]:
             found.append(_checked(Token(kind, piece.decode(), line, row)))
         line += piece.count(b"\n")
         row += len(ROW.findall(piece))
+    if place < len(data):
+        raise _stray(data, place, line)
     return found
 
 

@@ -14,12 +14,31 @@ import errno
 import os
 import platform
 import struct
+import warnings
+from collections.abc import Collection
 from pathlib import Path
+
+from pdmesh.trust import TrustWarning
 
 MEMORY = 2**31  # bytes, where nothing else is said
 OUTPUT = 1 / 8  # of that, in any file that is written
 OPEN_FILES = 256
 PR_SET_SECCOMP, PR_SET_NO_NEW_PRIVS, SECCOMP_MODE_FILTER = 22, 38, 2
+
+
+NAMES = {"landlock": "Landlock", "seccomp": "seccomp"}  # beside limits, which are no walls
+
+
+def warn_of_missing(path: Path, stand: Collection[str]) -> None:
+    """Warns where a file of unknown origin was read without a wall that Linux on x86-64 has."""
+    missing = [name for wall, name in NAMES.items() if wall not in stand]
+    if missing:
+        warnings.warn(
+            f"{path}: read without {' and '.join(missing)}, which this system lacks, expected walls around the reader;"
+            " read files of others elsewhere",
+            TrustWarning,
+            stacklevel=2,
+        )
 
 
 def raise_walls(folder: Path, seconds: float, memory: int = MEMORY) -> tuple[str, ...]:

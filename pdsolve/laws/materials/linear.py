@@ -21,5 +21,5 @@ def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def stress(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
-    """sigma, six."""
+    """The six components of the Cauchy stress, Pa, by Hooke's law of the small strain."""
     return hooke(first, shear, strain(h, first, shear, plane_stress))

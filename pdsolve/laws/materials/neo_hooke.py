@@ -13,7 +13,7 @@ from numba import njit
 from pdsolve.laws.law import INNER
 from pdsolve.laws.materials.svk import green
 from pdsolve.laws.materials.tensors import full, grown, inverse, with_zz
-from pdsolve.laws.small import product
+from pdsolve.laws.small_tensors import product
 
 ROUNDS = 25
 NEAR = 1e-15
@@ -49,7 +49,7 @@ def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _log_of_volume(E):  # type: ignore[no-untyped-def]
-    """ln J."""
+    """ln J of Green's strain E, free of cancellation for small strains."""
     second = E[0] * E[1] + E[1] * E[2] + E[0] * E[2] - E[3] * E[3] - E[4] * E[4] - E[5] * E[5]
     third = E[2] * (E[0] * E[1] - E[3] * E[3]) - E[0] * E[5] * E[5] - E[1] * E[4] * E[4] + 2 * E[3] * E[4] * E[5]
     return log_of_one_and(2 * (E[0] + E[1] + E[2]) + 4 * second + 8 * third) / 2

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.continuum import lame
+from pdmesh.model.material_constants import lame
 from pdsolve.laws.law import INLINE, INNER
 from pdsolve.laws.materials import j2, linear, neo_hooke, svk
 from pdsolve.laws.materials.tensors import (
@@ -35,7 +35,7 @@ from pdsolve.laws.materials.tensors import (
     transposed,
     with_zz,
 )
-from pdsolve.laws.small import product
+from pdsolve.laws.small_tensors import product
 from pdsolve.model import Model
 
 LINEAR, SVK, NEO_HOOKE, J2 = range(4)
@@ -57,7 +57,7 @@ class Solid(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What a deformation leads to."""
+    """The response of a solid to a deformation: stresses, deformation gradient, plastic strain."""
 
     P: Any  # first Piola-Kirchhoff stress, Pa, nine
     sigma: Any  # Cauchy's, six

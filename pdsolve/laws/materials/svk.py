@@ -10,7 +10,7 @@ from numba import njit
 
 from pdsolve.laws.law import INNER
 from pdsolve.laws.materials.tensors import full, grown, hooke, symmetric, transposed, with_zz
-from pdsolve.laws.small import product
+from pdsolve.laws.small_tensors import product
 
 
 @njit(**INNER)
@@ -29,7 +29,7 @@ def green(h):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
-    """The same, with what plane stress makes of zz."""
+    """The six components of Green's strain; in plane stress zz is what makes the stress across the plane zero."""
     E = green(h)
     if plane_stress:
         return with_zz(E, -first / (first + 2 * shear) * (E[0] + E[1]))

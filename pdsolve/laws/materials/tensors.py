@@ -34,6 +34,16 @@ def transposed(a):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
+def rotation(F):  # type: ignore[no-untyped-def]
+    """R of F = R U, by N. J. Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160-1174; to round-off where U does not
+    stretch or squeeze by more than 30."""
+    R = F
+    for _ in range(10):
+        R = mean(R, transposed(inverse(R)))
+    return R
+
+
+@njit(**INNER)
 def symmetric(a):  # type: ignore[no-untyped-def]
     """The symmetric part of nine, as six."""
     return (a[0], a[4], a[8], (a[1] + a[3]) / 2, (a[2] + a[6]) / 2, (a[5] + a[7]) / 2)
@@ -41,13 +51,13 @@ def symmetric(a):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def full(s):  # type: ignore[no-untyped-def]
-    """Six as nine."""
+    """The nine components of a symmetric tensor from its six."""
     return (s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2])
 
 
 @njit(**INNER)
 def grown(h):  # type: ignore[no-untyped-def]
-    """I + h."""
+    """The deformation gradient I + h of a displacement gradient h."""
     return (1 + h[0], h[1], h[2], h[3], 1 + h[4], h[5], h[6], h[7], 1 + h[8])
 
 
@@ -109,5 +119,5 @@ def mean(a, b):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def added(a, b):  # type: ignore[no-untyped-def]
-    """Six and six."""
+    """The sum of two symmetric tensors of six components each."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])

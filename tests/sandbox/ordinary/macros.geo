@@ -12,6 +12,6 @@ x = 0; y = 0.75; r = 0.09; holes[] = {};
 For t In {1:5} // along a line
   x += 0.166; y -= 0.1;
   If (t != 3) Call CheeseHole; EndIf
-  Printf("Hole %g (center = {%g, %g}) has loop %5.2f", t, x, y, r);
+  Printf("Hole %g (center = {%g, %g}) has loop %5.2g", t, x, y, r);
 EndFor
 Plane Surface(news) = {holes[1]};

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Load
 from pdmesh.model.full_lattice import full_family, hu_beta
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import Sight
 from pdsolve.schemes import average_horizon, one_sided
 from pdsolve.schemes.one_sided import softening

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from collocated import cracked, torn, with_material, with_run
+from messages import naming
 from plates import STEEL
 from whole import contents, kill_when
 
@@ -17,16 +19,20 @@ from pdmesh import Scene, box
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.drawing.units import UNITS
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Collocation, Region, Run, write_file
+from pdmesh.model.node_grid import document_of
+from pdmesh.model.refused_settings import impossible
+from pdpost.__main__ import main as show_command
+from pdpost.figures.page import report
+from pdpost.measures.balance import remarks
 from pdsolve.__main__ import main as solve_command
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
-from pdsolve.simulation import Options, resume, simulate
-from pdsolve.system import prepare
+from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.system import prepare
 
 TESTS = Path(__file__).parents[2]
-RUN = Run(adapt="collocation", steps=10)
+RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 PLATE = cracked(41, 41, 4.0, 12.0, run=RUN)
 REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLATE.materials[0], E=2e11))
 
@@ -34,14 +40,14 @@ REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLA
 @pytest.mark.parametrize(
     ("model", "words"),
     [
-        (with_material(PLATE, law="bilinear", kr=2.0), r"material\.law: found bilinear, expected brittle"),
-        (cracked(41, 41, 4.0, 0.0, run=RUN, regions=(REGION,)), "found 2 materials, expected one"),
-        (cracked(41, 41, 2.0, 0.0, run=RUN), "ratio: found 2, expected at least 3"),
-        (cracked(91, 91, 40.0, 0.0, run=RUN), "ratio: found 40, expected at most 32"),
-        (with_run(PLATE, damping=10.0), r"run\.damping: found 10, expected 0"),
+        (with_material(PLATE, law="bilinear", kr=2.0), naming("material.law", found="bilinear", expected="brittle")),
+        (cracked(41, 41, 4.0, 0.0, run=RUN, regions=(REGION,)), naming(found="2 materials")),
+        (cracked(41, 41, 2.0, 0.0, run=RUN), naming("ratio", found="2", expected="3")),
+        (cracked(91, 91, 40.0, 0.0, run=RUN), naming("ratio", found="40", expected="32")),
+        (with_run(PLATE, damping=10.0), naming("run.damping", found="10", expected="0")),
         (
             dataclasses.replace(PLATE, grid=dataclasses.replace(PLATE.grid, cracks=1e-3 * np.array([[0.0, 9, 9, 9]]))),
-            "found a node on it",
+            naming(found="node"),
         ),
     ],
 )
@@ -54,15 +60,16 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
 
 def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A scene, a drawing and both programs may ask for it; bad input leaves one line and no file."""
-    assert Scene(box(0, 0, 0.04, 0.024), 1e-3, STEEL).adapt("collocation").run.adapt == "collocation"
+    scene = Scene(box(0, 0, 0.04, 0.024), 1e-3, STEEL).adapt("collocation", damped=True)
+    assert (scene.run.adapt, scene.run.collocation) == ("collocation", Collocation(damped=True))
     assert run(Parameters({"Peridynamics/Run/Adapt": "collocation"}, UNITS["m"])).adapt == "collocation"
     path, script = tmp_path / "plate.json", tmp_path / "plate.py"
     script.write_text(
         "from pdmesh import Material, Run, Scene, box\n"
         "steel = Material(E=191e9, rho=8000, G0=42408, plane='strain')\n"
-        "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5))\n"
+        "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5)).adapt('collocation', True)\n"
     )
-    assert build_command(["build", str(script), "--adapt", "collocation", "-o", str(path), "-q"]) == 0
+    assert build_command(["build", str(script), "-o", str(path), "-q"]) == 0
     assert solve_command([str(path), "--dry-run", "--threads", "1", "--json"]) == 0
     planned = json.loads(capsys.readouterr().out)
     assert planned["nodes"] < 61 * 61  # active ones
@@ -80,19 +87,77 @@ def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert sorted(file.name for file in tmp_path.glob("*.sqlite")) == []
 
 
+FEW = (
+    "$.run.collocation.damped: found false with 4 spacings in the horizon, expected true, or at least 12 spacings: with"
+    " fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
+)
+
+
+def test_few_spacings_have_to_be_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Built, planned and solved they are refused in one line that says what they cost; a drawing may ask too."""
+    script, path = tmp_path / "plate.py", tmp_path / "plate.json"
+    script.write_text(
+        "from pdmesh import Material, Run, Scene, box\n"
+        "steel = Material(E=191e9, rho=8000, G0=42408, plane='strain')\n"
+        "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5))\n"
+    )
+    for command in ("build", "info", "plan"):
+        assert build_command([command, str(script), "--adapt", "collocation"]) == 2
+        line = capsys.readouterr().err
+        assert line.startswith("pdmesh: ")
+        assert line.endswith(f"plate.py: {FEW}\n")
+    assert build_command(["build", str(script), "--adapt", "hybrid", "-o", str(path), "-q"]) == 0
+    for more in (["--dry-run"], ["-o", str(tmp_path / "plate.sqlite")]):
+        assert solve_command([str(path), "--adapt", "collocation", *more]) == 2
+        assert capsys.readouterr().err == f"pdsolve: {path}: {FEW}\n"
+    asked = ["--adapt", "collocation", "--set", "run.collocation.damped=true", "--dry-run"]
+    assert solve_command([str(path), *asked, "-q"]) == 0
+    assert not list(tmp_path.glob("*.sqlite"))
+    drawn = run(Parameters({"Peridynamics/Run/Collocation damped": 1.0}, UNITS["m"]))
+    assert drawn.collocation == Collocation(damped=True)
+    for ratio, lines in ((11.9, 1), (12.0, 0)):
+        settings = cracked(41, 41, ratio, 0.0, run=Run(adapt="collocation")).settings
+        assert len(list(impossible(settings, 2))) == lines
+
+
+def test_what_the_seam_takes_is_booked_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A plate that nothing breaks in: bonds spend nothing at all, the seam much, which every command says."""
+    path = tmp_path / "plate.sqlite"
+    model = with_run(with_material(torn("collocation"), G0=1e30), steps=240, every=60)
+    words = r"the damped seam of collocation took \d+ % of what was put in, which no crack spent"
+    with pytest.warns(ModelWarning, match=words):
+        simulate(model, path, Options(threads=1)).close()
+    with Results.open(path) as results:
+        history, told = results.history(), results.summary()
+        report_page = report(results, "plate")
+        (remark,) = remarks(results)
+    assert not history["dissipated"].any()
+    assert history["damped"][-1] > 0.1 * history["work"][-1]
+    assert np.all(np.diff(history["damped"]) > 0)
+    assert told["energy"]["damped"] == history["damped"][-1]
+    assert abs(told["balance"]) < 0.02  # measured 0.0004
+    assert re.fullmatch(words, remark)
+    assert remark in report_page
+    assert show_command(["balance", str(path), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["remarks"] == [remark]
+    assert shown["damped"] == history["damped"].tolist()
+
+
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 after nodes were switched, and other numbers of steps and threads at a time: the same to the bit."""
     whole, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
-    model = with_run(torn("collocation", steps=160), every=20, collocation=Collocation(damping=0.02))
-    simulate(model, whole, Options(threads=2)).close()
+    model = with_run(torn("collocation", steps=160), every=20, collocation=Collocation(damped=True, damping=0.02))
+    with pytest.warns(ModelWarning, match="which no crack spent"):
+        simulate(model, whole, Options(threads=2)).close()
     write_file(document_of(model.grid, model.settings), tmp_path / "plate.json")
     program = f"""
 import sys, time
 from pathlib import Path
 from pdsolve.model import read_model
-from pdsolve.simulation import Options, simulate
-import pdsolve.simulation, pdsolve.notes
-pdsolve.simulation.PATIENCE, pdsolve.notes.KEPT = 1e6, 0.0
+from pdsolve.run.simulation import Options, simulate
+import pdsolve.run.simulation, pdsolve.run.recorder
+pdsolve.run.simulation.PATIENCE, pdsolve.run.recorder.KEPT = 1e6, 0.0
 watch = lambda progress: bool(time.sleep(0.02))
 simulate(read_model(Path({str(tmp_path / "plate.json")!r})), Path(sys.argv[1]), Options(threads=1), watch)
 """
@@ -100,7 +165,8 @@ simulate(read_model(Path({str(tmp_path / "plate.json")!r})), Path(sys.argv[1]), 
     with Results.open(killed) as results:
         assert results.meta()["status"] == "running"
         assert len(results.nodes(int(results.frames()[0].max())).ids) > len(results.nodes(0).ids)
-    resume(killed, 1).close()
+    with pytest.warns(ModelWarning, match="which no crack spent"):
+        resume(killed, 1).close()
     assert contents(killed) == contents(whole)
     with Results.open(whole) as results:
         for step in results.frames()[0].tolist():
@@ -111,3 +177,4 @@ simulate(read_model(Path({str(tmp_path / "plate.json")!r})), Path(sys.argv[1]), 
         assert np.all(np.diff(books["fine_share"]) >= 0)
         assert 0 < books["clipped_stretch"][-1] < 1
         assert len(results.breaks().step) > 500
+        assert books["damped"][-1] > 0.05 * books["work"][-1]

@@ -13,9 +13,9 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Material
 from pdsolve.laws.law import Now
-from pdsolve.measures import books
-from pdsolve.operators.blocks.families import Families
-from pdsolve.system import Options, Prepared, prepare
+from pdsolve.operators.simd_lattice.families import Families
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, Prepared, prepare
 
 SVK: dict[str, Any] = {"model": "correspondence", "solid": "svk"}
 LAWS: dict[str, dict[str, Any]] = {

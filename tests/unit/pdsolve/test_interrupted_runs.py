@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import random
+import re
 import shutil
 import sqlite3
 import threading
@@ -12,17 +13,18 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from messages import naming
 from whole import contents, newest
 
 from pdmesh.model.document import Displacement, Velocity
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsWarning, WriteError, Writer
-from pdsolve.simulation import Options, Progress, resume, simulate
+from pdsolve.run.simulation import Options, Progress, resume, simulate
 
 
 @pytest.fixture(autouse=True)
 def _look_at_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pdsolve.simulation.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
 
 
 @pytest.fixture
@@ -82,7 +84,7 @@ def test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped(
     driven: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames, broken bonds, ledger, probes and reactions: copied from under a run with a checkpoint at step 0 only."""
-    monkeypatch.setattr("pdsolve.notes.KEPT", 1e9)
+    monkeypatch.setattr("pdsolve.run.recorder.KEPT", 1e9)
     path, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
 
     def kill(progress: Progress) -> bool:
@@ -119,7 +121,7 @@ def test_an_interrupt_in_the_middle_of_writing(
     monkeypatch.setattr(Writer, "_append", interrupted)
     before = 10**9
     with monkeypatch.context() as patch:  # how many there are before the first frame
-        patch.setattr("pdsolve.simulation._march", lambda *_: "finished")
+        patch.setattr("pdsolve.run.simulation._march", lambda *_: "finished")
         simulate(probed, path).close()
     before = len(calls)
     calls.clear()
@@ -169,7 +171,7 @@ def test_a_run_waits_for_another_program(probed: Model, tmp_path: Path, monkeypa
     monkeypatch.setattr("pdsolve.results.writer.FIRST_WORD", 0.2)
     path = tmp_path / "plate.sqlite"
     foreign = Foreign(path, 17, seconds=0.7)
-    with pytest.warns(ResultsWarning, match=r"plate\.sqlite: locked by another program for \d s; waiting") as said:
+    with pytest.warns(ResultsWarning, match=naming("plate.sqlite", "locked", re.compile(r"\d s"))) as said:
         simulate(probed, path, watch=foreign).close()
     assert len([word for word in said if word.category is ResultsWarning]) == 2  # after 0.2 and 0.4 s
     simulate(probed, tmp_path / "alone.sqlite").close()
@@ -184,7 +186,7 @@ def test_a_run_that_is_stopped_while_it_waits_says_what_for(probed: Model, tmp_p
         foreign(progress)
         return foreign.connection is not None and time.monotonic() - foreign.since > 0.5
 
-    with pytest.raises(WriteError, match=r"plate\.sqlite: found it locked by another program for \d s, expected it to"):
+    with pytest.raises(WriteError, match=naming("plate.sqlite", found=("locked", re.compile(r"\d s")))):
         simulate(probed, path, watch=watch)
     assert foreign.connection is not None
     foreign.connection.close()

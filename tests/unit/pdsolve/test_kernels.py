@@ -10,13 +10,13 @@ from plates import plate, square_grid, two_scale_grid
 from systems import bonds_of, forces
 
 from pdmesh.model.document import Run
-from pdsolve.bonds import Bonds, stiffest
+from pdsolve.bonds.assembly import Bonds, stiffness_bound
 from pdsolve.conditions import drive
 from pdsolve.laws import brittle
-from pdsolve.operators.listed import Listed
+from pdsolve.operators.bond_list import BondList
+from pdsolve.run.system import Options, Prepared, prepare
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
-from pdsolve.system import Options, Prepared, prepare
 
 
 def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Prepared:
@@ -59,7 +59,7 @@ def test_a_translation_and_a_turn_make_no_force() -> None:
     assert np.abs(forces(problem)).max() <= 1e-8 * scale  # measured 6e-10
 
 
-def two_nodes(stiffness: float, dt: float) -> tuple[Listed, Verlet, State]:
+def two_nodes(stiffness: float, dt: float) -> tuple[BondList, Verlet, State]:
     """Two nodes 1 mm apart with a bond each way that is gone at a stretch of 1e-3, flying apart; no loads."""
     limits = np.full(2, 1e-3)
     bonds = Bonds(
@@ -72,9 +72,9 @@ def two_nodes(stiffness: float, dt: float) -> tuple[Listed, Verlet, State]:
         weight=np.ones(2),
     )
     model = plate(square_grid(2, 1))
-    operator = Listed(brittle, model, bonds, symmetric=True)
+    operator = BondList(brittle, model, bonds, symmetric=True)
     v = np.array([[-1.0, 0.0], [1.0, 0.0]])
-    state = State(np.zeros((2, 2)), v, np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+    state = State(np.zeros((2, 2)), v, np.zeros((2, 2)), *np.zeros((3, 2)))
     return operator, Verlet(operator, drive(model, np.ones(2), True, np.float64), np.full(2, 1e3), dt), state
 
 
@@ -105,7 +105,7 @@ def test_the_bound_of_a_full_lattice() -> None:
     rows = list(pairwise(bonds.start))
     largest = max(np.linalg.eigvalsh(np.einsum("b,bi,bj->ij", k[a:b], n[a:b], n[a:b]))[-1] for a, b in rows)
     sum_of_all = max(k[a:b].sum() for a, b in rows)
-    symmetric, any_bonds = (stiffest(bonds, bonds.stiffness, kind).max() for kind in (True, False))
+    symmetric, any_bonds = (stiffness_bound(bonds, bonds.stiffness, kind).max() for kind in (True, False))
     assert symmetric == pytest.approx(largest, rel=1e-14)
     assert any_bonds == pytest.approx(sum_of_all, rel=1e-14)
     assert problem.system.time_step == problem.system.bound == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from messages import mentions, naming
 from whole import contents, newest
 
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model
 from pdsolve.results import BusyError, Results, ResultsWarning, WriteError, lock, writing_to
-from pdsolve.simulation import Progress, resume, simulate
+from pdsolve.run.simulation import Progress, resume, simulate
 
 
 def taken(path: Path) -> None:
@@ -25,10 +27,13 @@ def taken(path: Path) -> None:
         pass
 
 
-def test_a_lock_goes_with_its_holder(tmp_path: Path) -> None:
-    path = tmp_path / "x.sqlite"
+@pytest.mark.parametrize(("host", "where"), [("here", " on here"), ("", "")])
+def test_a_lock_goes_with_its_holder(host: str, where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A host without a name, as in some containers, is not named."""
+    monkeypatch.setattr(socket, "gethostname", lambda: host)
+    path, holder = tmp_path / "x.sqlite", f"(process {os.getpid()}{where})"
     with writing_to(path):
-        with pytest.raises(BusyError, match=rf"x\.sqlite: found a run writing to it \(process {os.getpid()} on "):
+        with pytest.raises(BusyError, match=naming("x.sqlite", found=holder, expected="none")):
             taken(path)
         taken(tmp_path / "y.sqlite")
     taken(path)
@@ -54,7 +59,7 @@ def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == b"holding\n"
-        with pytest.raises(BusyError, match=rf"process {child.pid} on "):
+        with pytest.raises(BusyError, match=rf"\(process {child.pid}\b"):
             taken(path)
         os.kill(child.pid, signal.SIGKILL)
     assert [file.name for file in tmp_path.iterdir()] == ["x.sqlite-lock"]
@@ -74,6 +79,7 @@ def test_a_lock_that_is_let_go_while_it_is_asked_for(tmp_path: Path, monkeypatch
         take(handle)
 
     monkeypatch.setattr(lock, "_lock", late)
+    monkeypatch.setattr(lock, "TRIES", 1)
     with writing_to(path), pytest.raises(BusyError):
         taken(path)
     assert len(tries) == 3
@@ -84,13 +90,13 @@ def test_a_file_system_without_locks_is_said(tmp_path: Path, monkeypatch: pytest
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(lock, "_lock", none)
-    with pytest.warns(ResultsWarning, match=r"x\.sqlite: cannot be locked here \(No locks available\); see to it"):
+    with pytest.warns(ResultsWarning, match=naming("x.sqlite", "No locks available")):
         taken(tmp_path / "x.sqlite")
 
 
 def test_what_is_no_file_is_not_taken_for_a_lock(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "x.sqlite-lock")
-    with pytest.raises(WriteError, match=r"x\.sqlite-lock: found no regular file, expected one, or none"):
+    with pytest.raises(WriteError, match=naming("x.sqlite-lock", found="regular file", expected="none")):
         taken(tmp_path / "x.sqlite")
     assert (tmp_path / "x.sqlite-lock").is_fifo()
 
@@ -109,7 +115,7 @@ def test_a_second_run_is_refused_and_the_first_goes_on(
                 assert pdsolve(words) == 2
                 out, err = capsys.readouterr()
                 assert (out, err.count("\n")) == ("", 1)
-                assert "plate.sqlite: found a run writing to it (process " in err
+                assert mentions(err, "plate.sqlite", found=("writing", "process"))
             with pytest.raises(BusyError):
                 simulate(probed, path)
             seen.append(newest(path, at_least=(progress.step - 1) // 10 * 10))

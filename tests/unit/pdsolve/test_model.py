@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import GridError, Horizon, Load, Run, Settings, write_file
+from pdmesh.model.node_grid import document_of
 from pdsolve.conditions import drive
 from pdsolve.model import ModelError, model_of, read_model
-from pdsolve.system import Options, prepare
+from pdsolve.run.system import Options, prepare
 
 TOML = """
 material = {E = 65e9, rho = 2235, G0 = 204}
@@ -34,7 +36,7 @@ def bare(tmp_path: Path) -> Path:
 
 
 def test_a_bare_file_needs_a_material(bare: Path) -> None:
-    with pytest.raises(ModelError, match=r"bare\.json: \$\.material: found none, expected E, rho and G0"):
+    with pytest.raises(ModelError, match=naming("bare.json", "$.material", found="none", expected=("E", "G0"))):
         read_model(bare)
 
 
@@ -73,7 +75,7 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
     ):
         run = prepare(read_model(bare, assignments=[material, *more]), Options()).system.asked.settings.run
         assert (run.steps, run.duration) == (steps, None)
-    with pytest.raises(ModelError, match=r"\$.run.duration: found 1e\+30 s in steps of .* s, expected at most 2.14"):
+    with pytest.raises(ModelError, match=naming("$.run.duration", found="1e+30 s", expected="2.14748e+09")):
         prepare(read_model(bare, assignments=[material, ("run.duration", "1e30")]), Options())
 
 
@@ -84,10 +86,14 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
         ("run.stepz", "3", r"unknown field `stepz` - at `\$.run`"),
         ("material.E", "-1", r"Expected `float` > 0.0 - at `\$.material.E`"),
         ("horizon.ratio", "nan", r"\$.horizon.ratio"),
-        ("conditions", "[{kind = 'load', box = [9, 9, 9, 9], body_force = [0, 1]}]", r"box: found no node in \[9"),
+        (
+            "conditions",
+            "[{kind = 'load', box = [9, 9, 9, 9], body_force = [0, 1]}]",
+            naming("$.conditions[0].box", found=re.compile(r"\[9")),
+        ),
         ("conditions", "[{kind = 'load', nodes = [99], body_force = [0, 1]}]", "nodes: found id 99"),
-        ("conditions", "[{kind = 'load', body_force = [0, 1]}]", "found neither or both of nodes and box"),
-        ("conditions", "[{kind = 'load', nodes = [1]}]", "found neither or both of body_force and traction"),
+        ("conditions", "[{kind = 'load', body_force = [0, 1]}]", naming(found=("neither", "nodes"))),
+        ("conditions", "[{kind = 'load', nodes = [1]}]", naming(found="body_force")),
         ("conditions", "[{kind = 'lode', nodes = [1]}]", r"Invalid value 'lode' - at `\$.conditions\[0\].kind`"),
     ],
 )
@@ -99,7 +105,7 @@ def test_wrong_settings_are_named(bare: Path, name: str, value: str, message: st
 
 def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text("material = ")
-    with pytest.raises(ModelError, match=r"settings\.toml: Invalid value \(at"):
+    with pytest.raises(ModelError, match=naming("settings.toml", "Invalid value")):
         read_model(bare, tmp_path / "settings.toml")
 
 
@@ -108,9 +114,9 @@ def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
 )
 def test_a_toml_file_nested_too_deep_is_named(text: str, bare: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text(text)
-    with pytest.raises(ModelError, match=r"settings\.toml: found values nested too deep to be read"):
+    with pytest.raises(ModelError, match=naming("settings.toml", found=("values", "nested"))):
         read_model(bare, tmp_path / "settings.toml")
-    with pytest.raises(ModelError, match="--set run: found values nested too deep to be read"):
+    with pytest.raises(ModelError, match=naming("run", "--set", found=("values", "nested"))):
         read_model(bare, assignments=[("run", text.removeprefix("run = "))])
 
 
@@ -130,7 +136,7 @@ def test_a_traction_as_the_thesis_spreads_it_and_exactly() -> None:
 def test_two_nodes_at_one_place_are_named() -> None:
     grid = square_grid(3, 2)
     grid.position[4] = grid.position[1]
-    with pytest.raises(ModelError, match=r"\$\.nodes: found 2 and 5 at the same place, expected them apart"):
+    with pytest.raises(ModelError, match=naming("$.nodes", found=("2", "5"), expected="apart")):
         plate(grid)
 
 
@@ -191,7 +197,7 @@ def test_numbers_that_are_none(bare: Path, tmp_path: Path, setting: str, number:
 
 def test_numbers_that_are_none_in_a_file(bare: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text(TOML.replace("25e-9", "inf"))
-    with pytest.raises(ModelError, match=r"\$\.run\.time_step: found inf, expected a number from -1e\+30 to 1e\+30"):
+    with pytest.raises(ModelError, match=naming("$.run.time_step", found="inf", expected=("-1e+30", "1e+30"))):
         read_model(bare, tmp_path / "settings.toml")
     for text in ("run.steps = 1" + 5000 * "0", "x = " + 20000 * "["):
         (tmp_path / "settings.toml").write_text(text)
@@ -200,8 +206,8 @@ def test_numbers_that_are_none_in_a_file(bare: Path, tmp_path: Path) -> None:
 
 
 def test_quiet_needs_its_seconds() -> None:
-    with pytest.raises(ModelError, match=r"model: \$\.run\.quiet: found none, expected seconds, as until is quiet"):
+    with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="none", expected=("seconds", "quiet"))):
         plate(square_grid(5, 4), run=Run(until="quiet"))
-    with pytest.raises(ModelError, match=r"model: \$\.run\.quiet: found 1e-06, expected none, as until is not quiet"):
+    with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="1e-06", expected=("none", "quiet"))):
         plate(square_grid(5, 4), run=Run(quiet=1e-6))
     assert plate(square_grid(5, 4), run=Run(until="split", quiet=1e-6)).settings.run.until == "split"

@@ -11,8 +11,8 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import broken, forces
 
-from pdsolve.operators.blocks.pull import NARROW, WIDE, coefficients
-from pdsolve.system import Options, prepare
+from pdsolve.operators.simd_lattice.pull import NARROW, WIDE, coefficients
+from pdsolve.run.system import Options, prepare
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -35,8 +35,8 @@ def test_they_are_as_exact_as_what_they_stand_for(reach: float, precision: str) 
 def test_a_bond_pulls_both_ends_alike(precision: str) -> None:
     """To the bit, whichever polynomial it takes: that depends on the bond's own e, which both ends find alike."""
     pairs = dataclasses.replace(square_grid(2, 40), cracks=np.array([[-1, y, 1, y] for y in 1e-3 * np.arange(0.5, 39)]))
-    lasting = plate(pairs, 1.4, material=msgspec.structs.replace(GLASS, G0=1e12))
-    problem = prepare(lasting, Options(precision=precision, threads=1))
+    no_fail = plate(pairs, 1.4, material=msgspec.structs.replace(GLASS, G0=1e12))
+    problem = prepare(no_fail, Options(precision=precision, threads=1))
     assert problem.system.operator.name == "blocks"
     assert problem.system.count.tolist() == [1] * 80
     random = np.random.default_rng(0)

@@ -14,7 +14,7 @@ from tampered import tampered
 from pdmesh.model.document import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, resume, simulate
 
 LEFT, RIGHT = (0.0, 0.0, 0.0, 10e-3), (30e-3, 0.0, 30e-3, 10e-3)
 HEIGHT = 11e-3  # m, eleven rows of cells

@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 
 from pdmesh import Body, Box, Material
 from pdmesh.drawing.solids import meshed
@@ -16,7 +17,7 @@ from pdmesh.model.document import Run
 from pdmesh.model.full_lattice import lattice_ratios
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
-from pdsolve.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, resume, simulate
 
 RUBBER = Material(E=1e6, rho=1000.0, G0=1e9, micromodulus="constant")
 ONE = Options(threads=1)
@@ -97,13 +98,13 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
 
 @pytest.mark.parametrize("model", ["bond", "correspondence"])
 def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
-    from pdsolve.estimate import plan
-    from pdsolve.system import prepare
+    from pdsolve.run.estimate import estimate_run
+    from pdsolve.run.system import prepare
 
     found = bar(Run(steps=20))
     material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")
     found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
-    said, system = plan(found, ONE), prepare(found, ONE).system
+    said, system = estimate_run(found, ONE), prepare(found, ONE).system
     assert (said.bonds, said.time_step, said.stable_time_step) == (system.bonds, system.time_step, system.bound)
     assert not said.in_blocks
 
@@ -128,10 +129,13 @@ def test_both_ways_to_rest_meet() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "plane": "strain"}}, "found 'strain', expected space"),
+        (
+            {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "plane": "strain"}},
+            naming(found="'strain'", expected="space"),
+        ),
         ({"conditions": [{"kind": "load", "box": [0, 0, 1, 1], "body_force": [1, 0, 0]}]}, "4 numbers, expected 6"),
         ({"conditions": [{"kind": "load", "nodes": [1], "body_force": [1, 0]}]}, "2 numbers, expected 3"),
-        ({"run": {"probes": [[0, 0]]}}, "2 numbers, expected 3 in a body"),
+        ({"run": {"probes": [[0, 0]]}}, naming("2 numbers", expected="3")),
     ],
 )
 def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> None:
@@ -145,9 +149,9 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
     ("change", "options", "said"),
     [
         ({"area_rule": "eq19"}, ONE, "found 'eq19'"),
-        ({"run": {"adapt": "hybrid"}}, ONE, "found 'hybrid', expected none in a body"),
-        ({}, Options("thesis", threads=1), "found a body in space in the thesis mode"),
-        ({}, Options(kernel="blocks", threads=1), "found nodes without a lattice in the plane"),
+        ({"run": {"adapt": "hybrid"}}, ONE, naming(found="'hybrid'", expected=("none", "body"))),
+        ({}, Options("thesis", threads=1), naming(found=("space", "thesis"))),
+        ({}, Options(kernel="blocks", threads=1), naming(found="blocks", expected="listed")),
     ],
 )
 def test_what_only_plates_can_have_is_refused(change: dict[str, object], options: Options, said: str) -> None:

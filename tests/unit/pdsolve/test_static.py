@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 from plates import GLASS, STEEL, plate, square_grid
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Run, Static, Velocity
-from pdsolve.estimate import plan
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
-from pdsolve.simulation import Options, Progress, UnsettledError, resume, simulate
+from pdsolve.run.estimate import estimate_run
+from pdsolve.run.simulation import Options, Progress, UnsettledError, resume, simulate
 
 OPEN = 1e-4  # m
 
@@ -64,7 +66,8 @@ def test_work_is_what_is_held_and_spent(grown: Path) -> None:
     with Results.open(grown) as results:
         history, summary = results.history(), results.summary()
     assert history["dissipated"][-1] > 0.2 * history["work"][-1]
-    missing = history["strain"] + history["dissipated"] - history["work"]
+    assert 0.05 < history["damped"][-1] / history["work"][-1] < 0.25  # measured 0.12
+    missing = history["strain"] + history["dissipated"] + history["damped"] - history["work"]
     assert np.abs(missing).max() < 1e-6 * history["work"][-1]  # measured: 3e-9
     assert [step["step"] for step in summary["load_steps"]] == list(range(1, 7))
     assert max(step["residual"] for step in summary["load_steps"]) < 1e-8
@@ -112,7 +115,7 @@ def test_the_crack_is_the_same_by_relaxation(grown: Path) -> None:
     with Results.open(grown) as results, simulate(model, None, Options(threads=1)) as others:
         assert breaks(others, model) == breaks(results, model)
         history = others.history()
-    missing = history["strain"] + history["dissipated"] - history["work"]
+    missing = history["strain"] + history["dissipated"] + history["damped"] - history["work"]
     assert np.abs(missing).max() < 1e-6 * history["work"][-1]
 
 
@@ -171,25 +174,28 @@ def test_a_plate_that_is_let_go_balances_over_the_most_that_was_put_in(tmp_path:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"conditions": (PULL,)}, r"found the whole plate around .* free to move, expected supports, or --float"),
-        ({"conditions": ()}, r"found none that loads the plate at any load step"),
-        ({"conditions": (FOOT,)}, r"found none that loads the plate at any load step"),
-        ({"conditions": (FOOT, NEVER)}, r"found none that loads the plate at any load step"),
+        ({"conditions": (PULL,)}, naming(found=("whole", "around", "free", "move"), expected="--float")),
+        ({"conditions": ()}, naming(found=("loads", "plate"))),
+        ({"conditions": (FOOT,)}, naming(found=("loads", "plate"))),
+        ({"conditions": (FOOT, NEVER)}, naming(found=("loads", "plate"))),
         (
             {"conditions": (FOOT, Displacement(box=(0.0, 0.0, 1.0, 1e-3), y=1e-6))},
-            r"conditions\[1\].y: found node .* held otherwise by \$.conditions\[0\], expected one displacement",
+            naming("conditions[1].y", found="$.conditions[0]", expected="displacement"),
         ),
-        ({"conditions": (Velocity(box=(0.0, -1.0, 1e-4, 1.0), x=1.0),)}, r"found velocity, expected load or displ"),
+        (
+            {"conditions": (Velocity(box=(0.0, -1.0, 1e-4, 1.0), x=1.0),)},
+            naming(found="velocity", expected=("load", "displacement")),
+        ),
         (
             {"static": Static(load_steps=3), "conditions": (FOOT, PULL)},
-            r"load_steps: found 3 and nothing that varies with time, expected 1",
+            naming("load_steps", found="3", expected="1"),
         ),
         (
             {"static": Static(method="relaxation", floating=True)},
-            r"floating: found true, expected false, as the method",
+            naming("floating", found="true", expected=("false", "method")),
         ),
-        ({"run": Run(solver="static", damping=3.0)}, r"damping: found 3.0, expected none"),
-        ({"run": Run(solver="static", start="static")}, r"start: found static, expected none"),
+        ({"run": Run(solver="static", damping=3.0)}, naming("damping", found="3", expected="none")),
+        ({"run": Run(solver="static", start="static")}, naming("start", found="static", expected="none")),
     ],
 )
 def test_what_cannot_be_solved_at_rest(changes: dict[str, Any], said: str) -> None:
@@ -198,13 +204,13 @@ def test_what_cannot_be_solved_at_rest(changes: dict[str, Any], said: str) -> No
 
 
 def test_single_precision_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"found float32, expected float64"):
+    with pytest.raises(ModelError, match=naming(found="float32", expected="float64")):
         simulate(cantilever(), None, Options(precision="float32"))
 
 
 def test_a_supported_plate_may_not_turn() -> None:
     hinge = Displacement(box=(-1e-4, -1e-3, 1e-4, 0.0), x=0.0, y=0.0)
-    with pytest.raises(ModelError, match=r"found the whole plate around"):
+    with pytest.raises(ModelError, match=naming(found="whole plate")):
         simulate(conditions_of(cantilever(Static()), hinge, PULL), None, Options(threads=1))
 
 
@@ -218,7 +224,7 @@ def test_a_free_plate_floats_where_its_loads_balance() -> None:
     assert 0 < np.ptp(ux) < 1e-6
     assert np.allclose(ux, ux[::-1], atol=1e-6 * np.abs(ux).max())
     assert np.allclose(uy, -uy[::-1], atol=1e-6 * np.abs(uy).max())
-    with pytest.raises(ModelError, match=r"loads of a body of 496 nodes around .* that do not balance"):
+    with pytest.raises(ModelError, match=naming("496 nodes", "balance")):
         simulate(conditions_of(cantilever(run=run), pulls[0]), None, Options(threads=1))
 
 
@@ -236,7 +242,7 @@ def halves(**static: Any) -> Model:
 @pytest.mark.filterwarnings("ignore:.*snap-back")
 def test_a_piece_that_is_cut_free_is_named_and_the_frames_before_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "torn.sqlite"
-    with pytest.raises(UnsettledError, match=r"load step \d.* directed bonds broke: found .* free to move"):
+    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", found="free to move")):
         simulate(halves(), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.meta()["status"] == "unsettled"
@@ -250,28 +256,31 @@ def test_a_piece_that_is_cut_free_may_be_held_softly() -> None:
         uy = results.field("uy", 6).reshape(16, 9)
     assert uy[8:].mean() == pytest.approx(2e-4, rel=0.1)  # it has turned a little
     assert history["strain"][-1] < 1e-3 * history["work"][-1]
-    assert history["dissipated"][-1] == pytest.approx(history["work"][-1], rel=1e-3)
+    spent = history["dissipated"][-1] + history["damped"][-1]
+    assert spent == pytest.approx(history["work"][-1], rel=1e-3)
 
 
 def test_relaxation_that_does_not_settle_says_after_how_many_iterations(tmp_path: Path) -> None:
     path = tmp_path / "unsettled.sqlite"
     static = Static(load_steps=3, method="relaxation", iterations=40)
-    with pytest.raises(UnsettledError, match=r"load step 1, .*: found no rest after 40 iterations of adaptive dynamic"):
+    with pytest.raises(UnsettledError, match=naming("load step 1", found="40 iterations")):
         simulate(cantilever(static), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.frames()[0].tolist() == [0]
 
 
-def test_softening_is_not_followed() -> None:
+@pytest.mark.parametrize("opening", [None, 1e-7])
+def test_softening_is_not_followed(opening: float | None) -> None:
+    """Whatever the load: before anything is computed."""
     steel = msgspec.structs.replace(STEEL, E=65e9, G0=204)
-    with pytest.raises(UnsettledError, match=r"times as far as where it begins to soften, expected a brittle law"):
-        simulate(cantilever(material=steel), None, Options(threads=1))
-    with simulate(cantilever(material=steel, opening=1e-7), None, Options(threads=1)) as results:
-        assert results.summary()["energy"]["work"] > 0
+    model = cantilever(material=steel) if opening is None else cantilever(material=steel, opening=opening)
+    for refused in (simulate, estimate_run):
+        with pytest.raises(ModelError, match=naming("$.material.law", found="'bilinear'", expected="'brittle'")):
+            refused(model)
 
 
 def test_a_plan_breaks_nothing() -> None:
-    found = plan(cantilever(), Options(threads=1))
+    found = estimate_run(cantilever(), Options(threads=1))
     assert (found.steps, found.at_rest) == (6, True)
     assert found.wall_time > 0
 
@@ -295,6 +304,7 @@ def test_a_run_starts_at_rest(kernel: str, tmp_path: Path) -> None:
     assert np.allclose(before, after, atol=1e-6 * np.abs(before).max())
 
 
+@pytest.mark.filterwarnings("ignore:.*which no crack spent")
 def test_damping_brings_a_plate_to_the_same_rest() -> None:
     with simulate(strip(start="static"), None, Options(threads=1)) as results:
         rest = results.field("uy", 0)
@@ -304,7 +314,8 @@ def test_damping_brings_a_plate_to_the_same_rest() -> None:
     with simulate(damped, None, Options(threads=1)) as results:
         history, found = results.history(), results.field("uy", 2000)
     assert np.allclose(found, rest, atol=1e-3 * np.abs(rest).max())
-    missing = history["strain"] + history["kinetic"] + history["dissipated"] - history["work"]
+    missing = history["strain"] + history["kinetic"] + history["damped"] - history["work"]
+    assert not history["dissipated"].any()
     assert abs(missing[-1]) < 1e-3 * history["work"][-1]
 
 
@@ -333,6 +344,6 @@ def test_iterations_are_those_that_were_allowed() -> None:
         seen.extend([] if now.going is None else [now.going.iterations])
         return False
 
-    with pytest.raises(UnsettledError, match="after 1 iterations of Newton"):
+    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton")):
         simulate(model, None, Options(threads=1), look)
     assert max(seen) == 1

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from messages import naming
 
 pytest.importorskip("gmsh", exc_type=OSError)
 
@@ -68,7 +69,7 @@ def test_absurd_spacings_of_a_cad_file(name: str, spacing: str, cad: Path) -> No
 
 def test_a_name_that_means_nothing_is_refused_for_a_cad_file_too(cad: Path) -> None:
     for name in ("Fixs/foot/Box", "Plate/Length"):
-        with pytest.raises(SceneError, match=rf"plate\.step: parameter 'Peridynamics/{name}': found a name that means"):
+        with pytest.raises(SceneError, match=naming("plate.step", f"parameter 'Peridynamics/{name}'", found="name")):
             read_cad(cad / "plate.step", [("Zones/plate/Spacing", "1e-3"), (name, "0 0 1 1")])
 
 
@@ -83,7 +84,7 @@ def test_a_drawing_may_merge_a_cad_file_of_its_folder(where: str, cad: Path) -> 
     assert scene.shape.bounds == pytest.approx((0, 0, 0.04, 0.02))
     assert scene.spacing == 1e-4
     path.write_text(MERGING)
-    with pytest.raises(SceneError, match="found 40 x 20 m, expected metres, not millimetres, or the parameter Units"):
+    with pytest.raises(SceneError, match=naming(found="40 x 20 m", expected=("metres", "Units"))):
         read_geo(path)
 
 
@@ -91,7 +92,7 @@ def test_files_that_are_no_plates(tmp_path: Path, cad: Path) -> None:
     with pytest.raises(SceneError, match="cannot be read"):
         read_cad(tmp_path / "missing.step")
     (tmp_path / "text.step").write_text("no step\n")
-    with pytest.raises(SceneError, match=r"text.step: found something else, expected a STEP file"):
+    with pytest.raises(SceneError, match=naming("text.step", found="content", expected="STEP")):
         read_cad(tmp_path / "text.step", [("Zones/plate/Spacing", "1e-3")])
-    with pytest.raises(SceneError, match="Zones/plate/Spacing': found none"):
+    with pytest.raises(SceneError, match=naming("Zones/plate/Spacing'", found="none")):
         read_cad(cad / "plate.step")

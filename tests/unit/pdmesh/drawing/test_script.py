@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from messages import naming
 
 from pdmesh import SceneError
 from pdmesh.drawing.script import read_script, script_parameters
@@ -57,23 +58,23 @@ def test_constants_can_be_set(path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("scene = 5\n", "scene: found a int, expected a file that defines scene"),
+        ("scene = 5\n", naming("scene", found="int", expected=("defines", "scene"))),
         ("x = 1\n", "scene: found none"),
         ("scene = (\n", "line 1: '\\(' was never closed"),
         ("import nowhere_at_all\n", "line 1: ModuleNotFoundError"),
         ("x = 1\nraise SystemExit(0)\n", "line 2: SystemExit"),
-        (TEXT.replace("0.04, 0.02", "40, 20"), "line 11: outline: found 40 x 19.999 m, expected metres"),
+        (TEXT.replace("0.04, 0.02", "40, 20"), naming("outline", "line 11", found="40 x 19.999 m", expected="metres")),
         (
             TEXT.replace("rows=rows", "row=rows"),
-            r"line 11: TypeError: .*'row', expected one of where, traction, b",
+            naming("line 11", "TypeError", "'row'", expected="traction"),
         ),
         (
             TEXT.replace(".load(", ".laod("),
-            "line 11: .* no attribute 'laod', expected one such as 'load'",
+            naming("line 11", "attribute 'laod'", expected="'load'"),
         ),
         (
             "from pdmesh import Material as M\nM(E=1, rho=1, G=1)\n",
-            "line 2: .*'G', expected one of E, rho, G0",
+            naming("line 2", "'G'", expected=("E", "G0")),
         ),
     ],
 )
@@ -88,10 +89,10 @@ def test_bad_files(text: str, message: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [
-        (("spacin", "1"), "parameter 'spacin' is not in the drawing, expected one such as 'spacing'"),
-        (("spacing", "x"), "parameter 'spacing': found 'x', expected a finite number"),
-        (("spacing", "nan"), "found 'nan', expected a finite number"),
-        (("rows", "1.5"), "found '1.5', expected a whole number"),
+        (("spacin", "1"), naming("parameter 'spacin'", expected="'spacing'")),
+        (("spacing", "x"), naming("parameter 'spacing'", found="'x'", expected=("finite", "number"))),
+        (("spacing", "nan"), naming(found="'nan'", expected=("finite", "number"))),
+        (("rows", "1.5"), naming(found="'1.5'", expected=("whole", "number"))),
     ],
 )
 def test_bad_assignments(assignment: tuple[str, str], message: str, path: Path) -> None:

@@ -7,18 +7,21 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 
 from pdmesh import Body, Box, Cylinder, Material, Medium, SceneError, Sphere
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import Built, build
+from pdmesh.grid.cubic import Cubic, _given, _thin
 from pdmesh.grid.filling import Cubes, inside, shares
-from pdmesh.model.cloud import grid_of
 from pdmesh.model.document import GridError, Run, encode, read_document
-from pdmesh.model.triangles import facing, volume
+from pdmesh.model.node_grid import grid_of
+from pdmesh.model.triangulated_surface import facing, volume
 from pdmesh.scene.solids import Shell, Solid, brick
 
 GLASS = Material(E=1e9, rho=1000.0, G0=100.0)
@@ -94,7 +97,7 @@ def test_a_void_is_left_out_of_a_volume() -> None:
 
 
 def test_a_difference_has_a_hole_that_no_bond_crosses() -> None:
-    from pdmesh.say.families import bonds
+    from pdmesh.reports.bonds_and_step import bonds
 
     grid = built(Box((0, 0, 0), (1, 1, 0.3)) - Box((0.4, -1, -1), (0.6, 0.5, 1)), 0.1).grid
     assert len(grid) == 300 - 30
@@ -141,10 +144,10 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     ("change", "said"),
     [
         ({"version": 1}, "same z for all nodes of a plate"),
-        ({"notch": [[0, 0, 0, 1, 1, 0]]}, "found 6 numbers, expected 9 of a triangle"),
-        ({"outline": [[[0, 0], [1, 0], [1, 1]]]}, "found a point of 2 numbers, expected 3"),
-        ({"holes": [[[0, 0], [1, 0], [1, 1]]]}, "found a point of 2 numbers, expected 3 in a body"),
-        ({"version": 3}, "expected 1, or 2 of a body"),
+        ({"notch": [[0, 0, 0, 1, 1, 0]]}, naming(found="6 numbers", expected="9")),
+        ({"outline": [[[0, 0], [1, 0], [1, 1]]]}, naming(found="2 numbers", expected="3")),
+        ({"holes": [[[0, 0], [1, 0], [1, 1]]]}, naming(found="2 numbers", expected="3")),
+        ({"version": 3}, naming(expected=("1", "2"))),
     ],
 )
 def test_a_plate_in_a_body_is_refused(change: dict[str, object], said: str) -> None:
@@ -153,21 +156,29 @@ def test_a_plate_in_a_body_is_refused(change: dict[str, object], said: str) -> N
         grid_of(read_document(json.dumps(raw), "box"), "box")
 
 
+def test_an_open_surface_is_named_where_it_is_open() -> None:
+    """A triangle over one column of cubes alone, that of (1.25, 2.35) m."""
+    one = np.array([[[1.22, 2.32, 3.1], [1.29, 2.33, 3.1], [1.24, 2.39, 3.1]]])
+    cubes = Cubes(np.array([1.0, 2.0, 3.0]), 0.1, np.array([5, 6, 7]))
+    with pytest.raises(SceneError, match=r"near x = 1\.25, y = 2\.35 m"):
+        inside(one, cubes, "plate")
+
+
 def test_what_makes_no_body_is_refused() -> None:
     whole = meshed(Body(Box((0, 0, 0), (1, 1, 1)), 0.1)).shell
-    with pytest.raises(SceneError, match="found a surface open at"):
+    with pytest.raises(SceneError, match=naming(found=("surface", "open"))):
         build(Body(Shell(whole.triangles[1:], 1.0), 0.1))
     other = meshed(Body(Box((0.5, 0.5, 0.5), (1.5, 1.5, 1.5)), 0.1)).shell
     crossing = np.concatenate([whole.triangles, other.triangles])
-    with pytest.raises(SceneError, match="its surface crosses itself"):
+    with pytest.raises(SceneError, match=naming("surface", "crosses", "itself")):
         build(Body(Shell(crossing, volume(crossing)), 0.1))
-    with pytest.raises(SceneError, match="crack 'flat': found through 100 nodes"):
+    with pytest.raises(SceneError, match=naming("crack 'flat'", found="100 nodes")):
         build(Body(whole, 0.1).crack([[[-9, -9, 0.55], [9, -9, 0.55], [0, 20, 0.55]]], "flat"))
     with pytest.raises(SceneError, match="radius: found -1 m"):
         Body(Sphere((0, 0, 0), -1), 0.1)
     with pytest.raises(SceneError, match="found nothing left"):
         meshed(Body(Box((0, 0, 0), (1, 1, 1)) & Box((2, 2, 2), (3, 3, 3)), 0.1))
-    with pytest.raises(SceneError, match="expected one of left, right"):
+    with pytest.raises(SceneError, match=naming(expected=("left", "right"))):
         Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")
 
 
@@ -176,21 +187,33 @@ def test_what_makes_no_body_is_refused() -> None:
     [
         (
             lambda body: body.crack([[[5, 5, 5], [6, 5, 5], [5, 6, 5]]]),
-            "crack '1': found outside the body, expected in",
+            naming("crack '1'", found=("outside", "body")),
         ),
-        (lambda body: body.crack([[[0, 0, 0.5], [1, 0, 0.5], [0.5, 0, 0.5]]]), "found triangle 0 without area"),
-        (lambda body: body.zone(Box((5, 5, 5), (6, 6, 6)), 0.05), "zone '1': found the middle of no cube in it"),
-        (lambda body: body.zone(body.solid, 0.2), "zone '1': spacing: found 0.2 m, expected 0.1 m over 1, 2, 4, 8"),
-        (lambda body: body.zone(body.solid, 0.03), "zone '1': spacing: found 0.03 m, expected 0.1 m over 1, 2, 4, 8"),
-        (lambda body: Body(body.solid, -0.1), "spacing: found -0.1, expected more than 0 m"),
-        (lambda body: Body(body.solid, 0.1, horizon=0.0), "horizon: found 0.0, expected a ratio to the spacing"),
-        (lambda body: Body(body.solid, 0.1, Material(E=-1.0, rho=1.0, G0=1.0)), "material: Expected `float` > 0.0"),
-        (lambda body: Body(body.solid, 0.1, medium=Medium(D=-1.0)), "medium: Expected `float` > 0.0"),
-        (lambda body: Body(body.solid, 0.1, run=Run(steps=-4)), "run: Expected `int` >= 0"),
+        (lambda body: body.crack([[[0, 0, 0.5], [1, 0, 0.5], [0.5, 0, 0.5]]]), naming(found="triangle 0")),
+        (lambda body: body.zone(Box((5, 5, 5), (6, 6, 6)), 0.05), naming("zone '1'", found=("middle", "cube"))),
+        (
+            lambda body: body.zone(body.solid, 0.2),
+            naming("spacing", "zone '1'", found="0.2 m", expected=("0.1 m", "over 1", "2", "4", "8")),
+        ),
+        (
+            lambda body: body.zone(body.solid, 0.03),
+            naming("spacing", "zone '1'", found="0.03 m", expected=("0.1 m", "over 1", "2", "4", "8")),
+        ),
+        (lambda body: Body(body.solid, -0.1), naming("spacing", found="-0.1", expected="0 m")),
+        (
+            lambda body: Body(body.solid, 0.1, horizon=0.0),
+            naming("horizon", found="0.0", expected=("ratio", "spacing")),
+        ),
+        (
+            lambda body: Body(body.solid, 0.1, Material(E=-1.0, rho=1.0, G0=1.0)),
+            re.escape("material: Expected `float` > 0.0"),
+        ),
+        (lambda body: Body(body.solid, 0.1, medium=Medium(D=-1.0)), re.escape("medium: Expected `float` > 0.0")),
+        (lambda body: Body(body.solid, 0.1, run=Run(steps=-4)), re.escape("run: Expected `int` >= 0")),
     ],
 )
 def test_odd_parts_are_refused(make: Callable[[Body], Body], said: str) -> None:
-    with pytest.raises(SceneError, match=re.escape(said)):
+    with pytest.raises(SceneError, match=said):
         build(meshed(make(Body(brick((0, 0, 0), (1, 1, 1)), 0.1, GLASS))))
 
 
@@ -211,7 +234,7 @@ def test_zones_part_cubes_and_volumes_stay() -> None:
 def test_a_segment_is_cut_by_small_triangles_as_by_large_ones() -> None:
     """A square in 2 and in 800 triangles; both against what arithmetic says, edges included."""
     from pdmesh.model.neighbours import Pairs, lengths
-    from pdmesh.model.triangles import Screen
+    from pdmesh.model.triangulated_surface import Screen
 
     random = np.random.default_rng(3)
     position = np.vstack(
@@ -246,3 +269,24 @@ def test_a_segment_is_cut_by_small_triangles_as_by_large_ones() -> None:
     assert np.array_equal(few, expected)
     assert np.array_equal(many, expected)
     assert few.sum() > 1000
+
+
+def test_a_body_is_thin_four_nodes_from_where_it_has_three_across() -> None:
+    """A block with a fin one cube thick: its first three cubes are within four of the block's innermost, and belong to
+    a sharp edge; those further out are thin, and nothing else is."""
+    solid = np.zeros((24, 11, 11), dtype=bool)
+    solid[1:10, 1:10, 1:10] = True
+    solid[10:20, 1:10, 5] = True
+    cubes = Cubes(np.zeros(3), 1.0, np.array(solid.shape))
+    thin = _thin(solid, cubes, cubes)
+    assert np.array_equal(thin, solid & (np.arange(24) >= 13)[:, None, None])
+
+
+def test_what_is_in_no_node_is_scaled_with_the_nodes_it_is_given_to() -> None:
+    """Three whole cubes and half of one beside the first: what lines have missed of the body's volume is put into the
+    first alone."""
+    cubes, no = Cubes(np.zeros(3), 1.0, np.array([3, 1, 1])), np.zeros(3, dtype=bool)
+    level = Cubic(cubes, np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.ones(3), no, no)
+    body = SimpleNamespace(shell=SimpleNamespace(volume=3.6))
+    (found,) = _given(body, [level], [(np.array([[-0.5, 0.5, 0.5]]), np.array([0.5]))])  # type: ignore[arg-type]
+    assert found.volume == pytest.approx([1.6, 1.0, 1.0])

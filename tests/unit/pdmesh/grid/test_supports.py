@@ -14,7 +14,7 @@ from pdmesh.grid.lattice import build_grid
 
 def loose(scene: Scene) -> list[str]:
     """What is said of parts that nothing holds."""
-    return [note for note in soundness.remarks(*build_grid(scene)[:2]) if "nothing holds" in note]
+    return [note for note in soundness.remarks(*build_grid(scene)[:2]) if "without supports" in note]
 
 
 FREE: dict[str, tuple[Callable[[Scene], Scene], str]] = {

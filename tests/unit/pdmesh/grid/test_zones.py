@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from messages import naming
 from scipy.spatial import cKDTree
 
 from pdmesh import Circle, Scene, SceneError, box
@@ -98,7 +99,7 @@ def test_refine_without_drawing(target: str, plate: Scene) -> None:
 
 
 def test_refine_finds_nothing_to_refine(plate: Scene) -> None:
-    with pytest.raises(SceneError, match="refine hole: found none"):
+    with pytest.raises(SceneError, match=naming("refine hole", found="none")):
         levels(plate.refine("hole", 1e-3))
 
 

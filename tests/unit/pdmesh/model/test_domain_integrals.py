@@ -162,3 +162,14 @@ def test_the_weight_is_smooth_and_its_gradient_its_own() -> None:
         moved = step * np.eye(2)[axis]
         number = (weight(places + moved, ring)[0] - weight(places - moved, ring)[0]) / (2 * step)
         assert number == pytest.approx(slope[:, axis], abs=1e-5)
+
+
+@pytest.mark.parametrize(("K1", "K2"), [(1.0, 0.5), (1.0, -0.5), (0.3, 1.0), (0.0, -1.0)])
+def test_a_crack_turns_to_where_the_hoop_stress_of_its_own_field_is_largest(K1: float, K2: float) -> None:
+    """Sought on a circle around the tip, to the tenth of a degree it is looked at in; to the right where K2 is
+    positive."""
+    angle = np.radians(np.arange(-1790, 1791) / 10)
+    xx, yy, xy = intensities(np.exp(1j * angle), STRESS, K1, K2).stress.T
+    hoop = xx * np.sin(angle) ** 2 + yy * np.cos(angle) ** 2 - 2 * xy * np.sin(angle) * np.cos(angle)
+    assert kink(K1, K2) == pytest.approx(np.degrees(angle[hoop.argmax()]), abs=0.06)
+    assert np.sign(kink(K1, K2)) == -np.sign(K2)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from messages import naming
 from plates import GLASS, square_grid
 
 from pdmesh import GridError
@@ -46,5 +47,5 @@ def test_conditions_that_cannot_be(condition: AnyCondition, message: str) -> Non
 
 
 def test_a_region_without_nodes() -> None:
-    with pytest.raises(GridError, match=r"^plate\.json: \$\.regions\[0\]\.nodes: found id 8"):
+    with pytest.raises(GridError, match=naming("plate.json", "$.regions[0].nodes", found="8")):
         check(Settings(regions=(Region(material=GLASS, nodes=(8,)),)), GRID, "plate.json")

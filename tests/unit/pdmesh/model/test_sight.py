@@ -13,10 +13,11 @@ import pytest
 from numpy.typing import NDArray
 from plates import lattice
 
-from pdmesh.model.cloud import Grid
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.neighbours import Neighbours, Pairs
-from pdmesh.model.visibility import Sight
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.visibility import Sight, SightInSpace
+from pdmesh.scene.solids import brick
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import SCHEMES
 
@@ -211,3 +212,45 @@ def test_what_cannot_be_is_refused_in_one_line(change: dict[str, object], said: 
 def test_gamma_is_one_or_more() -> None:
     with pytest.raises(msgspec.ValidationError, match=r">= 1\.0"):
         msgspec.convert({"E": 1.0, "rho": 1.0, "G0": 1.0, "gamma": 0.5}, Material)
+
+
+@pytest.mark.parametrize("dent", [1e-4, 1e-6, 0.0])
+def test_a_dent_however_small_is_seen(dent: float) -> None:
+    """A notch of a millionth of the plate's area between two nodes parts them; a plate without one has no void."""
+    depth = 18.0 * 18.0 * dent / 0.2 * 2
+    outline = [[-9.0, -9.0], [-0.1, -9.0], [0.0, -9.0 + depth], [0.1, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]
+    bare = lattice([])
+    end = -9.0 + depth / 2
+    places = np.array([[-0.15, end], [0.15, end]])
+    grid = dataclasses.replace(
+        bare,
+        ids=np.arange(len(bare) + 2),
+        position=np.vstack([bare.position, places]),
+        delta=np.ones(len(bare) + 2),
+        outline=(np.array(outline),),
+    )
+    n = len(bare)
+    sight = Sight(grid)
+    assert sight.inside(Pairs(np.array([n]), np.array([n + 1]), np.array([0.3]))).tolist() == [dent == 0]
+    assert sight.clear == (dent == 0)
+
+
+def test_the_front_of_a_crack_in_a_body_is_where_it_ends_inside() -> None:
+    """A crack from the face x = 0 of a cube to its middle: its three edges on faces are its mouth, and no way leads
+    round there, however near to the face within round-off, or short of it by a thousandth of a spacing."""
+    corners = [[0.0, -4.0, 0.0], [4.0, -4.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]]
+    for short, edges in ((0.0, 1), (1e-9, 1), (1e-3, 2)):
+        a, b, c, d = (np.maximum(corner, [short, -4.0, 0.0]) for corner in corners)
+        grid = cube(np.array([[a, b, c], [a, c, d]]))
+        assert len(SightInSpace(grid)._front) == edges
+
+
+def cube(cracks: NDArray[np.float64]) -> Grid:
+    """A cube from 0 to 8 along x, -4 to 4 along y and z, of nodes 1 m apart, with triangles of a crack."""
+    steps = np.arange(8) + 0.5
+    position = np.stack(np.meshgrid(steps, steps - 4, steps - 4, indexing="ij"), axis=-1).reshape(-1, 3)
+    nowhere = np.full(len(position), -1)
+    faces = brick((0.0, -4.0, -4.0), (8.0, 4.0, 4.0)).triangles
+    rows = cracks.reshape(-1, 9)
+    ids, ones = np.arange(len(position)), np.ones(len(position))
+    return Grid(ids, position, ones, nowhere >= 0, nowhere, rows, outline=tuple(faces))

@@ -11,12 +11,12 @@ import pytest
 from plates import GLASS
 
 from pdmesh import Circle, Material, Run, Scene, SceneError, box, ramp
-from pdmesh.drawing.groups import Group, scene_of
 from pdmesh.drawing.parameters import NAMES
+from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import Document, encode, read_document
+from pdmesh.model.node_grid import document_of
 
 NAN, INF, TINY = float("nan"), float("inf"), 5e-324
 NUMBERS = (NAN, INF, -INF, 1e308, -1e308, TINY, -TINY, 1e-18, 1e18, 1e9, 0.0, -1.0, 0.3)

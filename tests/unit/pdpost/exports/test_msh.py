@@ -27,6 +27,7 @@ def gmsh() -> Iterator[Any]:
 def test_gmsh_reads_what_was_stored(hybrid_results: Path, tmp_path: Path, gmsh: Any) -> None:
     path, corners = tmp_path / "views.msh", 4
     assert main(["export", str(hybrid_results), "-o", str(path), "-q", "--squares"]) == 0
+    assert path.read_bytes().startswith(b"$MeshFormat\n2.2 1 8\n\1\0\0\0\n$EndMeshFormat\n")  # the order of bytes: 1
     gmsh.merge(str(path))
     tags, places, _ = gmsh.model.mesh.getNodes()
     place = dict(zip(tags.tolist(), places.reshape(-1, 3)[:, :2], strict=True))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from PIL import Image
 
 from pdpost.figures import animation
@@ -68,10 +69,10 @@ def test_the_deformed_shape_stays_in_the_picture(small_results: Path) -> None:
 
 def test_a_film_needs_ffmpeg(small_results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(FigureError, match="found no ffmpeg, expected it on the PATH"):
+    with pytest.raises(FigureError, match=naming(found="ffmpeg", expected="PATH")):
         animation.check_format(Path("a.mp4"))
     assert animation.check_format(Path("a.gif")) == "gif"
-    with pytest.raises(FigureError, match=r"a\.avi: found suffix '\.avi', expected \.gif or \.mp4"):
+    with pytest.raises(FigureError, match=naming("a.avi", found="suffix '.avi'", expected=".mp4")):
         animation.check_format(Path("a.avi"))
 
 
@@ -87,5 +88,5 @@ def test_what_ffmpeg_is_given_and_what_it_says(
         shots = list(animation.frames(results, dpi=40))
     assert animation.mp4(shots) == b"".join(shot.tobytes() for shot in shots)
     program.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
-    with pytest.raises(FigureError, match=r"found exit code 3 \(no such codec\), expected a film"):
+    with pytest.raises(FigureError, match=naming(found=("exit code 3", "no such codec"))):
         animation.mp4(shots)

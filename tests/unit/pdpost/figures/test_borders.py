@@ -14,7 +14,7 @@ from zones import struck
 
 from pdpost.figures import animation, field_figure
 from pdsolve.results import Results
-from pdsolve.simulation import Options, simulate
+from pdsolve.run.simulation import Options, simulate
 
 LABEL = "zone of finer nodes"
 MM = 1e3  # the pictures' unit

@@ -12,6 +12,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
+from messages import mentions, naming
 from numpy.typing import NDArray
 from pages import TOLD
 from plates import ROOT
@@ -20,10 +21,10 @@ from pdpost.figures import bond_figure, colours, field_figure, level_figure, she
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import plates
+from pdpost.measures.bond_pairs import pairs
 from pdpost.measures.fields import FIELDS, FieldError
-from pdpost.measures.pairs import pairs
-from pdsolve.measures import Ledger
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
+from pdsolve.run.measures import Ledger
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
     "damage": lambda results: field_figure.field(results, "damage", 60),
@@ -82,14 +83,14 @@ def test_prefixes(largest: float, handy: tuple[float, str]) -> None:
 
 
 def test_fields_that_were_not_stored_are_named(few_results: Path) -> None:
-    with Results.open(few_results) as results, pytest.raises(ResultsError, match="found no field 'energy'"):
+    with Results.open(few_results) as results, pytest.raises(ResultsError, match=naming(found="field 'energy'")):
         field_figure.field(results, "energy", 60)
 
 
 def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
         figure = field_figure.field(results, "damage", 0)
-    with pytest.raises(FigureError, match=r"x\.foo: found suffix '\.foo', expected one of .*\.png"):
+    with pytest.raises(FigureError, match=naming("x.foo", found="suffix '.foo'")):
         style.save(figure, tmp_path / "x.foo")
     for setting, message in (
         ({"fontsize": "3"}, "--set fontsize: found no such matplotlib setting"),
@@ -105,9 +106,9 @@ def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -
         figure = field_figure.field(results, "velocity", 60, part="y")
         largest = float(np.abs(results.field("vy", 60)).max())
         narrow = field_figure.field(results, "velocity", 60, part="y", largest=2.0)
-        with pytest.raises(FieldError, match="velocity: found no component 'xx', expected one of magnitude, x, y"):
+        with pytest.raises(FieldError, match=naming("velocity", found="component 'xx'", expected=("magnitude", "x"))):
             field_figure.field(results, "velocity", 60, part="xx")
-        with pytest.raises(FieldError, match="damage: found no component 'x', expected none, it is a scalar"):
+        with pytest.raises(FieldError, match=naming("damage", found="component 'x'", expected=("none", "scalar"))):
             field_figure.field(results, "damage", 60, part="x")
     cells = figure.axes[0].collections[0]
     factor, _ = prefixed(largest)
@@ -191,7 +192,7 @@ def test_nodes_without_a_value_are_explained(small_results: Path) -> None:
     with Results.open(small_results) as results:
         shown = field_figure.Shown(np.where(np.arange(252) < 3, np.nan, 1.0), np.zeros(252, dtype=bool))
         figure = field_figure.field(results, "stress", 60, shown=shown)
-    assert "too few bonds for a value: 3 nodes" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert mentions([text.get_text() for text in figure.legends[0].get_texts()], "too few bonds", "3 nodes")
 
 
 def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
@@ -237,6 +238,17 @@ def test_the_guide_names_the_colours_that_are_drawn() -> None:
     assert best == style.BLUE
     assert "light grey, and dark grey" in TOLD
     assert (style.TORN, style.UNKNOWN) == ("#c8c8c8", "#707070")
+
+
+def test_a_panel_of_cost_and_error() -> None:
+    """Log axes without a box; what none beats is linked, others are open; an error that is unknown has no name."""
+    axes = Figure().add_subplot()
+    tradeoff_figure.draw(axes, np.array([1.0, 2.0, 4.0, 3.0]), np.array([0.1, 0.2, 0.05, np.nan]), ["a", "b", "c", "d"])
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert not axes.spines["top"].get_visible()
+    others, best = (np.asarray(line.get_xdata()).tolist() for line in axes.lines[:2])
+    assert (others, best) == ([2.0, 3.0], [1.0, 4.0])
+    assert [text.get_text() for text in axes.texts[:3]] == ["a", "b", "c"]
 
 
 def test_the_deformed_shape(small_results: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from plates import plate, square_grid
 
 from pdmesh.model.document import InitialVelocity, Load, Run, Velocity
@@ -13,7 +14,7 @@ from pdpost.figures import charts
 from pdpost.measures.balance import balance
 from pdpost.measures.forces import chosen, reactions
 from pdsolve.results import Results, ResultsError
-from pdsolve.simulation import simulate
+from pdsolve.run.simulation import simulate
 
 
 def test_the_last_error_is_the_solvers_own(small_results: Path) -> None:
@@ -57,7 +58,7 @@ def test_reactions_have_the_names_of_their_conditions() -> None:
     assert found[0].force[-1] == pytest.approx([1e9 * 5e-6, 5e9 * 5e-6])
     assert [one.number for one in chosen(found, ["2", "pull"])] == [2, 1]
     assert chosen(found, []) == found
-    with pytest.raises(ResultsError, match=r"found no condition 'push', expected one of 1 \(pull\), 2 \(condition 2\)"):
+    with pytest.raises(ResultsError, match=naming(found="condition 'push'", expected=("1 (pull)", "2 (condition 2)"))):
         chosen(found, ["push"])
     figure = charts.reactions(found)
     over_time, over_way = figure.axes

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from plates import square_grid
 
 from pdpost.measures import histories, strain, tradeoff
-from pdpost.measures.cracked import cracked_since, damage_at
-from pdsolve.measures import Ledger
+from pdpost.measures.cracked_nodes import cracked_since, damage_at
 from pdsolve.results import Breaks, Epoch, Frame, Nodes, Results, Writer
+from pdsolve.run.measures import Ledger
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
 

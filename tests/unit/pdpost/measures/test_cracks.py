@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from drawn import alone, at, lattice, run
 
-from pdpost.measures.cracked import cracked_since, damage_at
-from pdpost.measures.cracks import branch_place, clusters, directions, growth, is_split
-from pdsolve.results import Breaks, Frame, Nodes, Results, Writer
+from pdpost.measures.crack_summary import crack, numbers, sentences
+from pdpost.measures.cracked_nodes import cracked_since, damage_at
+from pdpost.measures.cracks import clusters, growth, is_split
+from pdsolve.results import Breaks, Frame, Results, Writer
+from pdsolve.study.run_measures import _cracked
+
+PLATE = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
 
 
 def test_a_crack_starts_when_its_tip_is_one_and_a_half_spacings_on() -> None:
@@ -37,30 +42,49 @@ def test_flanks_of_a_pre_crack_are_no_branch() -> None:
     assert growth(run(lattice(), flanks)).branching is None
 
 
-ARMS = [(10 + x, x, side * (x - 6)) for x in (7, 8, 9, 10) for side in (-1, 1)]
+TRUNK = [(x, x, 0) for x in range(5, 16)]
+ARMS = [(30 + 2 * k, 15 + k, side * k) for k in range(1, 14) for side in (-1, 1)]
 
 
-def test_it_branches_at_the_first_of_three_double_columns() -> None:
-    """Arms at 45 degrees from (6, 0): those of column 7 are still too near to each other."""
-    found = growth(run(lattice(rows=11), [(5, 5, 0), (6, 6, 0), *ARMS]))
-    assert found.branching is not None
-    assert (found.branching.step, found.branching.along) == (20, pytest.approx(8e-3))
+def test_it_branches_once_at_the_place_and_time_of_its_first_fork() -> None:
+    """A trunk from 5 to 15 mm, arms at 45 degrees: one place and one time, in numbers and in sentences."""
+    found = crack(run(lattice(40, 41), TRUNK + ARMS, model=PLATE), along="right")
+    (fork,), branching = found.forks, found.growth.branching
+    assert branching is not None
+    assert (branching.time, branching.along) == (fork.time, fork.place[0])
+    assert branching.along == pytest.approx(15e-3, abs=1e-3)
+    said = numbers(found)
+    assert said["branching"]["step"] == said["forks"][0]["step"] == round(fork.time / 1e-6)  # type: ignore[call-overload,index]
+    lines = sentences(found)
+    (first,), (second,) = ([line for line in lines if line.startswith(word)] for word in ("branching", "fork at"))
+    assert first.split(", ")[1] == second.split(", ")[2].split(": ")[0]
+
+
+@pytest.mark.parametrize("arms", [ARMS, ARMS[:6], []])
+def test_studies_measure_branching_and_its_angle_of_one_fork(arms: list[tuple[int, int, int]]) -> None:
+    """Both or neither, of arms that are long enough to be some, of shorter ones and of none."""
+    measured = _cracked(crack(run(lattice(40, 41), TRUNK + arms, model=PLATE), along="right"))
+    names = "branching", "branching_at", "fork_angle"
+    assert [measured[name] is not None for name in names] == [arms is ARMS] * 3
+    assert measured["branching_at"] == measured["fork_x"]
+    assert measured["forks"] == (arms is ARMS)
+
+
+def test_everything_is_of_the_step_that_is_asked_for() -> None:
+    """Before the arms are five spacings long there is no fork, in no line of the output; and the tip is there."""
+    results = run(lattice(40, 41), TRUNK + ARMS, model=PLATE)
+    found = crack(results, 33, along="right")
+    assert (found.forks, found.growth.branching) == ([], None)
+    assert found.growth.final_tip == pytest.approx(16e-3)
+    assert crack(results, 4).growth.start is None
+    assert crack(results, 4).growth.first_break is None
 
 
 def test_cracks_side_by_side_are_no_branch() -> None:
     """The same arms without the trunk that links them, and a branch behind the first tip."""
-    assert growth(run(lattice(rows=11), [(5, 6, 3), *ARMS[2:]])).branching is None
+    assert growth(run(lattice(40, 41), [(5, 6, 3), *ARMS[4:]])).branching is None
     behind = [(5, 6, 0)] + [(10, x, y) for x in (1, 2, 3) for y in (1, 2, 3)]
-    assert growth(run(lattice(rows=11), behind)).branching is None
-
-
-def test_two_spacings_apart_are_no_branch() -> None:
-    nodes = lattice()
-    cracked = np.zeros(len(nodes.ids), dtype=bool)
-    for x in (7, 8, 9):
-        for y in (-1, 1):
-            cracked[at(nodes, x, y) - 1] = True
-    assert branch_place(*nodes.position[cracked].T, nodes.delta[cracked]) is None
+    assert growth(run(lattice(), behind)).branching is None
 
 
 def test_a_plate_that_does_not_break() -> None:
@@ -122,39 +146,3 @@ def test_since_when_nodes_are_cracked(small_results: Path) -> None:
                 cracked = damage_at(results, step) > threshold
                 assert np.array_equal(cracked, (since >= 0) & (since <= step))
         assert (cracked_since(results) > 0).sum() > 10
-
-
-@pytest.mark.parametrize("angle", [45.0, 63.434948822922])
-def test_the_direction_of_a_crack_from_its_notch(angle: float) -> None:
-    """Cracked nodes on a straight line from the tip of the notch, upwards."""
-    y, x = np.mgrid[0:40, 0:40]
-    position = 1e-3 * np.column_stack([x.ravel(), y.ravel() - 10.0])
-    count = len(position)
-    cut = np.where((position[:, 1] == 0) & (position[:, 0] < 4.5e-3), 4, 0)
-    ids = np.arange(1, count + 1)
-    nodes = Nodes(ids, position, np.full(count, 1e-3), np.full(count, 1e-6), np.full(count, 10), cut)
-    rise = 1 if angle == 45 else 2
-    line = [(5, 4 + k, rise * k) for k in range(1, 14)] + (
-        [(5, 4 + k, 2 * k - 1) for k in range(1, 14)] if rise == 2 else []
-    )
-    (found,) = directions(run(nodes, line), 10)
-    assert found.tip == (4.5e-3, 0.0)
-    assert found.angle == pytest.approx(angle, abs=0.2)  # measured 45.00 and 63.37
-
-
-def test_a_crack_that_comes_to_a_notch_did_not_leave_it() -> None:
-    """From below, to the tip and beyond."""
-    steps = [(30 + y, 5, y) for y in range(-20, 12)]
-    assert directions(run(lattice(40, 60, below=30), steps), 100) == []
-
-
-def test_directions_are_those_of_the_crack_at_the_notch() -> None:
-    """Another crack, which joins the first one late, is not taken for its other side."""
-    first = [(5 + k, 4 + k, k) for k in range(1, 14)]
-    other = [(5 + k, 12 + k, -8) for k in range(20)] + [(60, 10, y) for y in range(-8, 6)] + [(60, 11, -8)]
-    (found,) = directions(run(lattice(40, 40, below=20), first + other), 100)
-    assert found.angle == pytest.approx(45, abs=0.5)
-
-
-def test_a_crack_that_goes_straight_on_has_no_other_direction() -> None:
-    assert directions(run(lattice(), [(5, x, 0) for x in range(5, 15)]), 10) == []

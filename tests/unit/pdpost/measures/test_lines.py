@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import naming
 from stored import plate, results_of
 
 from pdpost.measures.lines import line
@@ -49,9 +50,9 @@ def test_off_the_plate_there_is_nothing() -> None:
     there = np.isfinite(found.values["x"])
     assert np.array_equal(there, found.place[:, 0] >= -0.5e-3 - 1e-9)
     assert found.values["x"][there][0] == pytest.approx(float(H[0] @ [0, 6e-3]))  # as the nearest node has it
-    with pytest.raises(ResultsError, match="found no place of the plate from 1,1 to 2,2, expected some of"):
+    with pytest.raises(ResultsError, match=naming(found=("1,1", "2,2"))):
         line(results, "displacement", 10, (1.0, 1.0), (2.0, 2.0))
-    with pytest.raises(ResultsError, match="found 1,1, where the line begins, expected another place"):
+    with pytest.raises(ResultsError, match=naming(found="1,1", expected="place")):
         line(results, "displacement", 10, (1.0, 1.0), (1.0, 1.0))
 
 

@@ -59,3 +59,14 @@ def test_a_crack_that_jumps_from_load_step_to_load_step() -> None:
 def test_without_a_crack_there_is_nothing() -> None:
     assert not len(over_length(TIME, 0 * TIME, [], 100.0).value)
     assert np.isnan(over_length(TIME, 0 * TIME, [], 100.0).at(TIME)).all()
+
+
+def test_what_softens_ahead_of_a_crack_is_counted() -> None:
+    """A crack that costs 100 J/m^2, ahead of which bonds have softened over 10 mm before it grows; when it is through
+    they are none. Its advance spends 80 J/m^2, the whole 100."""
+    times = np.linspace(2, 8, 31)
+    one = branch(times, 0.05 * (times - 2) / 6)
+    softened = 0.01 * (1 - np.interp(TIME, one.time, one.along) / 0.05) * (TIME > 1)
+    found = over_length(TIME, 100 * (np.interp(TIME, one.time, one.along) + softened), [one], 100.0)
+    assert found.value[np.isfinite(found.value)] == pytest.approx(80.0, rel=1e-9)
+    assert (found.before, found.whole) == pytest.approx((1.0, 100.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drawn import lattice, run
 
-from pdmesh.model.continuum import rayleigh_ratio, rayleigh_speed
+from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
 from pdpost.measures.speed import Speeds, speeds, window
 from pdpost.measures.waves import rayleigh_of
 

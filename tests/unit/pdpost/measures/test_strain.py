@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import naming
 from stored import MODEL, plate, results_of
 
 from pdmesh.model import gradients
@@ -140,5 +141,5 @@ def test_regions_have_their_own_stiffness() -> None:
 
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
-    with pytest.raises(ResultsError, match="memory: found no model to read"):
+    with pytest.raises(ResultsError, match=naming("memory", found=("model", "read"))):
         strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)

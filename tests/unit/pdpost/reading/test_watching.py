@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from tampered import tampered
 
 import pdsolve.results.writer
-from pdmesh.model.cloud import document_of
 from pdmesh.model.document import write_file
+from pdmesh.model.node_grid import document_of
 from pdpost.figures import field_figure, style
 from pdpost.reading import watching
 from pdpost.reading.watching import SilentError
@@ -51,7 +52,7 @@ def test_a_killed_run_is_given_up_with_a_word(small_results: Path) -> None:
     clock = Clock()
     steps = watching.frames(small_results, 100.0, said.append, clock=clock, wait=clock.wait)
     assert next(steps) == 60
-    with pytest.raises(SilentError, match="found nothing new for 100 s, expected a frame; its status is 'running'"):
+    with pytest.raises(SilentError, match=naming(found="100 s", expected="'running'")):
         next(steps)
     assert [words.split("new for ")[1].split(" s")[0] for words in said] == ["10", "20", "40", "80"]
     assert clock.now == pytest.approx(100.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
+from messages import naming
 
 from pdsolve.study.description import Case, Study, StudyError, read_study
 
@@ -72,32 +74,35 @@ def test_values_are_words_as_the_command_line_has_them() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("repeat.times = 3", "$.repeat: found 3 times without notch, step or noise, expected one of them"),
-        ("repeat.times = 0", "Expected `int` >= 1"),
-        ("repeat.noise = 0.5", "Expected `float` <= 0.1"),
-        ("vary.model.material.G0 = 3", "$.vary: material.G0: found 3, expected a list of values"),
-        ("vary.drawing.length = []", "$.vary: length: found [], expected a list of values"),
-        ("vary.mode = ['quick']", "Invalid enum value 'quick'"),
-        ("varied.mode = ['thesis']", "unknown field `varied`"),
-        ("vary.drawing.length = [1979-05-27]", "$.vary.drawing.length[0]: found 1979-05-27, expected a number, a word"),
-        ("set.threads = 3", "unknown field `threads`"),
-        ("set = ", "Invalid value"),
+        ("repeat.times = 3", naming("$.repeat", found="3 times")),
+        ("repeat.times = 0", re.escape("Expected `int` >= 1")),
+        ("repeat.noise = 0.5", re.escape("Expected `float` <= 0.1")),
+        ("vary.model.material.G0 = 3", naming("material.G0", "$.vary", found="3", expected=("list", "values"))),
+        ("vary.drawing.length = []", naming("length", "$.vary", found="[]", expected=("list", "values"))),
+        ("vary.mode = ['quick']", re.escape("Invalid enum value 'quick'")),
+        ("varied.mode = ['thesis']", re.escape("unknown field `varied`")),
+        (
+            "vary.drawing.length = [1979-05-27]",
+            naming("$.vary.drawing.length[0]", found="1979-05-27", expected=("number", "word")),
+        ),
+        ("set.threads = 3", re.escape("unknown field `threads`")),
+        ("set = ", re.escape("Invalid value")),
         (
             f"vary.model.a = {list(range(400))}\nvary.model.b = {list(range(400))}",
-            "found 160000 runs, expected at most",
+            naming(found="160000 runs"),
         ),
     ],
 )
 def test_what_is_no_study_is_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(StudyError) as error:
         study(tmp_path, text)
-    assert said in str(error.value)
+    assert re.search(said, str(error.value))
     assert str(error.value).startswith(f"{tmp_path / 'study.toml'}: ")
 
 
 def test_a_drawing_that_is_missing_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text('drawing = "none.geo"')
-    with pytest.raises(StudyError, match=r"\$\.drawing: found no file .*none\.geo, expected a drawing"):
+    with pytest.raises(StudyError, match=naming("$.drawing", found="none.geo", expected="drawing")):
         read_study(tmp_path / "study.toml")
     with pytest.raises(StudyError, match="cannot be read: No such file"):
         read_study(tmp_path / "other.toml")

@@ -7,6 +7,7 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 from plates import plate, square_grid
 
 from pdmesh.model.document import Run
@@ -76,9 +77,9 @@ def test_the_same_seed_makes_the_same_run_and_another_another() -> None:
 @pytest.mark.parametrize(
     ("model", "repeat", "said"),
     [
-        (cracked(), Repeat(notch=0.1), "repeat.notch: found no pre-crack to move"),
-        (cracked(solver="static"), Repeat(step=0.1), "repeat.step: found it for a run at rest"),
-        (cracked(adapt="hybrid"), Repeat(noise=0.1), "repeat.noise: found run.adapt hybrid"),
+        (cracked(), Repeat(notch=0.1), naming("repeat.notch", found="pre-crack")),
+        (cracked(solver="static"), Repeat(step=0.1), naming("repeat.step", found=("run", "rest"))),
+        (cracked(adapt="hybrid"), Repeat(noise=0.1), naming("repeat.noise", found="run.adapt hybrid")),
     ],
 )
 def test_what_cannot_be_disturbed_so_is_refused(model: Model, repeat: Repeat, said: str) -> None:

@@ -1,0 +1,86 @@
+"""Whether tests notice when the code is wrong: it is broken in one place at a time, in a copy, and a test has to fail.
+
+`make mutants`, or `python -m benchmarks.mutants [WORD ...]`: the table of those written by hand, or those whose file or
+line has a word in it; then, without words, a sample of `--sample` places from every folder, `--seed` says which.
+`--sample-only` leaves out the table. Returns 1 where a mutant of the table survives, where its line is not there any
+more, where a test fails without it, or where less of the sample is noticed than `LEAST`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.mutants import sample, trees
+from benchmarks.mutants.mutant import Mutant
+from benchmarks.mutants.table import MUTANTS
+
+LEAST = 0.9  # of a sample has to be noticed ...
+FEW, LEAST_OF_FEW = 50, 0.75  # ... or, where it is small: of twelve nine, as chance alone takes more one time in 40
+TABLE_LIMIT = 600.0  # s for the tests of a mutant of the table
+
+
+def passes(tree: Path, tests: Sequence[str], kept: bool = True) -> bool:
+    """Whether all of these tests of a tree do, with kernels that were compiled before if they are `kept`."""
+    ran = trees.run(tree, tests, TABLE_LIMIT, slow=True, kept=kept)
+    if ran.code not in (0, 1):
+        raise SystemExit(f"{' '.join(tests)}: these tests could not be run\n{ran.said[-4000:]}")
+    return ran.code == 0
+
+
+def fate(tree: Path, mutant: Mutant) -> str:
+    """What became of a mutant of the table."""
+    text = (tree / mutant.file).read_text(encoding="utf-8")
+    if text.count(mutant.line) != 1:
+        return f"STALE: its line is there {text.count(mutant.line)} times, expected once"
+    with trees.broken(tree, mutant.file, text.replace(mutant.line, mutant.becomes)) as kept:
+        return "SURVIVED" if passes(tree, mutant.tests.split(), kept) else "killed"
+
+
+def table(chosen: Sequence[Mutant]) -> int:
+    """How many of these survive."""
+    alive = 0
+    with tempfile.TemporaryDirectory() as folder:
+        tree = trees.copied(Path(folder) / "tree")
+        if not passes(tree, list(dict.fromkeys(test for one in chosen for test in one.tests.split()))):
+            raise SystemExit("some of the tests fail without a mutant")
+        for one in chosen:
+            began = time.perf_counter()
+            found = fate(tree, one)
+            alive += found != "killed"
+            what = one.becomes.strip() or one.line.strip()
+            print(f"{found}, {time.perf_counter() - began:.0f} s: {one.file}: {what}", flush=True)
+    print(f"{len(chosen)} mutants of the table, {alive} alive")
+    return alive
+
+
+def main(words: Sequence[str]) -> int:
+    """Break, test, mend; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants")
+    parser.add_argument("words", nargs="*", metavar="WORD", help="mutants of the table with a word in file or line")
+    parser.add_argument("--sample", type=int, default=100, metavar="N", help="places from every folder (100)")
+    parser.add_argument("--seed", type=int, default=0, help="which places (0)")
+    parser.add_argument("--limit", type=float, default=120.0, metavar="S", help="for the tests of each place (120)")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="places at a time (2)")
+    parser.add_argument("--sample-only", action="store_true", help="leave out the table")
+    args = parser.parse_args(words)
+    chosen = [one for one in MUTANTS if not args.words or any(word in one.file + one.line for word in args.words)]
+    failed = not args.sample_only and table(chosen) > 0
+    if args.words or not args.sample:
+        return int(failed)
+    began = time.perf_counter()
+    killed = sample.measured(args.sample, args.seed, args.limit, args.jobs)
+    least = LEAST if args.sample >= FEW else LEAST_OF_FEW
+    print(
+        f"{killed} of {args.sample} places noticed (seed {args.seed}, {time.perf_counter() - began:.0f} s),"
+        f" expected at least {least * args.sample:.0f}"
+    )
+    return int(failed or killed < least * args.sample)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,45 @@
+"""What lets a shell complete the words of a program: its `--completion`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pdmesh.printing import say
+
+
+class Completion(argparse.Action):
+    """Prints what lets a shell complete the program's words."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, shell: Any, __: object = None) -> NoReturn:
+        try:
+            import shtab
+        except ImportError:
+            parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
+        for word, other in getattr(parser, "others", {}).items():
+            _complete_word(parser, word, other())
+        _complete_files(parser, shtab)
+        say(shtab.complete(parser, shell=str(shell)))
+        parser.exit()
+
+
+def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.ArgumentParser) -> None:
+    """Let the first word of a command line be `word` too, and what `other` takes follow it."""
+    first = next(action for action in parser._actions if not action.option_strings)
+    first.choices = [*(first.choices or ()), word]
+    for action in other._actions:
+        if not set(action.option_strings) & set(parser._option_string_actions):
+            parser._add_action(action)
+
+
+def _complete_files(parser: argparse.ArgumentParser, shtab: Any) -> None:
+    """Mark all words of a parser that are paths, those of its commands too."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                _complete_files(command, shtab)
+        elif action.type is Path and action.choices:
+            action.choices = [*shtab.Required.FILE, *action.choices]
+        elif action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]

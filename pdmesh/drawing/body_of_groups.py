@@ -1,0 +1,244 @@
+"""A drawing in space as Gmsh has it - volumes and surfaces in named groups, and parameters - as a Body.
+
+    group                                      parameters below Peridynamics/
+    Physical Volume("zone:NAME")               Zones/NAME/Spacing, Grown (1)
+    Physical Surface("crack:NAME")             -
+    Physical Surface or Volume("load:NAME")    Loads/NAME/Traction x, y, z or Body force x, y, z; *
+    Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
+    Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
+    * of each condition                        Rows (1), Profile (constant), Breakable (0), Box "x0 y0 z0 x1 y1 z1"
+    Physical Volume("material:NAME")           Materials/NAME/ as in the plane, what differs
+
+All zones together are the body. The rest is that of the plane (`pdmesh.drawing.plate_of_groups`), but for what only
+plates have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pdmesh.drawing import parameters as named
+from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.drawing.solids import sheet_of, shell_of
+from pdmesh.scene.body import Body, Components, SolidZone
+from pdmesh.scene.shapes import SceneError, checked_spacing
+from pdmesh.scene.solids import Sheet, Shell, brick
+
+KINDS = {  # kind: dimensions, folder of its parameters
+    "zone": ((3,), "Zones"),
+    "crack": ((2,), ""),
+    "load": ((2, 3), "Loads"),
+    "fix": ((2, 3), "Fixes"),
+    "move": ((2, 3), "Moves"),
+    "material": ((3,), "Materials"),
+    "hold": ((2, 3), "Holds"),
+    "supply": ((2, 3), "Supplies"),
+    "exchange": ((2,), "Exchanges"),
+    "begin": ((3,), "Begins"),
+    "solid": ((3,), ""),
+    "medium": ((3,), "Media"),
+}
+PLACED = ("load", "fix", "move", "hold", "supply", "begin")
+SHAPES = ("Point", "Curve", "Surface", "Volume")
+OF_PLATES = ("Refine/", "Absorbs/", "Area rule", "Run/Adapt")
+Placed = dict[str, tuple[Shell | Sheet, str]]  # by name: where, and the folder of its parameters
+
+
+def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
+    """The body that groups and parameters describe. Raises SceneError naming the group or the parameter."""
+    named.refuse_unknown(values, own=True)
+    for name in values:
+        if name.removeprefix(PREFIX).startswith(OF_PLATES):
+            raise SceneError(f"parameter '{name}': found one in a body in space, expected none: only plates have it")
+    parameters = Parameters(values, named.unit_of(values))
+    groups = _sorted_out(found, parameters)
+    spacings = {
+        name: checked_spacing(parameters.length(f"Zones/{name}/Spacing"), f"zone '{name}': spacing")
+        for name in groups["zone"]
+    }
+    if not spacings:
+        raise SceneError("zones: found none, expected at least one (a volume in a group 'zone:NAME')")
+    coarsest = max(spacings.values())
+    whole = next(group for group in found["groups"] if group["name"] == "body")
+    body = Body(
+        _shell(found, whole, parameters),
+        coarsest,
+        material=named.material(parameters, "Material", None),
+        medium=named.medium(parameters),
+        horizon=parameters.number("Horizon ratio", 3.0),
+        run=named.run(parameters),
+        source=source,
+        drawing=text,
+        parameters=tuple(values.items()),
+        zones=tuple(
+            SolidZone(
+                name,
+                _shell(found, groups["zone"][name], parameters),
+                spacing,
+                parameters.flag(f"Zones/{name}/Grown", True),
+            )
+            for name, spacing in spacings.items()
+            if spacing < coarsest
+        ),
+    )
+    for name, group in groups["crack"].items():
+        body = body.crack(_sheet(found, group, parameters), name)
+    places = {kind: _places(found, groups[kind], parameters, kind) for kind in PLACED}
+    body = _moved(
+        _fixed(_loaded(body, places["load"], parameters), places["fix"], parameters), places["move"], parameters
+    )
+    for name, group in groups["material"].items():
+        material = named.material(parameters, f"Materials/{name}", body.material)
+        if material is None:
+            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E': found none, expected a number")
+        body = body.region(_shell(found, group, parameters), material, name)
+    for name, group in groups["medium"].items():
+        body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
+    for name, group in groups["solid"].items():
+        body = body.dissolve(_shell(found, group, parameters), name)
+    return _diffusing(
+        body, places | {"exchange": _places(found, groups["exchange"], parameters, "exchange")}, parameters
+    )
+
+
+def _diffusing(body: Body, places: Mapping[str, Placed], parameters: Parameters) -> Body:
+    """With what is done to a substance that diffuses."""
+
+    def shared(folder: str) -> dict[str, Any]:
+        return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
+
+    for name, (where, folder) in places["begin"].items():
+        if isinstance(where, Shell):
+            body = body.begin(where, parameters.number(f"{folder}/Concentration"), name)
+    for name, (where, folder) in places["hold"].items():
+        body = body.hold(where, parameters.number(f"{folder}/Concentration"), name=name, **shared(folder))
+    for name, (where, folder) in places["supply"].items():
+        flux, rate = parameters.maybe(f"{folder}/Flux"), parameters.maybe(f"{folder}/Rate")
+        body = body.supply(where, flux, rate, name=name, **shared(folder))
+    for name, (where, folder) in places["exchange"].items():
+        assert isinstance(where, Sheet)
+        coefficient, outside = parameters.number(f"{folder}/Coefficient"), parameters.number(f"{folder}/Outside", 0.0)
+        body = body.exchange(where, coefficient, outside, name=name, **shared(folder))
+    return body
+
+
+def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, dict[str, Any]]:
+    """The groups by kind and name. Raises SceneError for one that means nothing, or parameters without one."""
+    groups: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
+    for group in found["groups"]:
+        kind, _, name = group["name"].partition(":")
+        if group["name"] == "body":
+            continue
+        if kind not in KINDS or not name or group["dimension"] not in KINDS[kind][0]:
+            forms = ", ".join(
+                f'{" or ".join(SHAPES[d] for d in dimensions)} "{other}:NAME"'
+                for other, (dimensions, _) in KINDS.items()
+            )
+            raise SceneError(
+                f'Physical {SHAPES[group["dimension"]]}("{group["name"]}"): expected, in a body, one of {forms}'
+            )
+        if name in groups[kind]:
+            raise SceneError(f'group "{group["name"]}": found as a surface and as a volume, expected one of them')
+        groups[kind][name] = group
+    for kind, (dimensions, folder) in KINDS.items():
+        for name in sorted(parameters.below(folder) - set(groups[kind])) if folder else ():
+            if not (kind in PLACED and parameters.text(f"{folder}/{name}/Box")):
+                raise SceneError(
+                    f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}"): found none, expected one for'
+                    f" {PREFIX}{folder}/{name}"
+                )
+    return groups
+
+
+def _shell(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
+    """The surface of a group, in metres, and its volume in m^3."""
+    shell, unit = shell_of(found, group), parameters.unit
+    return Shell(unit.metres(shell.triangles), shell.volume * float(unit.metres(1.0)) ** 3)
+
+
+def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Sheet:
+    return Sheet(parameters.unit.metres(sheet_of(found, group).triangles))
+
+
+def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
+    """Where conditions of a kind are, by name, and the folders of their parameters."""
+    top, places = KINDS[kind][1], {}
+    for name, group in groups.items():
+        if parameters.text(f"{top}/{name}/Box"):
+            raise SceneError(
+                f"parameter '{PREFIX}{top}/{name}/Box': found a group '{kind}:{name}' too, expected one of them"
+            )
+        where = _shell(found, group, parameters) if group["dimension"] == 3 else _sheet(found, group, parameters)
+        places[name] = where, f"{top}/{name}"
+    for name in sorted(parameters.below(top) - set(groups)):
+        places[name] = _box(parameters, f"{top}/{name}/Box"), f"{top}/{name}"
+    return places
+
+
+def _box(parameters: Parameters, name: str) -> Shell:
+    text, place = parameters.text(name), PREFIX + name
+    try:
+        x0, y0, z0, x1, y1, z1 = (parameters.unit.metres(float(word)) for word in text.split())
+    except ValueError:
+        raise SceneError(
+            f"parameter '{place}': found '{text}', expected six numbers 'x0 y0 z0 x1 y1 z1' in a body"
+        ) from None
+    if not (x0 < x1 and y0 < y1 and z0 < z1):
+        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1, y0 < y1 and z0 < z1")
+    return brick((x0, y0, z0), (x1, y1, z1))
+
+
+def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
+    return {
+        "rows": parameters.whole(f"{folder}/Rows", 1),
+        "profile": parameters.profile(f"{folder}/Profile"),
+        "breakable": parameters.flag(f"{folder}/Breakable", False),
+    }
+
+
+def _three(parameters: Parameters, name: str) -> Components | None:
+    """The components; None where there is not one."""
+    x, y, z = (parameters.maybe(f"{name} {axis}") for axis in "xyz")
+    return None if x is y is z is None else (x, y, z)
+
+
+def _loaded(body: Body, places: Placed, parameters: Parameters) -> Body:
+    for name, (where, folder) in places.items():
+        given: dict[str, Any] = {
+            word: tuple(value or 0.0 for value in three)
+            for word, key in (("traction", "Traction"), ("body_force", "Body force"))
+            if (three := _three(parameters, f"{folder}/{key}")) is not None
+        }
+        if len(given) != 1:
+            raise SceneError(f"load '{name}': found {len(given)} of traction and body force, expected one of them")
+        body = body.load(where, name=name, **given, **_shared(parameters, folder))
+    return body
+
+
+def _fixed(body: Body, places: Placed, parameters: Parameters) -> Body:
+    every = ("xyz", "xy", "xz", "yz", "x", "y", "z")
+    for name, (where, folder) in places.items():
+        held = parameters.text(f"{folder}/Components", "xyz", of=every)
+        values: dict[str, float | None] = {}
+        for axis in "xyz":
+            value = parameters.maybe_length(f"{folder}/Displacement {axis}")
+            if value and axis not in held:
+                raise SceneError(
+                    f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"
+                    f" not held (Components '{held}')"
+                )
+            values[axis] = (value or 0.0) if axis in held else None
+        body = body.fix(where, values["x"], values["y"], values["z"], name=name, **_shared(parameters, folder))
+    return body
+
+
+def _moved(body: Body, places: Placed, parameters: Parameters) -> Body:
+    for name, (where, folder) in places.items():
+        moves: dict[str, Any] = {
+            key.lower().replace(" ", "_"): three
+            for key in ("Velocity", "Acceleration", "Initial velocity")
+            if (three := _three(parameters, f"{folder}/{key}")) is not None
+        }
+        body = body.move(where, name=name, **moves, **_shared(parameters, folder))
+    return body

@@ -1,0 +1,135 @@
+"""From a file of any kind - drawing, script, CAD file, mesh, or a model built before - to what it describes."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from pdmesh.drawing.additions import ADAPT, added, sorted_out
+from pdmesh.drawing.parameters import Parameter, full_name, unknown
+from pdmesh.file_kinds import CAD, MESHES
+from pdmesh.grid import building
+from pdmesh.grid.building import Built, looked_at
+from pdmesh.model.document import read_file
+from pdmesh.scene.body import Body
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+
+
+def read_scene(
+    path: Path,
+    assignments: Sequence[tuple[str, str]] = (),
+    refine: Sequence[str] = (),
+    trust: bool = False,
+    cracks: Sequence[str] = (),
+) -> Scene | Body:
+    """The plate or the body in a .geo, .py, STEP or BREP file, or that which the model in a .json file was built from.
+
+    `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, `cracks` are more of them, ``x0,y0,x1,y1``;
+    both in the drawing's unit. Raises SceneError or GridError.
+    """
+    if path.suffix.lower() == ".json":
+        return _again(path, assignments, refine, trust, cracks)
+    scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
+    if isinstance(scene, Body):
+        for option, given in (("--refine", refine), ("--crack", cracks), (ADAPT, dict(assignments).get(ADAPT))):
+            if given and given != "none":
+                raise SceneError(f"{path}: {option}: found a body in space, expected a plate")
+        return scene
+    try:
+        return added(scene, refine, cracks, dict(assignments).get(ADAPT))
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def build(
+    path: Path,
+    assignments: Sequence[tuple[str, str]] = (),
+    refine: Sequence[str] = (),
+    trust: bool = False,
+    cracks: Sequence[str] = (),
+) -> Built:
+    """The grid of the file at `path`; see read_scene, and meshes. Raises SceneError or GridError."""
+    if path.suffix.lower() in MESHES:
+        from pdmesh.drawing.meshes import read_mesh
+
+        for option, given in (("--refine", refine), (ADAPT, dict(assignments).get(ADAPT))):
+            if given:
+                raise SceneError(f"{path}: {option}: found a mesh, expected a drawing")
+        finished = partial(looked_at, Built(*read_mesh(path, assignments, cracks, trust)))
+    else:
+        finished = partial(building.build, read_scene(path, assignments, refine, trust, cracks))
+    try:
+        return finished()
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+    """The parameters of a drawing, a script or a model. Raises SceneError or GridError."""
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        found = dict(read_file(path).parameters)
+        for name, value in assignments:
+            whole = name if name in found else full_name(name)
+            if whole not in found:
+                raise SceneError(f"{path}: {unknown(name, found)}")
+            found[whole] = value
+        return [Parameter(name, value) for name, value in found.items()]
+    if suffix == ".py":
+        from pdmesh.drawing.script import script_parameters
+
+        return script_parameters(path, assignments)
+    if suffix == ".geo":
+        from pdmesh.drawing.geo import read_parameters
+
+        return read_parameters(path, assignments, trust)
+    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py or .json")
+
+
+def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene | Body:
+    suffix = path.suffix.lower()
+    if suffix == ".py":
+        from pdmesh.drawing.script import read_script
+
+        if any(name == "Units" for name, _ in assignments):
+            raise SceneError(f"{path}: --unit: found a Python scene, expected none: its lengths are in metres")
+        return read_script(path, assignments)
+    if suffix == ".geo":
+        from pdmesh.drawing.geo import read_geo
+
+        return read_geo(path, assignments, trust)
+    if suffix in CAD:
+        from pdmesh.drawing.geo import read_cad
+
+        return read_cad(path, assignments)
+    meshes = "" if suffix in MESHES else f", or a mesh's: {', '.join(MESHES)}"
+    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {', '.join(CAD)}{meshes}")
+
+
+def _again(
+    path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
+) -> Scene | Body:
+    """The scene of a model that carries its drawing, with the parameters it was built with."""
+    document = read_file(path)
+    if not document.drawing or not document.source:
+        raise SceneError(f"{path}: $.drawing: found none, expected the text of the drawing it was built from")
+    source = Path(document.source)
+    plain = source.name == document.source and document.source.isprintable()
+    if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
+        raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
+    if source.suffix.lower() == ".py" and not trust:
+        raise SceneError(f"{path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
+    words, refined, cracked = sorted_out(document.parameters)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / f"drawing{source.suffix}"
+        copy.write_text(document.drawing, encoding="utf-8", newline="")
+        try:
+            scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
+        except SceneError as error:
+            raise SceneError(f"{path}: {str(error).replace(str(copy), source.name)}") from None
+    notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
+    return replace(scene, source=source.name, notes=notes)

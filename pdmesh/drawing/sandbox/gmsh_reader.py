@@ -1,0 +1,221 @@
+"""Gmsh, in a process of its own: reads a drawing or a CAD file, and writes what it found as JSON.
+
+The only module that imports Gmsh. A drawing that exits, hangs or crashes takes nothing along but this process; unless
+it is trusted, walls (walls.py) go up before it is opened. Run as
+``python -P -m pdmesh.drawing.sandbox.gmsh_reader RESULT`` with a Job as JSON on stdin.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.ctypeslib  # Gmsh's module imports it when it is first used
+
+from pdmesh.drawing.sandbox.surface_triangles import spatial_groups
+from pdmesh.drawing.sandbox.walls import raise_walls
+
+PREFIX = "Peridynamics/"
+NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
+LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
+PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
+
+
+def main(result: str) -> None:
+    """Read what stdin asks for."""
+    job = json.load(sys.stdin)
+    with open(result, "w", encoding="utf-8") as file:
+        _read(job, file)
+        file.flush()
+        os._exit(0)  # nothing of Gmsh's own ending is needed
+
+
+def _read(job: dict[str, Any], file: TextIO) -> None:
+    found: dict[str, Any] = {"missing": "", "library": "", "parameters": [], "groups": []}
+    found |= {"supplied": [], "not numbers": [], "messages": [], "walls": []}
+    try:
+        import gmsh
+    except ModuleNotFoundError as error:
+        json.dump(found | {"missing": error.name}, file)
+        return
+    except OSError as error:
+        json.dump(found | {"library": str(error)}, file)
+        return
+    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.logger.start()
+    if job["walls"]:
+        os.environ.clear()
+        if hasattr(os, "sched_setaffinity"):  # Open CASCADE asks for as many threads as there are processors
+            os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
+        found["walls"] = raise_walls(Path.cwd(), job["seconds"])
+    try:
+        if job["cad"]:
+            gmsh.option.setString("Geometry.OCCTargetUnit", job["unit"])
+            gmsh.model.occ.importShapes(job["path"])
+            gmsh.model.occ.synchronize()
+            volumes = [tag for _, tag in gmsh.model.getEntities(3)]
+            if volumes:
+                gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
+                found |= spatial_groups(gmsh, job["tolerance"] or 1e-4 * _size(gmsh))
+            else:
+                found["groups"] = _cad_groups(gmsh, job["tolerance"])
+        else:
+            _open(gmsh, job, found)
+    except Exception as error:  # gmsh raises bare Exception
+        found["messages"].append(" ".join(str(error).split()))
+    found["messages"] += [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    json.dump(found, file)
+
+
+def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
+    path, assignments = job["path"], job["assignments"]
+    gmsh.open(path)
+    found["parameters"] = _parameters_of(gmsh)
+    if assignments:
+        known = {entry["name"] for entry in found["parameters"]}
+        found["supplied"] = [name for name, _ in assignments if name not in known]
+        for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
+            reset()
+        found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
+        gmsh.open(path)
+        found["parameters"] = _parameters_of(gmsh)
+    if any(dimension == 3 for dimension, _ in gmsh.model.getPhysicalGroups()):
+        found |= spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
+    else:
+        found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
+
+
+def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
+    texts = [NOT_FINITE.sub(r"\1NaN", gmsh.onelab.get(name)) for name in gmsh.onelab.getNames(f"^{PREFIX}")]
+    entries = [json.loads(text) for text in texts]
+    for entry in entries:  # an entry without a value has none here
+        entry["values"] = list(gmsh.onelab.getNumber(entry["name"])) or list(gmsh.onelab.getString(entry["name"]))
+    return [entry for entry in entries if entry["values"]]
+
+
+def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
+    """Set parameters, also some that the drawing does not define; returns those that should be numbers and are not."""
+    wrong = []
+    kinds = {entry["name"]: entry["type"] for entry in known}
+    for name, value in assignments:
+        if kinds.get(name) == "string":
+            gmsh.onelab.setString(name, [value])
+            continue
+        try:
+            gmsh.onelab.setNumber(name, [float(value)])
+        except ValueError:
+            if name in kinds:
+                wrong.append([name, value])
+            else:
+                gmsh.onelab.setString(name, [value])
+    return wrong
+
+
+# ---- curves
+
+
+def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[dict[str, Any]]:
+    """The named groups, their curves as points; `chords` is how far one may be off, in spacings of its zone."""
+    spacings = _spacings(parameters)
+    finest = _finest(spacings)
+    physical = [
+        (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
+        for group in gmsh.model.getPhysicalGroups()
+    ]
+    tolerances: dict[int, float] = {}
+    for name, dimension, entities in physical:
+        if dimension == 2 and name.startswith("zone:"):
+            spacing = spacings.get(name.removeprefix("zone:"), finest)
+            for curve in _bounds(gmsh, entities):
+                tolerances[curve] = min(tolerances.get(curve, np.inf), chords * abs(spacing))
+
+    least = LEAST_TOLERANCE * _size(gmsh)
+
+    def sampled(curve: int) -> list[list[float]]:
+        return _sample(gmsh, curve, max(tolerances.get(curve) or chords * finest, least))
+
+    return [
+        {
+            "name": name,
+            "dimension": dimension,
+            "curves": [sampled(int(curve)) for curve in entities] if dimension == 1 else [],
+            "surfaces": [[sampled(curve) for curve in _bounds(gmsh, [surface])] for surface in entities]
+            if dimension == 2
+            else [],
+        }
+        for name, dimension, entities in physical
+    ]
+
+
+def _spacings(parameters: list[dict[str, Any]]) -> dict[str, float]:
+    """The spacings of zones by their names, in the unit of the drawing."""
+    return {
+        entry["name"].split("/")[2]: entry["values"][0]
+        for entry in parameters
+        if re.fullmatch(PREFIX + "Zones/[^/]+/Spacing", entry["name"]) and entry["type"] == "number"
+    }
+
+
+def _finest(spacings: dict[str, float]) -> float:
+    return min([value for value in spacings.values() if value > 0], default=1e-3)
+
+
+def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
+    tolerance = max(tolerance or 1e-4 * _size(gmsh), LEAST_TOLERANCE * _size(gmsh))
+    surfaces = [
+        [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
+        for _, surface in gmsh.model.getEntities(2)
+    ]
+    return [{"name": PLATE, "dimension": 2, "curves": [], "surfaces": surfaces}]
+
+
+def _size(gmsh: Any) -> float:
+    """The larger side of all that is drawn, m."""
+    if not gmsh.model.getEntities():
+        return 0.0
+    x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
+    return float(max(x1 - x0, y1 - y0))
+
+
+def _bounds(gmsh: Any, surfaces: Any) -> list[int]:
+    pairs = [(2, int(surface)) for surface in surfaces]
+    return [abs(curve) for _, curve in gmsh.model.getBoundary(pairs, combined=False, oriented=True)]
+
+
+def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
+    """Points along a curve, halved until no chord is off by more than `tolerance`; the ends are its vertices."""
+    low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
+
+    def at(parameter: float) -> list[float]:
+        return [float(value) for value in gmsh.model.getValue(1, curve, [parameter])]
+
+    def between(t0: float, p0: list[float], t1: float, p1: list[float], depth: int) -> list[list[float]]:
+        middle = (t0 + t1) / 2
+        point = at(middle)
+        off = np.hypot(point[0] - (p0[0] + p1[0]) / 2, point[1] - (p0[1] + p1[1]) / 2)
+        if depth > 16 or (depth > 3 and off <= tolerance):
+            return [p1]
+        return between(t0, p0, middle, point, depth + 1) + between(middle, point, t1, p1, depth + 1)
+
+    start, end = at(low), at(high)
+    vertices = [
+        [float(value) for value in gmsh.model.getValue(0, tag, [])]
+        for _, tag in gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+    ]
+    if vertices:
+        start, end = (
+            min(vertices, key=lambda vertex: float(np.linalg.norm(np.subtract(vertex, p)))) for p in (start, end)
+        )
+    if gmsh.model.getType(1, curve) == "Line":
+        return [start, end]
+    return [start, *between(low, start, high, end, 0)]
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

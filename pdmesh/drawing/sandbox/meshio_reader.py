@@ -1,0 +1,110 @@
+"""meshio, in a process of its own behind walls: reads a mesh, and writes what it found.
+
+Readers of some formats look for an end that a broken file does not have, for ever, or follow references to other
+files. Run as ``python -P -m pdmesh.drawing.sandbox.meshio_reader RESULT`` with a job as JSON on stdin; the result is
+numpy's ``.npz``, with a description as JSON in the array ``about``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.drawing.sandbox.walls import raise_walls
+
+NEEDED = {  # to read a format
+    ".xdmf": ("h5py", "xml.etree.ElementTree"),
+    ".vtu": ("lzma", "xml.etree.ElementTree"),
+    ".med": ("h5py",),
+    ".e": ("netCDF4", "netCDF4.utils"),
+    ".exo": ("netCDF4", "netCDF4.utils"),
+}
+
+
+def main(result: str) -> None:
+    """Read what stdin asks for."""
+    job = json.load(sys.stdin)
+    walls: tuple[str, ...] = ()
+    with open(result, "wb") as file:
+        if job["walls"]:
+            with contextlib.redirect_stderr(io.StringIO()):
+                meshio._common.error(":x:")  # loads what it says errors with, which walls would not let it
+            _load(Path(job["path"]).suffix.lower())
+            walls = raise_walls(Path.cwd(), job["seconds"], job["memory"])
+        about, arrays = _found(job)
+        _write(file, about | {"walls": walls}, arrays)
+        file.flush()
+        os._exit(0)
+
+
+def _load(suffix: str) -> None:
+    """Import what meshio imports when it meets a file of a format: behind the walls there are no other files."""
+    os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # walls keep a lock from being taken, and nobody writes
+    with contextlib.suppress(ImportError):
+        for module in NEEDED.get(suffix, ()):
+            import_module(module)
+
+
+def _write(file: BinaryIO, about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+    np.savez(file, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+
+
+def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            mesh = meshio.read(job["path"])
+        return _described(mesh, job["tags"])
+    except ModuleNotFoundError as error:
+        return {"missing": error.name}, {}
+    except KeyError as error:
+        return {"error": f"found {error.args[0]}, which is defined nowhere"}, {}
+    except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
+        reason = str(error) if isinstance(error, Exception) and str(error) else "found what meshio cannot read"
+        return {"error": reason}, {}
+
+
+def _described(mesh: Any, tags: list[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """A mesh as what JSON holds and arrays. Raises ValueError where what the readers let pass is no mesh."""
+    points = np.asarray(mesh.points)
+    if points.ndim != 2 or points.shape[1] < 2 or not len(points) or points.dtype.kind not in "fiu":
+        raise ValueError("found no points")
+    arrays: dict[str, NDArray[Any]] = {"points": points.astype(np.float64)}
+    for number, block in enumerate(mesh.cells):
+        data = np.asarray(block.data)
+        if data.ndim != 2 or data.dtype.kind not in "iu":
+            raise ValueError(f"found cells '{block.type}' that are no lists of points")
+        if data.size and not 0 <= data.min() <= data.max() < len(points):
+            raise ValueError(f"found cells '{block.type}' of points that are not there")
+        arrays[f"cells {number}"] = data.astype(np.int64)
+    tag = next((name for name in tags if name in mesh.cell_data), None)
+    if tag is not None:
+        for number, (block, values) in enumerate(zip(mesh.cells, mesh.cell_data[tag], strict=True)):
+            arrays[f"tags {number}"] = _whole(values, len(block.data))
+    sets = {name: members for name, members in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    for place, members in enumerate(sets.values()):
+        for number, cells in enumerate(members):
+            arrays[f"set {place} {number}"] = np.asarray(() if cells is None else cells).astype(np.int64).ravel()
+    groups = {str(name): [int(value) for value in entry] for name, entry in mesh.field_data.items()}
+    about = {"types": [block.type for block in mesh.cells], "tag": tag, "groups": groups}
+    return about | {"sets": list(sets)}, arrays
+
+
+def _whole(values: Any, count: int) -> NDArray[Any]:
+    found = np.asarray(values).ravel()
+    if len(found) != count or not np.isfinite(found).all():
+        raise ValueError("found groups that are not numbers, one for each cell")
+    return found.astype(np.int64)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,73 @@
+"""What a file is, as far as its name and its first bytes say, and the command that takes it."""
+
+from __future__ import annotations
+
+import shlex
+from enum import Enum
+from pathlib import Path
+
+from pdmesh.files import irregular
+
+CAD = (".step", ".stp", ".brep", ".brp")  # shapes only, nothing that runs
+MESHES = (
+    ".msh",
+    ".inp",
+    ".vtu",
+    ".vtk",
+    ".xdmf",
+    ".mesh",
+    ".e",
+    ".exo",
+    ".med",
+    ".bdf",
+    ".nas",
+    ".ply",
+    ".off",
+    ".stl",
+)
+DATABASE = b"SQLite format 3\0"
+
+
+class Kind(Enum):
+    """A kind of file, as messages call it."""
+
+    DRAWING = "a drawing"
+    MODEL = "a model in JSON"
+    RESULTS = "a database of results"
+    STUDY = "a study in TOML"
+
+
+TAKEN = {  # by which command
+    Kind.DRAWING: "`pdmesh build {path}` makes a model of it, which pdsolve solves",
+    Kind.MODEL: "`pdsolve {path}` solves it",
+    Kind.RESULTS: "`pdpost report {path}` shows what is in it, `pdsolve --resume {path}` goes on with a run",
+    Kind.STUDY: "`pdsolve study {path}` solves it",
+}
+
+
+def kind_of(path: Path) -> Kind | None:
+    """The kind of the file at `path`; None where neither name nor content says. Raises OSError."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    if head.startswith(DATABASE):
+        return Kind.RESULTS
+    suffix = path.suffix.lower()
+    if suffix == ".json" or head.lstrip().startswith(b"{"):
+        return Kind.MODEL
+    if suffix == ".toml":
+        return Kind.STUDY
+    return Kind.DRAWING if suffix in (".geo", ".py", *CAD, *MESHES) else None
+
+
+def mistaken(path: Path, *expected: Kind) -> str | None:
+    """What to say of a file that is surely of another kind than is `expected`; None where it may be one of them."""
+    wanted = " or ".join(kind.value for kind in expected)
+    try:
+        if path.is_dir():
+            return f"{path}: found a folder, expected {wanted}"
+        kind = None if irregular(path) else kind_of(path)
+    except OSError:
+        return None  # whoever reads it says why it cannot be read
+    if kind is None or kind in expected:
+        return None
+    return f"{path}: found {kind.value}, expected {wanted}; {TAKEN[kind].format(path=shlex.quote(str(path)))}"

@@ -1,0 +1,49 @@
+"""The area a node stands for, exact: its cell within the plate."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+
+FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
+
+
+def cell_areas(
+    position: NDArray[np.float64],
+    shape: shapely.Geometry,
+    delta: NDArray[np.float64],
+    regular: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """Areas (n,), m^2, of the Voronoi cells of `position` (n, 2) clipped by `shape`; their sum is its area.
+
+    `delta` (n,) are the spacings, m. `regular` (n,) marks nodes known to have a full square cell, with their whole
+    neighbourhood on the same lattice; only the cells of the others are made.
+    """
+    areas = delta**2
+    asked = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
+    if not len(asked):
+        return areas
+    needed = asked if regular is None else _with_neighbours(position, delta, asked)
+    unit, origin = float(delta.min()), position.min(axis=0)
+    points = np.round((position[needed] - origin) / unit * FRACTIONS) / FRACTIONS
+    around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
+    cells = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=around.envelope.buffer(4), ordered=True)
+    cells = shapely.get_parts(cells)[np.searchsorted(needed, asked)]
+    broken = ~shapely.is_valid(cells)
+    cells[broken] = shapely.make_valid(cells[broken])
+    shapely.prepare(around)
+    outside = ~shapely.covers(around, cells)
+    cells[outside] = shapely.intersection(cells[outside], around)
+    areas[asked] = shapely.area(cells) * unit**2
+    return areas
+
+
+def _with_neighbours(
+    position: NDArray[np.float64], delta: NDArray[np.float64], asked: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """The rows asked for and all that may bound their cells: whatever is within four of its own spacings of them."""
+    distance, _ = tree_of(position[asked]).query(position, distance_upper_bound=4 * float(delta.max()))
+    return np.flatnonzero(distance <= 4 * delta)

@@ -1,0 +1,181 @@
+"""Whether the nodes of a grid file are those of its shapes: what an edit by hand, or another program, may have broken.
+
+A file without an outline, or without areas, says less and is asked for less.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.digest import GridWarning
+from pdmesh.model.document import GridError
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.triangulated_surface import distances, normals, volume
+from pdmesh.model.visibility import plate_of
+
+if TYPE_CHECKING:
+    import shapely
+
+SAME = {2: 1e-6, 3: 2e-2}  # of the whole: areas add up to round-off; volumes are counted with rays
+OFF = 0.5  # spacings outside its shape that a node may be: chords of arcs cut off less
+AROUND_ONE = 1.5  # spacings: nearly every node has another this near
+LONG = 2.0  # spacings: a crack this long parts neighbours, wherever it is in the plate
+AT_ONCE = 2**20  # pairs of nodes and faces
+SLANT = (0.01732050807568877, 0.02912878474779199)  # of rays, so that they meet no edge that is along an axis
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+def examine(grid: Grid, name: str = "grid") -> None:
+    """Warn with GridWarning of what does not fit together in the grid of the file called `name`.
+
+    Raises GridError where most of the nodes are outside the shapes, or as `plate_of` does.
+    """
+    plate = plate_of(grid, name) if grid.dimension == 2 else None
+    if grid.outline and grid.lattice is None:
+        _total(grid, volume(grid.faces) if plate is None else float(plate.area), name)
+        _outside(grid, plate, name)
+    elif grid.lattice is not None and plate is not None:
+        _ends(grid, plate, name)
+    _cracks(grid, name)
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, GridWarning, stacklevel=4)
+
+
+def _total(grid: Grid, size: float, name: str) -> None:
+    if grid.areas is None:
+        return
+    total, unit = float(grid.areas.sum()), f"m^{grid.dimension}"
+    if abs(total - size) > SAME[grid.dimension] * size:
+        _warn(f"{name}: $.areas: found a sum of {total:.9g} {unit}, expected {size:.9g} {unit} as of the outline")
+
+
+def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
+    away = _beside_body(grid) if plate is None else _beside_plate(grid, plate)
+    off = np.flatnonzero(away > OFF * grid.delta)
+    if not len(off):
+        return
+    at = int(off[0])
+    place = ", ".join(f"{value:.6g}" for value in grid.position[at])
+    found = (
+        f"{name}: $.nodes: found {len(off)} outside the outline or in a hole, the first {grid.ids[at]} at ({place}) m,"
+        " expected them inside"
+    )
+    if 2 * len(off) > len(grid):
+        raise GridError(f"{found}: most nodes are not of these shapes")
+    _warn(found)
+
+
+def _beside_plate(grid: Grid, plate: shapely.Geometry) -> Array:
+    """How far (n,) nodes are outside the plate, m; 0 inside."""
+    import shapely
+
+    shapely.prepare(plate)
+    away = np.zeros(len(grid))
+    out = np.flatnonzero(~shapely.intersects_xy(plate, grid.position))
+    away[out] = shapely.distance(plate, shapely.points(grid.position[out]))
+    return away
+
+
+def _beside_body(grid: Grid) -> Array:
+    """How far (n,) nodes are outside the body, m; 0 inside, infinite where that is more than `OFF` spacings.
+
+    A ray from a place inside meets the surface an odd number of times.
+    """
+    nodes, corners = (place[..., :2] - place[..., 2:] * SLANT for place in (grid.position, grid.faces))
+    order = np.argsort(nodes[:, 0])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    first, last = (np.searchsorted(nodes[order, 0], end[:, 0]) for end in (low, high))
+    met = np.zeros(len(grid), dtype=np.int64)
+    for some in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(last - first) // AT_ONCE)) + 1):
+        count = (last - first)[some]
+        face = np.repeat(some, count)
+        row = order[np.arange(count.sum()) + np.repeat(first[some] - np.cumsum(count) + count, count)]
+        beside = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
+        np.add.at(met, *_met(grid, nodes, corners, row[beside], face[beside]))
+    away, out = np.zeros(len(grid)), np.flatnonzero(met % 2 == 0)
+    if len(out):
+        away[out] = distances(grid.position[out], grid.faces, OFF * float(grid.delta[out].max()))
+    return away
+
+
+def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:
+    """The rows whose rays meet these faces above the node, and 1; `nodes` and `corners` as seen along the rays."""
+    one, other, from_first = (
+        corners[face, 1] - corners[face, 0],
+        corners[face, 2] - corners[face, 0],
+        nodes[row] - corners[face, 0],
+    )
+    area = _cross(one, other)
+    z = grid.faces[face, :, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):  # faces along the rays, which none meets
+        s, t = _cross(from_first, other) / area, _cross(one, from_first) / area
+        above = z[:, 0] + s * (z[:, 1] - z[:, 0]) + t * (z[:, 2] - z[:, 0]) > grid.position[row, 2]
+        return row[(s >= 0) & (t >= 0) & (s + t <= 1) & above], 1
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """z (p,) of the vector products of vectors (p, 2)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _ends(grid: Grid, plate: shapely.Geometry, name: str) -> None:
+    """Warns of a lattice that is not the rectangle of the outline."""
+    found = np.array([*grid.position[0], *grid.position[-1]])
+    expected = np.array(plate.bounds)
+    if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
+        _warn(f"{name}: $.lattice: found it between {found.tolist()} m, expected {expected.tolist()} m as the outline")
+
+
+def _cracks(grid: Grid, name: str) -> None:
+    """Warns of cracks that part no neighbours."""
+    if not len(grid.cracks):
+        return
+    corners = grid.cracks.reshape(len(grid.cracks), -1, grid.dimension)
+    reach, least = AROUND_ONE * float(grid.delta.max()), LONG * float(grid.delta.min())
+    for number, corner in enumerate(corners):
+        if _size(corner) < least:
+            continue
+        beside = (grid.position >= corner.min(axis=0) - reach) & (grid.position <= corner.max(axis=0) + reach)
+        rows = np.flatnonzero(beside.all(axis=1))
+        spacing = float(grid.delta[rows].max(initial=0.0))
+        if len(rows) and (
+            _size(corner) < LONG * spacing or _parts(grid.position[rows], AROUND_ONE * grid.delta[rows], corner)
+        ):
+            continue
+        _warn(
+            f"{name}: $.notch[{number}]: found a crack that parts no neighbouring nodes, expected it between some"
+            " (outside the plate, or along its edge?)"
+        )
+
+
+def _size(corner: Array) -> float:
+    """Length of a segment (2, 2), root of twice the area of a triangle (3, 3), m."""
+    if len(corner) == 2:
+        return float(np.hypot(*(corner[1] - corner[0])))
+    return float(np.sqrt(np.sqrt((normals(corner[None]) ** 2).sum())))
+
+
+def _parts(position: Array, reach: Array, corner: Array) -> bool:
+    """Whether nodes (n, d) within `reach` (n,) of a crack's segment or triangle are on both of its sides."""
+    way = position - corner[0]
+    if len(corner) == 2:
+        along = corner[1] - corner[0]
+        share = way @ along / (along @ along)
+        beside = (share >= 0) & (share <= 1)
+        side = way @ (along[1], -along[0]) / np.hypot(*along)
+    else:
+        normal = normals(corner[None])[0]
+        edges = np.roll(corner, -1, axis=0) - corner
+        turned = [np.cross(edge, position - start) @ normal for edge, start in zip(edges, corner, strict=True)]
+        beside = np.min(turned, axis=0) >= 0
+        side = way @ normal / np.sqrt(normal @ normal)
+    near = side[beside & (np.abs(side) <= reach)]
+    return bool(len(near) and near.min() < 0 < near.max())

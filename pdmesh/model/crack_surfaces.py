@@ -1,0 +1,92 @@
+"""Who sees whom in space, past cracks made of triangles: pairs that meet one, and the way round their front.
+
+The front are the edges of one triangle alone. Where the triangles lie in a plane, the shortest way round them bends
+once, on the front; past kinked ones a way of two legs is taken where there is one that meets no triangle.
+
+Symbols: a, b ends of a pair; t triangles (t, 3, 3), their corners; all in m.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.triangulated_surface import meets, normals
+
+AT_ONCE = 1 << 18  # pairs times triangles that are looked at together
+TOUCH = 1e-9  # of a triangle's size: corners this near are one
+SHORT = 1e-4  # of a leg that ends on the front: that much is not looked at
+
+Array = NDArray[np.float64]
+
+
+def parted(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
+    """Which of the pairs (p, 3) have a segment that meets a triangle (t, 3, 3), as `meets` says it."""
+    found, normal = np.zeros(len(a), dtype=bool), normals(triangles)
+    whole = (normal != 0).any(axis=1)
+    triangles, normal = triangles[whole], normal[whole]
+    if not len(triangles):
+        return found
+    for some in np.array_split(np.arange(len(a)), len(a) * len(triangles) // AT_ONCE + 1):
+        pair, triangle = (each.ravel() for each in np.meshgrid(some, np.arange(len(triangles)), indexing="ij"))
+        met = meets(a[pair], b[pair], triangles[triangle], normal[triangle])
+        found[some] = met.reshape(len(some), len(triangles)).any(axis=1)
+    return found
+
+
+def front(triangles: Array, slack: float = TOUCH) -> Array:
+    """The edges (e, 2, 3) that are of one triangle alone; corners `slack` of the triangles' size apart are one."""
+    if not len(triangles):
+        return np.zeros((0, 2, 3))
+    size = np.sqrt(((triangles[:, 1] - triangles[:, 0]) ** 2).sum(axis=1)).max()
+    places = triangles.reshape(-1, 3)
+    _, number = np.unique(np.round(places / (slack * size)), axis=0, return_inverse=True)
+    corners = number.reshape(-1, 3)
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(ends[np.sort(first[count == 1])])
+
+
+def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
+    """The shortest way (p,) from a to b over a point of one of the `edges` (e, 2, 3) that meets no triangle on its two
+    legs; infinite where there is none. Edges are those of the front that lie in the body: its mouth is left out.
+    """
+    found = np.full(len(a), np.inf)
+    for edge in edges:
+        place = _bend(a, b, edge)
+        far = np.sqrt(((place - a) ** 2).sum(axis=1)) + np.sqrt(((place - b) ** 2).sum(axis=1))
+        better = np.flatnonzero(far < found)
+        for end in (a, b):
+            short = place[better] + SHORT * (end[better] - place[better])
+            better = better[~parted(end[better], short, triangles)]
+        found[better] = far[better]
+    return found
+
+
+def _bend(a: Array, b: Array, edge: Array) -> Array:
+    """The place (p, 3) on an edge (2, 3) over which the way from a to b is shortest: straight where both are turned
+    about the edge into one plane."""
+    way = edge[1] - edge[0]
+    length = float(np.sqrt(way @ way))
+    unit = way / length
+    along, off = [], []
+    for end in (a, b):
+        along.append((end - edge[0]) @ unit)
+        off.append(np.sqrt(((end - edge[0] - along[-1][:, None] * unit) ** 2).sum(axis=1)))
+    total = np.maximum(off[0] + off[1], TOUCH * length)
+    at = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, length)
+    return np.asarray(edge[0] + at[:, None] * unit)
+
+
+def apart(a: Array, b: Array, triangles: Array, edges: Array, gamma: float | None, farthest: float) -> Array:
+    """How far apart pairs (p,) are for the influence they have on each other, as `Sight.apart` says it in the plane."""
+    straight = np.sqrt(((b - a) ** 2).sum(axis=1))
+    cut = parted(a, b, triangles)
+    found = np.where(cut, 2 * farthest, straight)
+    if gamma is not None and cut.any():
+        way = around(a[cut], b[cut], triangles, edges)
+        with np.errstate(over="ignore"):
+            far = np.maximum(way / straight[cut], 1) ** gamma * straight[cut]
+        found[cut] = np.minimum(far, 2 * farthest)
+    return found

@@ -1,0 +1,23 @@
+"""What takes energy from the motion besides cracks, and when it is so much that it is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pdmesh.model.document import Absorb, AnyCondition, Run
+
+MUCH = 0.02  # of what was put in
+
+
+def remark(run: Run, conditions: Sequence[AnyCondition], damped: float, put_in: float) -> str | None:
+    """What to say of a run from which damping took the energy `damped` of all that was `put_in`, if it is much."""
+    if not damped > MUCH * put_in:
+        return None
+    causes = {
+        "run.damping": run.damping > 0,
+        "layers that absorb": any(isinstance(condition, Absorb) for condition in conditions),
+        "the damped seam of collocation": run.adapt == "collocation",
+        "coming to rest after bonds broke": run.solver == "static",
+    }
+    by = ", ".join(cause for cause, there in causes.items() if there) or "damping"
+    return f"{by} took {100 * damped / put_in:.2g} % of what was put in, which no crack spent"

@@ -1,0 +1,103 @@
+"""What a solid of springs is like: its bonds' constants, its stiffness, its waves. In the plane per unit thickness.
+
+A bond-based model has one Poisson's ratio, 1/3 in plane stress, 1/4 in plane strain and in space, and C12 = C66. The
+constants of the micromodulus match the strain energy of a classical solid of that ratio: plane stress is eq. 7 and 8 of
+the thesis (9E/pi h^3 and 36E/pi h^3); plane strain after W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007)
+1250-1258. The critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput.
+Struct. 83 (2005) 1526-1535. In space, where "plane" is "space", c is 12 E / pi horizon^4 and s_c^2 = 5 G0 / 6 E horizon
+(the same), and with a conical micromodulus 60 E / pi horizon^4 and G0 / E horizon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Material
+
+BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4, "space": 1 / 4}  # Poisson's ratio of bonds, by plane
+C11 = {"stress": 1.125, "strain": 1.2, "space": 1.2}  # over E, by plane
+C66 = {"stress": 0.375, "strain": 0.4, "space": 0.4}  # over E; C12 is the same
+STIFFNESS = {  # c(0) horizon^3 / E, in space horizon^4, by plane and micromodulus
+    ("stress", "constant"): 9 / np.pi,
+    ("stress", "conical"): 36 / np.pi,
+    ("strain", "constant"): 48 / (5 * np.pi),
+    ("strain", "conical"): 192 / (5 * np.pi),
+    ("space", "constant"): 12 / np.pi,
+    ("space", "conical"): 60 / np.pi,
+}
+SQUARED = {  # s_c^2 E horizon / G0, by plane and micromodulus
+    ("stress", "constant"): 4 * np.pi / 9,
+    ("stress", "conical"): 5 * np.pi / 9,
+    ("strain", "constant"): 5 * np.pi / 12,
+    ("strain", "conical"): 25 * np.pi / 48,
+    ("space", "constant"): 5 / 6,
+    ("space", "conical"): 1.0,
+}
+
+
+def micromodulus(material: Material, length: NDArray[np.float64], horizon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """c(xi), N/m^5, in space N/m^6 (force per area or volume of both cells and unit stretch), for bonds of `length` <=
+    `horizon`, m."""
+    c0 = STIFFNESS[material.plane, material.micromodulus] * material.E / horizon ** (dimension_of(material.plane) + 1)
+    if material.micromodulus == "constant":
+        return c0
+    return np.asarray(c0 * np.maximum(1 - length / horizon, 0.0))
+
+
+def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s_c at which a brittle bond of a family of this horizon (m) breaks, so that a crack costs G0."""
+    factor = SQUARED[material.plane, material.micromodulus]
+    return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
+
+
+def dimension_of(plane: str) -> int:
+    """The dimension of a model: 2 for a plane, 3 for space."""
+    return 3 if plane == "space" else 2
+
+
+def poisson(material: Material) -> float:
+    """The Poisson's ratio that a material's model has: its own, or that of bonds."""
+    return BONDS_NU[material.plane] if material.model == "bond" or material.nu is None else material.nu
+
+
+def lame(E: float, nu: float) -> tuple[float, float]:
+    """Lamé's constants lambda and mu in space, and in plane strain, in the unit of E."""
+    return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+
+
+def bulk_modulus(E: float, nu: float, space: str) -> float:
+    """Mean stress over dilatation: in "stress" and "strain" within the plane, or in "space"."""
+    if space == "stress":
+        return E / (2 * (1 - nu))
+    first, shear = lame(E, nu)
+    return first + shear if space == "strain" else first + 2 * shear / 3
+
+
+def pressure_speed(material: Material) -> float:
+    """Speed of P waves in a plate, m/s."""
+    nu = poisson(material)
+    C11 = 1 / (1 - nu**2) if material.plane == "stress" else (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    return float(np.sqrt(C11 * material.E / material.rho))
+
+
+def rayleigh_ratio(nu: float) -> float:
+    """Speed of Rayleigh waves over that of shear waves in plane strain, for the Poisson ratio `nu`.
+
+    The root below 1 of Rayleigh's equation, x = (c_R / c_s)^2 and k = (c_s / c_p)^2:
+    x^3 - 8 x^2 + (24 - 16 k) x - 16 (1 - k) = 0 (K. F. Graff, Wave Motion in Elastic Solids, 1975, 6.1).
+    """
+    k = (1 - 2 * nu) / (2 * (1 - nu))
+    roots = np.roots([1.0, -8.0, 24 - 16 * k, -16 * (1 - k)])
+    real = roots.real[np.abs(roots.imag) < 1e-9]
+    return float(np.sqrt(real[(real > 0) & (real < 1)].min()))
+
+
+def rayleigh_speed(E: float, rho: float, plane: str, nu: float | None = None) -> float:
+    """Speed of Rayleigh waves, m/s, along the edge of a plate; E in Pa, rho in kg/m^3. `nu` is that of bonds if None.
+
+    In plane stress the edge of a plate is that of plane strain with the Poisson ratio nu / (1 + nu).
+    """
+    nu = BONDS_NU[plane] if nu is None else nu
+    shear = np.sqrt(E / (2 * (1 + nu)) / rho)
+    return float(shear * rayleigh_ratio(nu / (1 + nu) if plane == "stress" else nu))

@@ -1,0 +1,277 @@
+"""The nodes of a grid file as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import (
+    FORMAT_VERSION,
+    LARGEST,
+    SPACE_VERSION,
+    Document,
+    GridError,
+    Lattice,
+    NodeRecord,
+    Settings,
+    Vector,
+)
+from pdmesh.model.number_limits import LEAST
+from pdmesh.model.picture import svg
+
+MOST_NODES = 10**8  # of a lattice
+MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A checked grid as arrays, n nodes in the file's order, in d = 2 or 3 dimensions."""
+
+    ids: NDArray[np.int64]  # (n,) unique
+    position: NDArray[np.float64]  # (n, d) m
+    delta: NDArray[np.float64]  # (n,) spacing, m
+    border: NDArray[np.bool_]  # (n,) at the edge of the plate or of a hole
+    hole_id: NDArray[np.int64]  # (n,) -1 where none
+    cracks: NDArray[np.float64]  # (k, 4) segments x0, y0, x1, y1, or (k, 9) triangles x0, y0, z0, ..., z2, m
+    outline: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m; of a body (3, 3), triangles of its surface
+    holes: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
+    areas: NDArray[np.float64] | None = None  # (n,) m^2; of a body volumes, m^3
+    source: str = ""
+    parameters: tuple[tuple[str, float | str], ...] = ()
+    drawing: str = ""
+    lattice: Lattice | None = None  # what the nodes are all of, where they are
+
+    def __post_init__(self) -> None:
+        """Numbers of any kind become those of the types above; arrays that are of them stay."""
+        for name in ("position", "delta", "cracks", "areas"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
+        for name in ("outline", "holes"):
+            rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
+            object.__setattr__(self, name, rings)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a plate, 3 for a body in space."""
+        return int(self.position.shape[1])
+
+    @property
+    def cells(self) -> NDArray[np.float64]:
+        """What each node stands for (n,): m^2, of a body m^3; full cells where the file does not say."""
+        return self.delta**self.dimension if self.areas is None else self.areas
+
+    @property
+    def faces(self) -> NDArray[np.float64]:
+        """Triangles (t, 3, 3) of a body's surface, m."""
+        return np.array(self.outline).reshape(-1, 3, 3)
+
+    def _repr_svg_(self) -> str | None:
+        """What a notebook shows: the plate and its nodes; of a body in space nothing."""
+        if self.dimension == 3:
+            return None
+        rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
+        return svg(rings, cracks, self.position, self.delta, self.border)
+
+
+def grid_of(document: Document, name: str) -> Grid:
+    """The document's nodes as arrays. Raises GridError for what types alone cannot rule out."""
+    nodes = document.nodes
+    if document.lattice is not None:
+        return _grid_of_lattice(document, document.lattice, name)
+    if not nodes:
+        raise GridError(f"{name}: $.nodes: found none, expected at least one")
+    ids = np.array([node.id for node in nodes])
+    first, counts = np.unique(ids, return_counts=True)
+    if counts.max() > 1:
+        raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} found {counts.max()} times, expected once")
+    position = np.array([node.position for node in nodes])
+    delta = np.array([node.delta for node in nodes])
+    d = 3 if document.version == SPACE_VERSION else 2
+    _check_nodes(name, position, delta, d)
+    _check_shapes(name, document)
+    if document.areas is not None:
+        if len(document.areas) != len(nodes):
+            raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
+        _check_areas(name, document.areas, delta[:, 0], d)
+    return Grid(
+        ids=ids,
+        position=position[:, :d].copy(),
+        delta=delta[:, 0].copy(),
+        border=np.array([node.border == "true" for node in nodes]),
+        hole_id=np.array([node.hole_id for node in nodes]),
+        cracks=_cracks(document),
+        outline=_rings(document.outline, d),
+        holes=_rings(document.holes, d),
+        areas=None if document.areas is None else np.array(document.areas),
+        source=document.source,
+        parameters=tuple(document.parameters.items()),
+        drawing=document.drawing,
+    )
+
+
+def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
+    """The grid of a document that holds a lattice in place of its nodes. Raises GridError."""
+    if document.version != FORMAT_VERSION:
+        raise GridError(f"{name}: $.lattice: found one in a body in space, expected none: nodes are listed there")
+    if document.nodes or document.areas is not None:
+        raise GridError(f"{name}: $.lattice: found nodes or areas besides it, expected none")
+    count = lattice.columns * lattice.rows
+    if count > MOST_NODES:
+        raise GridError(f"{name}: $.lattice: found {count} nodes, expected at most {MOST_NODES}")
+    ends = np.array([lattice.origin, (lattice.columns * lattice.spacing, lattice.rows * lattice.spacing)])
+    if np.abs(ends).max() > LARGEST:
+        raise GridError(f"{name}: $.lattice: found {np.abs(ends).max():g}, expected at most {LARGEST:g} m")
+    _check_shapes(name, document)
+    return whole_lattice(
+        lattice,
+        cracks=_cracks(document),
+        outline=_rings(document.outline, 2),
+        source=document.source,
+        parameters=tuple(document.parameters.items()),
+        drawing=document.drawing,
+    )
+
+
+def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Where columns or rows (k,) of a lattice are whose first is there; mirrored ones get mirrored bits. All in m."""
+    decimals = 9 - int(np.floor(np.log10(spacing)))
+    return np.asarray(np.round(first + numbers * spacing, decimals) + 0.0)
+
+
+def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
+    """The nodes of a lattice; what is the same for all of them takes no memory."""
+    x, y = (
+        places(first, lattice.spacing, np.arange(count))
+        for first, count in zip(lattice.origin, (lattice.columns, lattice.rows), strict=True)
+    )
+    shape, size = (len(y), len(x)), len(x) * len(y)
+    position = np.empty((*shape, 2))
+    position[..., 0], position[..., 1] = x, y[:, None]
+    border, areas = np.ones(shape, dtype=np.bool_), np.full(shape, lattice.spacing**2)
+    border[1:-1, 1:-1] = False
+    for side in (areas[0], areas[-1], areas[:, 0], areas[:, -1]):
+        side /= 2
+    return Grid(
+        ids=np.arange(1, size + 1),
+        position=position.reshape(-1, 2),
+        delta=np.broadcast_to(lattice.spacing, size),
+        border=border.ravel(),
+        hole_id=np.broadcast_to(np.int64(-1), size),
+        areas=areas.ravel(),
+        lattice=lattice,
+        **more,
+    )
+
+
+def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64], dimension: int) -> None:
+    def refuse(bad: NDArray[np.bool_], field: str, found: NDArray[np.float64], expected: str) -> None:
+        if bad.any():
+            at = int(bad.argmax())
+            raise GridError(f"{name}: $.nodes[{at}].{field}: found {found[at].tolist()}, expected {expected}")
+
+    refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
+    refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
+    if dimension == 2:
+        expected = f"the same z for all nodes of a plate (a body has version {SPACE_VERSION})"
+        refuse(position[:, 2] != position[0, 2], "position", position, expected)
+    refuse(delta.min(axis=1) <= 0, "delta", delta, "positive numbers")
+    refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
+    if dimension == 3:
+        refuse(delta[:, 0] != delta[:, 2], "delta", delta, "delta z equal to delta x in a body")
+
+
+def _check_areas(name: str, areas: tuple[float, ...], delta: NDArray[np.float64], dimension: int) -> None:
+    most, small = MOST_CELLS * delta**dimension, np.array(areas) < LEAST
+    for at in np.flatnonzero(small).tolist():
+        raise GridError(f"{name}: $.areas[{at}]: found {areas[at]:g}, expected {LEAST:g} m^{dimension} or more")
+    for at in np.flatnonzero(np.array(areas) > most).tolist():
+        raise GridError(
+            f"{name}: $.areas[{at}]: found {areas[at]:g}, expected at most {most[at]:g} m^{dimension}, {MOST_CELLS}"
+            f" cells of the spacing {delta[at]:g} m"
+        )
+
+
+def _check_shapes(name: str, document: Document) -> None:
+    _check_dimensions(name, document)
+    for key, shapes in (("notch", document.notch), ("outline", document.outline), ("holes", document.holes)):
+        for number, shape in enumerate(shapes):
+            numbers = np.abs(np.asarray(shape, dtype=float))
+            if numbers.max(initial=0.0) > LARGEST:
+                raise GridError(f"{name}: $.{key}[{number}]: found {numbers.max():g}, expected at most {LARGEST:g} m")
+            if key != "notch" and len(shape) < 3:
+                raise GridError(f"{name}: $.{key}[{number}]: found {len(shape)} points, expected at least 3")
+
+
+def _check_dimensions(name: str, document: Document) -> None:
+    """Raises GridError for shapes of a body in a plate, and the other way round."""
+    space = document.version == SPACE_VERSION
+    d, whole = (3, "a body in space") if space else (2, "a plate")
+    for number, crack in enumerate(document.notch):
+        if len(crack) != (9 if space else 6):
+            meant = "9 of a triangle" if space else "6 of a segment"
+            raise GridError(f"{name}: $.notch[{number}]: found {len(crack)} numbers, expected {meant} in {whole}")
+        if not space and crack[:2] == crack[3:5]:
+            raise GridError(f"{name}: $.notch[{number}]: found both ends in one place, expected a segment")
+    for key, rings in (("outline", document.outline), ("holes", document.holes)):
+        for number, ring in enumerate(rings):
+            odd = next((point for point in ring if len(point) != d), None)
+            if odd is not None:
+                raise GridError(
+                    f"{name}: $.{key}[{number}]: found a point of {len(odd)} numbers, expected {d} in {whole}"
+                )
+            if space and len(ring) != 3:
+                raise GridError(f"{name}: $.{key}[{number}]: found {len(ring)} points, expected triangles in {whole}")
+    if space and document.holes:
+        raise GridError(f"{name}: $.holes: found {len(document.holes)}, expected none in {whole}: its surface has them")
+
+
+def _cracks(document: Document) -> NDArray[np.float64]:
+    if document.version == SPACE_VERSION:
+        return np.array(document.notch, dtype=float).reshape(-1, 9)
+    return np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]]
+
+
+def _rings(rings: Sequence[Sequence[Vector]], dimension: int) -> tuple[NDArray[np.float64], ...]:
+    return tuple(np.array(ring, dtype=float).reshape(-1, dimension) for ring in rings)
+
+
+def document_of(grid: Grid, settings: Settings) -> Document:
+    """The document that `grid` and `settings` are written as."""
+    space = grid.dimension == 3
+    cracks = grid.cracks.tolist()
+    return Document(
+        notch=tuple(map(tuple, cracks) if space else ((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in cracks)),
+        version=SPACE_VERSION if space else FORMAT_VERSION,
+        nodes=() if grid.lattice is not None else _records(grid),
+        lattice=grid.lattice,
+        outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
+        holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
+        areas=None if grid.areas is None or grid.lattice is not None else tuple(grid.areas.tolist()),
+        source=grid.source,
+        drawing=grid.drawing,
+        parameters=dict(grid.parameters),
+        **{field: getattr(settings, field) for field in Settings.__struct_fields__},
+    )
+
+
+def _records(grid: Grid) -> tuple[NodeRecord, ...]:
+    """All nodes, one by one."""
+    columns = zip(
+        grid.ids.tolist(),
+        np.where(grid.border, "true", "false").tolist(),
+        grid.position.tolist(),
+        grid.hole_id.tolist(),
+        grid.delta.tolist(),
+        strict=True,
+    )
+    if grid.dimension == 3:
+        return tuple(NodeRecord(i, border, (x, y, z), hole, (d, d, d)) for i, border, (x, y, z), hole, d in columns)
+    return tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns)

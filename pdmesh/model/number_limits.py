@@ -1,0 +1,28 @@
+"""Numbers with which nothing can be computed, found wherever they are in what a file says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import msgspec
+
+from pdmesh.model.document import MOST
+
+LEAST = 1e-100  # products of a few smaller ones are 0
+
+
+def beyond(value: object, place: str, leave_out: Collection[str] = ()) -> str | None:
+    """Place and value of the first number inside that is too large or, but for 0, too small, and what was expected;
+    fields to leave out are those of the outermost struct."""
+    if isinstance(value, float):
+        if value == 0 or LEAST <= abs(value) <= MOST:
+            return None
+        expected = f"a number from {-MOST:g} to {MOST:g}" if abs(value) > 1 or value != value else f"{LEAST:g} or more"
+        return f"{place}: found {value:g}, expected {expected}"
+    parts: Iterable[tuple[str, object]] = ()
+    if isinstance(value, msgspec.Struct):
+        names = (name for name in value.__struct_fields__ if name not in leave_out)
+        parts = ((f"{place}.{name}", getattr(value, name)) for name in names)
+    elif isinstance(value, tuple):
+        parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
+    return next(filter(None, (beyond(part, at) for at, part in parts)), None)

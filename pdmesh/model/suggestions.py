@@ -1,0 +1,80 @@
+"""What may stand where a file or an option says something unknown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import msgspec
+import msgspec.inspect as inspection
+
+from pdmesh.spelling import nearest
+
+UNKNOWN = re.compile(r"(Invalid enum value '|Object contains unknown field `)(.*?)['`](?: - at `\$(.*)`)?", re.DOTALL)
+UNFIT = re.compile(r"Expected .* - at `\$(.*)`", re.DOTALL)
+LARGE = re.compile(r"Number out of range(?: - at `([^`]*)`)?")
+STEP = re.compile(r"\.\w+|\[[^\]]*\]")
+
+
+def called(name: str | None, number: int, what: str = "condition") -> str:
+    """The name of a condition or another part of a file, or, where it has none, its number there, from 0."""
+    return name or f"{what} {number}"
+
+
+def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
+    """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
+
+    A word that has a fixed set of values is followed by all of them, the name of a field by the nearest one; a value
+    that is another than expected by itself, as `given` has it.
+    """
+    unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if unfit is not None and "[...]" not in unfit[1]:
+        with suppress(msgspec.DecodeError, RecursionError):  # of what comes after it in a file
+            return f"{error}, found {_at(given(), unfit[1])!r:.80}"
+    large = LARGE.fullmatch(str(error))
+    if large is not None:
+        return f"{large[1] or '$'}: found a number that no float holds, such as 1e999, expected at most 1.8e308"
+    said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if said is None:
+        return str(error)
+    met = [inspection.type_info(kind)]
+    for step in STEP.findall(said[3] or ""):
+        met = [inner for outer in met for inner in _inside(outer, step)]
+    met = [inner for outer in met for inner in _plain(outer)]
+    if said[1].startswith("Object"):
+        near = nearest(said[2], [field.encode_name for one in met for field in getattr(one, "fields", ())])
+        return f"{error}, expected one such as `{near}`" if near else str(error)
+    words = [str(value) for one in met for value in getattr(one, "values", ())]
+    return f"{error}, expected {', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else str(error)
+
+
+def _at(given: Any, path: str) -> Any:
+    """The value at the end of a path of `.name` and `[index]`."""
+    for step in STEP.findall(path):
+        given = given[step[1:] if step.startswith(".") else int(step[1:-1])]
+    return given
+
+
+def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
+    """The types of what a step of a path, `.name` or `[index]`, leads to."""
+    for one in _plain(outer):
+        if step.startswith("."):
+            yield from (field.type for field in getattr(one, "fields", ()) if field.encode_name == step[1:])
+        elif isinstance(one, inspection.TupleType):
+            yield from one.item_types
+        else:
+            item: Any = getattr(one, "item_type", getattr(one, "value_type", None))
+            yield from () if item is None else (item,)
+
+
+def _plain(outer: inspection.Type) -> Iterator[inspection.Type]:
+    """The types of a union, one by one."""
+    if isinstance(outer, inspection.Metadata):
+        yield from _plain(outer.type)
+    elif isinstance(outer, inspection.UnionType):
+        for one in outer.types:
+            yield from _plain(one)
+    else:
+        yield outer

@@ -1,0 +1,245 @@
+"""Triangles in space: which segments meet them, and which of a surface's a segment inside can meet at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.graphs import connected
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.neighbours import ROUND_OFF, Pairs
+
+EDGE = 1e-12  # of a triangle: how far beside its edge a segment still meets it
+OUTER = 1e-9  # of the size of a body: a corner this little in front of a triangle's plane is on it
+AT_ONCE = 2**20  # products of corners, or of segments, and triangles
+SMALL = 2.0  # spacings from its middle: what a triangle that is found by a tree reaches at most
+FEW = 64  # triangles that are looked at one by one, small or not
+
+
+def volume(triangles: NDArray[np.float64]) -> float:
+    """What a closed surface of triangles (t, 3, 3), m, encloses, m^3; parts within others are voids, or bodies in them.
+
+    Triangles may turn either way.
+    """
+    corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    flat = (number == np.roll(number, 1, axis=1)).any(axis=1)
+    triangles, number = triangles[~flat], number[~flat]
+    turned = _turned(number)
+    triangles[turned] = triangles[turned][:, ::-1]
+    part = connected(len(corners), number[:, :2].ravel(), number[:, 1:].ravel())[number[:, 0]]
+    parts = [triangles[part == one] for one in np.unique(part)]
+    total = 0.0
+    for one in parts:
+        a, b, c = one.transpose(1, 0, 2)
+        depth = sum(_encloses(other, one[0, 0]) for other in parts if other is not one)
+        total += (-1) ** depth * abs(float((a * np.cross(b, c)).sum())) / 6
+    return total
+
+
+def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which triangles, of corners (t, 3), turn another way than the first of those they hang together with by edges.
+
+    Two that share an edge turn one way if they run along it in opposite directions; edges of more than two say nothing.
+    """
+    count = len(number)
+    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, edge, shared = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    first, second = order[shared[edge.ravel()[order]] == 2].reshape(-1, 2).T
+    against = (ends[first, 0] == ends[second, 0]) * count
+    one, other = first // 3, second // 3
+    side = connected(
+        2 * count, np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])
+    ).reshape(2, count)
+    return np.asarray(side[0] > side[1])
+
+
+def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:
+    """Whether a closed surface does a place (3,): by the solid angle (A. van Oosterom, J. Strackee, IEEE Trans. Biomed.
+    Eng. 30 (1983) 125-126)."""
+    way = triangles - place
+    far = np.sqrt((way**2).sum(axis=2))
+    a, b, c = way.transpose(1, 0, 2)
+    x, y, z = far.T
+    below = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
+    return abs(float(np.arctan2((a * np.cross(b, c)).sum(axis=1), below).sum())) > np.pi
+
+
+def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """A place (3,) at which a surface of triangles (t, 3, 3) is open: an edge that is not of two; None: none."""
+    corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    a, b, c = number.reshape(-1, 3).T
+    edges = np.sort(np.concatenate([np.stack(pair, axis=1) for pair in ((a, b), (b, c), (c, a))]), axis=1)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    every, count = np.unique(edges, axis=0, return_counts=True)
+    odd = np.flatnonzero(count % 2)
+    return np.asarray(corners[every[odd[0]]].mean(axis=0)) if len(odd) else None
+
+
+def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The triangles (t, 3, 3) of a surface without those on its convex hull: no segment inside meets these."""
+    if not len(triangles):
+        return triangles
+    from scipy.spatial import ConvexHull, QhullError  # here, as a plate needs none
+
+    corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    try:
+        hull = ConvexHull(corners)
+    except QhullError:  # of a surface in one plane, which is no body's
+        return triangles
+    corners = corners[hull.vertices]
+    size = float(np.ptp(corners, axis=0).max())
+    normal = normals(triangles)
+    length = np.sqrt((normal**2).sum(axis=1))
+    unit = normal / np.where(length > 0, length, 1.0)[:, None]
+    kept = np.zeros(len(triangles), dtype=bool)
+    for some in np.array_split(np.arange(len(triangles)), len(triangles) * len(corners) // AT_ONCE + 1):
+        above = corners @ unit[some].T - (unit[some] * triangles[some, 0]).sum(axis=1)
+        kept[some] = (above.max(axis=0) > OUTER * size) & (above.min(axis=0) < -OUTER * size)
+    return np.asarray(triangles[kept & (length > 0)])
+
+
+class Screen:
+    """Triangles (t, 3, 3) between nodes at `position` (n, 3) with spacings `delta` (n,), m.
+
+    Large ones are looked at one by one; of small ones a segment is asked about those near its middle, and only one that
+    is longer than its ends are away from all of them, taken together.
+    """
+
+    def __init__(
+        self, triangles: NDArray[np.float64], position: NDArray[np.float64], delta: NDArray[np.float64]
+    ) -> None:
+        self._position = position
+        normal = normals(triangles)
+        whole = (normal != 0).any(axis=1)
+        triangles, normal = triangles[whole], normal[whole]
+        middle = triangles.mean(axis=1)
+        radius = np.sqrt(((triangles - middle[:, None]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+        small = radius <= SMALL * float(delta.max(initial=0.0))
+        small &= small.sum() > FEW
+        self._large, self._large_normal = triangles[~small], normal[~small]
+        self._small, self._small_normal = triangles[small], normal[small]
+        if small.any():
+            self._reach = float(radius[small].max())
+            self._tree = tree_of(middle[small])
+            self._away = np.maximum(self._tree.query(position)[0] - self._reach, 0.0)  # at least
+
+    def met(self, pairs: Pairs) -> NDArray[np.bool_]:
+        """Which pairs (b,) of nodes have a segment that meets one of the triangles.
+
+        Edges and corners belong to a triangle. (i, j) and (j, i) give the same answer.
+        """
+        found = np.zeros(len(pairs.source), dtype=bool)
+        if len(found):
+            self._look_at_large(pairs, found)
+            if len(self._small):
+                self._look_at_small(pairs, found)
+        return found
+
+    def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where segments (k, 3) begin and end: at the first row of both, so that both ways are one."""
+        i, j = pairs.source[which], pairs.target[which]
+        return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
+
+    def _look_at_large(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+        far = float(pairs.length.max()) * (1 + ROUND_OFF)
+        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(found))
+        place = self._position[pairs.source[start[:-1]]]
+        for triangle, normal in zip(self._large, self._large_normal, strict=True):
+            beside = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
+            beside &= np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))
+            own = np.flatnonzero(beside)
+            if not len(own):
+                continue
+            count = start[own + 1] - start[own]
+            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
+            which = which[~found[which]]
+            found[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
+
+    def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+        longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
+        asked = np.flatnonzero(longer & ~found)
+        if not len(asked):
+            return
+        p, q = self._ends(pairs, asked)
+        near = (float(pairs.length[asked].max()) / 2 + self._reach) * (1 + ROUND_OFF)
+        count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
+        part = np.cumsum(count) // AT_ONCE
+        for which in np.split(asked, np.flatnonzero(np.diff(part)) + 1):
+            p, q = self._ends(pairs, which)
+            both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
+            own, number = both["i"], both["j"]
+            met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+            found[which[own[met]]] = True
+
+
+def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(t, 3) twice as long as the triangles are large, m^2."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def meets(
+    p: NDArray[np.float64], q: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3), with
+    `normals`.
+
+    Edges and corners belong to a triangle, ends to a segment, and all that is within `EDGE` of the triangle's size.
+    A segment in the plane of a triangle meets it where an end or its middle is on it, and not otherwise. (q, p) and
+    (p, q) give the same, and so do mirror images.
+    """
+    size = (normal**2).sum(axis=1) ** 0.75
+    above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
+    above, below = (np.where(np.abs(side) <= EDGE, 0.0, side) for side in (above, below))
+    found = np.zeros(len(p), dtype=bool)
+    which = np.flatnonzero(above * below <= 0)
+    if not len(which):
+        return found
+    if len(triangles) > 1:
+        triangles, normal = triangles[which], normal[which]
+    p, q, above, below = p[which], q[which], above[which], below[which]
+    flat = (above == 0) & (below == 0)
+    share = np.divide(above, above - below, out=np.full(len(p), 0.5), where=~flat)
+    crossing = _within(p + share[:, None] * (q - p), triangles, normal)
+    for end in (p, q) if flat.any() else ():
+        crossing |= flat & _within(end, triangles, normal)
+    found[which] = crossing
+    return found
+
+
+def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points x (k, 3) of the planes of triangles, as in `meets`, are in them."""
+    inside, least = np.ones(len(x), dtype=bool), -EDGE * (normal**2).sum(axis=1)
+    for corner in range(3):
+        a, b = triangles[:, corner], triangles[:, (corner + 1) % 3]
+        inside &= (np.cross(b - a, x - a) * normal).sum(axis=1) >= least
+    return inside
+
+
+def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """How far (n,) points (n, 3) are from the nearest of some triangles (t, 3, 3); infinite beyond a `reach`. In m."""
+    found = np.full(len(points), np.inf)
+    low, high = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach
+    for t in range(len(triangles)):
+        near = np.flatnonzero(((points >= low[t]) & (points <= high[t])).all(axis=1))
+        if len(near):
+            away = _away(points[near], triangles[t])
+            found[near] = np.minimum(found[near], np.where(away <= reach, away, np.inf))
+    return found
+
+
+def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (k,) of points (k, 3) from a triangle."""
+    normal = normals(triangle[None])[0]
+    squared = float((normal**2).sum())
+    found = np.full(len(x), np.inf)
+    if squared > 0:
+        above = (x - triangle[0]) @ normal
+        foot = x - (above / squared)[:, None] * normal
+        found = np.where(_within(foot, triangle[None], normal[None]), np.abs(above) / np.sqrt(squared), np.inf)
+    for corner in range(3):
+        a, way = triangle[corner], triangle[(corner + 1) % 3] - triangle[corner]
+        share = np.clip((x - a) @ way / max(float(way @ way), 1e-300), 0.0, 1.0)
+        found = np.minimum(found, np.sqrt(((x - a - share[:, None] * way) ** 2).sum(axis=1)))
+    return np.asarray(found)

@@ -1,0 +1,48 @@
+"""What the three programs print: in one place, so that a terminal shows it and does not obey it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from typing import TextIO
+
+
+class UnprintedError(Exception):
+    """What was to be printed does not arrive: the other end of a pipe has gone, or a disk is full."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(f"stdout: {error.strerror}")
+        self.is_closed = isinstance(error, BrokenPipeError)  # by one who has seen enough, such as head
+
+
+def escaped(text: str) -> str:
+    """Text whose control characters, and bytes of a file's name that are no text, are their numbers instead."""
+    return "".join(
+        sign if sign.isprintable() or sign in "\n\t" else ascii(sign)[1:-1].replace("\\udc", "\\x") for sign in text
+    )
+
+
+def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
+    """Print on stdout, or another stream. Raises UnprintedError."""
+    stream = sys.stdout if file is None else file
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    try:
+        stream.write((escaped(text) + end).encode(encoding, "backslashreplace").decode(encoding))
+        stream.flush()
+    except OSError as error:
+        raise UnprintedError(error) from None
+
+
+def remark(message: str) -> None:
+    """Print a line on stderr; work goes on where nobody can read it."""
+    with suppress(UnprintedError):
+        say(message.replace("\n", "\\n"), sys.stderr)
+
+
+def leave_stdout() -> None:
+    """Let what is left to be printed go nowhere, so that Python has nothing to complain of in the end."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

@@ -1,0 +1,338 @@
+"""Which spacing, zones and step a scene needs for an error: from the measured errors of three other problems.
+
+`accuracy.json` holds displacement errors of a plate with a hole, Kalthoff and Winkler's experiment and the Duran
+plate, on two scales, against spacing over the size of the smallest feature; `python -m benchmarks.planning` measures
+them, and how far what is promised here held on scenes that were not used. The promise is the worst of the three.
+For scenes with cracks it has errors of a fine zone that moves too, of Kalthoff and Winkler's steel and the Duran plate;
+what promises the error for the fewest bond updates is proposed.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.drawing.parameters import PREFIX, unit_of
+from pdmesh.model.document import (
+    ON_ONE_LATTICE,
+    Absorb,
+    Acceleration,
+    Displacement,
+    InitialVelocity,
+    Load,
+    Material,
+    Velocity,
+)
+from pdmesh.model.durations import counted
+from pdmesh.reports.bonds_and_step import stable_step
+from pdmesh.scene.plate import Refinement
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError, surface
+
+RATIO = 2.0  # of the coarse spacing over the fine one; larger jumps reflect waves
+NEAR = 0.5  # of the feature: how far around it a scene without zones is refined
+EXTRAPOLATED = 2.0  # times below the least error measured: how far first order is trusted
+TIP, BESIDE, LATTICE = 12.0, 8.0, 8.0  # spacings that are fine around a tip, and beside a crack; bonds of a coarse node
+KNOCK = 0.5  # runs with more were stopped at the border of the fine zone, with 0.38 they went on
+ROUNDED = 2  # digits of a proposed spacing
+FOLDERS = {
+    Load: "Loads",
+    Displacement: "Fixes",
+    Velocity: "Moves",
+    Acceleration: "Moves",
+    InitialVelocity: "Moves",
+    Absorb: "Absorbs",
+}
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A scene changed so that its error should stay within a share of its displacements."""
+
+    within: float
+    feature: float  # m, size of the smallest feature
+    named: str  # what that is
+    error: float  # promised, for the spacing rounded down
+    guessed: bool  # whether no grid as fine was measured
+    scene: Scene
+
+    @property
+    def adapt(self) -> str:
+        """The adaptivity of the proposed run: none, hybrid, split or collocation."""
+        return self.scene.run.adapt
+
+
+class Curve(NamedTuple):
+    """The error of one problem against the spacing; beyond the measured range it falls in proportion to the spacing."""
+
+    spacing: NDArray[np.float64]  # (k,) over the feature's size, increasing
+    error: NDArray[np.float64]  # (k,) the worst up to there
+
+    def share(self, within: float) -> float | None:
+        """The largest spacing within an error; None if that is too far below what was measured."""
+        if within < self.error[0]:
+            return None if within * EXTRAPOLATED < self.error[0] else float(self.spacing[0] * within / self.error[0])
+        return float(np.exp(np.interp(np.log(within), np.log(self.error), np.log(self.spacing))))
+
+    def at(self, spacing: float) -> float:
+        """The error at a spacing."""
+        if spacing < self.spacing[0]:
+            return float(self.error[0] * spacing / self.spacing[0])
+        return float(np.exp(np.interp(np.log(spacing), np.log(self.spacing), np.log(self.error))))
+
+
+@lru_cache
+def measured(adapt: str = "none") -> dict[float, list[Curve]]:
+    """The curves of each horizon ratio, of two scales or of a fine zone that moves."""
+    text = resources.files("pdmesh.reports").joinpath("accuracy.json").read_text(encoding="utf-8")
+    points: list[dict[str, Any]] = [
+        point for point in json.loads(text)["points"] if point.get("adapt", "none") == adapt
+    ]
+    found: dict[float, list[Curve]] = {}
+    for ratio, problem in sorted({(float(point["ratio"]), str(point["problem"])) for point in points}):
+        mine = [point for point in points if (point["ratio"], point["problem"]) == (ratio, problem)]
+        spacing, error = np.array(sorted((point["spacing_over_feature"], point["error"]) for point in mine)).T
+        found.setdefault(ratio, []).append(Curve(spacing, np.maximum.accumulate(error)))
+    return found
+
+
+def proposal(scene: Scene, within: float) -> Proposal:
+    """The cheapest changed scene whose promised error is `within` a share of its displacements.
+
+    Raises SceneError if none is promised that, or the scene has no material.
+    """
+    if scene.material is None:
+        raise SceneError("material: found none, expected E, rho and G0 for a proposal")
+    size, named = feature(scene)
+    found: list[Proposal] = []
+    errors: list[SceneError] = []
+    for adapt in ("none", "hybrid") if _may_move(scene) else ("none",):
+        for ratio, curves in measured(adapt).items():
+            shares = [share for share in (curve.share(within) for curve in curves) if share is not None]
+            if len(shares) < len(curves):
+                continue
+            finest = _rounded_down(min(shares) * size)
+            promised = max(curve.at(finest / size) for curve in curves)
+            guessed = any(within < curve.error[0] for curve in curves)
+            try:
+                other = changed(scene, finest, ratio, adapt)
+            except SceneError as error:
+                errors.append(SceneError(f"{because(within, size, named)}{error}"))
+            else:
+                if adapt == "hybrid" and _knock(other) > KNOCK:
+                    continue
+                found.append(Proposal(within, size, named, promised, guessed, other))
+    if found:
+        return min(found, key=lambda one: updates(one.scene))
+    if errors:
+        raise errors[0] from None
+    least = min(max(float(curve.error[0]) for curve in curves) for curves in measured().values()) / EXTRAPOLATED
+    raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
+
+
+def _may_move(scene: Scene) -> bool:
+    """Whether a scene has cracks for a fine zone to go with, and nothing that the solver refuses there."""
+    held = any(isinstance(one.action, Acceleration | Absorb) for one in scene.conditions)
+    run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
+    plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
+    return bool(scene.cracks) and plain and not held and len(profiles) == 1 and scene.area_rule in (None, "cells")
+
+
+def _knock(scene: Scene) -> float:
+    """The largest strain that a velocity given at once sends into the plate, over the critical stretch of constant
+    bonds in plane stress (Ha and Bobaru, Int. J. Fracture 162 (2010) 229-244)."""
+    assert scene.material is not None
+    E, rho, G0 = scene.material.E, scene.material.rho, scene.material.G0
+    critical = np.sqrt(4 * np.pi * G0 / (9 * E * scene.horizon * scene.finest))
+    given = [one.action for one in scene.conditions if isinstance(one.action, Velocity | InitialVelocity)]
+    sudden = [each for each in given if not getattr(each, "profile", ())]
+    fastest = max((float(np.hypot(each.x or 0.0, each.y or 0.0)) for each in sudden), default=0.0)
+    return float(fastest / np.sqrt(E / rho) / critical)
+
+
+def updates(scene: Scene) -> float:
+    """About how many bond updates a scene takes; a fine zone that moves, once cracks have run as far as the plate is
+    long."""
+    h, area, family = scene.finest, scene.shape.area, np.pi * scene.horizon**2
+    if scene.run.adapt == "hybrid":
+        low_x, low_y, high_x, high_y = scene.shape.bounds
+        tips = sum(len(_ends_inside(slit.line, scene)) for slit in scene.slits)
+        path = TIP * h + max(high_x - low_x, high_y - low_y)
+        fine = min(tips * path * 2 * BESIDE * h, area)
+        return float(scene.run.steps * (family * fine / h**2 + LATTICE * (area - fine) / (2 * h) ** 2))
+    bonds, left = 0.0, scene.shape
+    zones = [(zone.spacing, surface(zone.shape, zone.spacing, "zone")) for zone in scene.zones]
+    shapes = {"crack": [slit.line for slit in scene.slits], "hole": list(scene.holes), "notch": []}
+    for request in scene.refinements:
+        near = shapely.union_all(shapes[request.target]).buffer(request.distance)
+        zones.append((request.spacing or scene.finest, near))
+    for spacing, zone in sorted(zones, key=lambda one: one[0]):
+        bonds += family * left.intersection(zone).area / spacing**2
+        left = left.difference(zone)
+    return float(scene.run.steps * (bonds + family * left.area / scene.spacing**2))
+
+
+def _ends_inside(line: shapely.LineString, scene: Scene) -> list[shapely.Point]:
+    """The ends of a pre-crack that are not on the plate's edge."""
+    ends = (shapely.Point(line.coords[at]) for at in (0, -1))
+    return [end for end in ends if scene.shape.boundary.distance(end) > 1e-3 * scene.finest]
+
+
+def because(within: float, size: float, named: str) -> str:
+    """What asked for a spacing, to begin a message about it: the error and the feature."""
+    return f"--within {within:g}, for {size:.3g} m, {named}: "
+
+
+def feature(scene: Scene) -> tuple[float, str]:
+    """The size of the smallest feature, m, and what it is: a hole's or notch's radius (of a disc of its area), a
+    pre-crack's length, what is left between them or to the edge, half of the plate's smaller side."""
+    low_x, low_y, high_x, high_y = scene.shape.bounds
+    sizes = [(min(high_x - low_x, high_y - low_y) / 2, "half of the smaller side")]
+    edge, scale = scene.whole.boundary, 1e-6 * max(high_x - low_x, high_y - low_y)
+    shapes: list[tuple[shapely.Geometry, str]] = [(slit.line, f"crack '{slit.name}'") for slit in scene.slits]
+    sizes += [(slit.line.length, f"length of crack '{slit.name}'") for slit in scene.slits]
+    for number, cutout in enumerate(scene.cutouts):
+        cut = surface(cutout, scene.finest, "cutout").intersection(scene.whole)
+        sizes.append((float(np.sqrt(cut.area / np.pi)), f"radius of cutout {number + 1}"))
+        shapes.append((cut, f"cutout {number + 1}"))
+    for ring in scene.whole.interiors if hasattr(scene.whole, "interiors") else ():
+        hole = shapely.Polygon(ring)
+        sizes.append((float(np.sqrt(hole.area / np.pi)), "radius of a hole"))
+    for shape, name in shapes:
+        away = _farther(shape, edge, scale)
+        if away is not None:
+            sizes.append((away, f"from {name} to the edge"))
+    for (one, first), (other, second) in combinations(shapes, 2):
+        away = float(one.distance(other))
+        if away > scale:
+            sizes.append((away, f"from {first} to {second}"))
+    return min(sizes)
+
+
+def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> float | None:
+    """How far a shape inside is from the edge, or, where a line begins there, its other end; None if it has none."""
+    if shape.distance(edge) > scale:
+        return float(shape.distance(edge))
+    if shape.geom_type != "LineString":
+        return None
+    ends = [float(shapely.Point(end).distance(edge)) for end in (shape.coords[0], shape.coords[-1])]
+    return max(ends) if max(ends) > scale else None
+
+
+def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> Scene:
+    """The scene with this finest spacing (m) and horizon ratio: drawn zones scaled, or zones put around features, which
+    a fine zone that moves needs none of; the same rows' width and the same time."""
+    factor = finest / scene.finest
+    if scene.zones or scene.refinements:
+        zones = tuple(replace(zone, spacing=factor * zone.spacing) for zone in scene.zones)
+        kept = tuple(
+            replace(request, spacing=factor * (request.spacing or scene.finest)) for request in scene.refinements
+        )
+        spacing = factor * scene.spacing
+    else:
+        zones, spacing = (), RATIO * finest
+        kept = () if adapt == "hybrid" else _around(scene, finest)
+        if not kept:
+            spacing = finest
+    laid = finest if adapt == "hybrid" else spacing
+    conditions = tuple(
+        replace(one, place=replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / laid))))
+        for one in scene.conditions
+    )
+    grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
+    step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
+    if not np.isfinite(old) or not np.isfinite(step):
+        raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
+    steps = int(np.ceil(counted(scene.run, old).steps * old / step))
+    every = max(1, round(scene.run.every * old / step))
+    run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)
+    return replace(grown, run=run)
+
+
+def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
+    targets = [("crack", bool(scene.cracks)), ("hole", bool(scene.holes))]
+    distance = max(NEAR * feature(scene)[0], RATIO * scene.horizon * finest)
+    return tuple(Refinement(name, distance, finest) for name, there in targets if there)  # type: ignore[arg-type]
+
+
+def _stable(scene: Scene, ratio: float, spacing: float) -> float:
+    return min(stable_step(material, ratio, spacing) for material in _materials(scene))
+
+
+def _materials(scene: Scene) -> list[Material]:
+    return [material for material in (scene.material, *(one.region.material for one in scene.regions)) if material]
+
+
+def _rounded_down(value: float) -> float:
+    unit = 10.0 ** (np.floor(np.log10(value)) + 1 - ROUNDED)
+    return float(f"{np.floor(value / unit * (1 + 1e-9)) * unit:.{ROUNDED}g}")
+
+
+def lines(found: Proposal) -> list[str]:
+    """A proposal for a reader, and how to ask for it."""
+    scene = found.scene
+    said = [
+        f"within {found.within:.3g}: {found.error:.2g} is promised,"
+        f" {'at first order from what was' if found.guessed else 'as'} measured on other scenes,"
+        f" for {1e3 * found.feature:.4g} mm, {found.named}",
+        f"spacing {scene.finest:.4g} m at its finest, {coarsest(scene):.4g} m at its coarsest; horizon ratio"
+        f" {scene.horizon:g}; step {scene.run.time_step:.4g} s x {scene.run.steps}",
+    ]
+    said += [
+        f"zone of {request.spacing:.4g} m within {request.distance:.4g} m of every {request.target}"
+        for request in scene.refinements
+    ]
+    if found.adapt == "hybrid":
+        said += ["fine near cracks alone, in a zone that goes with them:", "  --adapt hybrid"]
+    return said + [f"  --set '{name}={value}'" for name, value in settings(found).items()]
+
+
+def coarsest(scene: Scene) -> float:
+    """The largest spacing there will be, m."""
+    return RATIO * scene.finest if scene.run.adapt in ON_ONE_LATTICE else scene.spacing
+
+
+def described(found: Proposal) -> dict[str, Any]:
+    """A proposal as JSON has it."""
+    scene = found.scene
+    return {
+        "within": found.within,
+        "promised": found.error,
+        "extrapolated": found.guessed,
+        "feature": found.feature,
+        "feature_is": found.named,
+        "finest_spacing": scene.finest,
+        "coarsest_spacing": coarsest(scene),
+        "adapt": found.adapt,
+        "horizon_ratio": scene.horizon,
+        "time_step": scene.run.time_step,
+        "steps": scene.run.steps,
+        "refinements": [
+            {"around": request.target, "distance": request.distance, "spacing": request.spacing}
+            for request in scene.refinements
+        ],
+        "settings": settings(found),
+    }
+
+
+def settings(found: Proposal) -> dict[str, str]:
+    """The parameters of a drawing in Gmsh that make the proposal of it; none for a scene in Python."""
+    scene, there = found.scene, {name.removeprefix(PREFIX) for name, _ in found.scene.parameters}
+    unit = unit_of(dict(scene.parameters))
+    wanted = {
+        **{f"Zones/{zone.name}/Spacing": f"{unit.of(zone.spacing):.6g}" for zone in scene.zones},
+        "Horizon ratio": f"{scene.horizon:g}",
+        "Run/Time step": f"{scene.run.time_step:.6g}",
+        "Run/Frame every": str(scene.run.every),
+        **{f"{FOLDERS[type(one.action)]}/{one.action.name}/Rows": str(one.place.rows) for one in scene.conditions},
+    }
+    return {name: value for name, value in wanted.items() if name in there}

@@ -1,0 +1,144 @@
+"""Pictures of a body in space, with matplotlib: three orthogonal sections through its middle, and its outline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
+
+from pdmesh.model import selection
+from pdmesh.model.document import Document
+from pdmesh.model.node_grid import Grid, grid_of
+from pdmesh.model.suggestions import called
+from pdmesh.reports.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
+
+SIDE = 4.2  # inches, of each of the four at most
+LEAST, FLATTEST = 0.4, 0.7  # of that, how low a row of them is, and that with the outline
+SHARP = 0.35  # radians between two triangles, whose edge is drawn
+MOST_EDGES, MOST_FACES, MOST_MARKS = 20_000, 5_000, 2_000  # that are drawn
+WAYS = ((0, 1), (0, 2), (1, 2))  # axes of the sections
+
+
+def draw(document: Document, name: str) -> Figure:
+    """The sections and the outline of the model called `name`. Raises GridError."""
+    grid = grid_of(document, name)
+    selection.check(document, grid, name)
+    x, y, z = np.ptp(grid.position, axis=0) + grid.delta.max()
+    rows = [float(np.clip(share, LEAST, 1)) for share in (max(y, z) / x, max(z / y, FLATTEST))]
+    figure = Figure(figsize=(2 * SIDE, sum(rows) * SIDE + 0.8), dpi=DPI, layout="constrained")
+    places = figure.add_gridspec(2, 2, height_ratios=rows)
+    middle = (grid.position.min(axis=0) + grid.position.max(axis=0)) / 2
+    for number, way in enumerate(WAYS):
+        _section(figure.add_subplot(places[number], aspect="equal"), document, grid, way, middle, number == 0)
+    _outline(figure.add_subplot(places[3], projection="3d"), document, grid)
+    figure.suptitle(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
+    return figure
+
+
+def _section(
+    axes: Axes, document: Document, grid: Grid, way: tuple[int, int], middle: NDArray[np.float64], named: bool
+) -> None:
+    """The nodes whose cubes the plane through the middle passes, nearest on its one side."""
+    a, b = way
+    across = 3 - a - b
+    near = np.flatnonzero(_near(grid, across, middle))
+    place = grid.position[:, [a, b]] * 1e3
+    low, high = place.min(axis=0), place.max(axis=0)
+    margin = MARGIN * float((high - low).max()) + float(grid.delta.max()) * 500
+    axes.set(xlabel=f"{'xyz'[a]}, mm", ylabel=f"{'xyz'[b]}, mm")
+    axes.set_title(f"{'xyz'[across]} = {middle[across] * 1e3:.4g} mm", fontsize=8)
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    points = 72 * 0.8 * SIDE / (float((high - low).max()) + 2 * margin) * 1e3  # per metre
+    plain: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0}
+    for spacing, shade in shades(grid.delta):
+        own = near[np.isclose(grid.delta[near], spacing)]
+        label = f"{spacing * 1e3:g} mm: {int(np.isclose(grid.delta, spacing).sum())} nodes" if named else None
+        size = marker(spacing, points)
+        axes.plot(*place[own].T, marker="o", markersize=size, color=shade, label=label, **plain)
+    for said, colour, rows in marked(document, grid):
+        own = near[rows[near]]
+        size = marker(float(np.median(grid.delta[rows])), points)
+        label = said if named else None
+        axes.plot(*place[own].T, "s", fillstyle="none", color=colour, markersize=1.3 * size, label=label, zorder=3)
+    lines = _crossed(grid.cracks.reshape(-1, 3, 3), across, float(middle[across]))[:, :, [a, b]] * 1e3
+    axes.add_collection(LineCollection(list(lines), colors=CRACK, linewidths=1.4, zorder=5))
+    if named and len(grid.cracks):
+        axes.plot([], [], color=CRACK, label="crack")
+
+
+def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """What is done to which nodes (n,), and in which colour: conditions, and materials of regions."""
+    entries: list[tuple[str, str, Any]] = [
+        (str(each.__struct_config__.tag), called(each.name, at), each) for at, each in enumerate(document.conditions)
+    ]
+    entries += [("material", called(each.name, at, "region"), each) for at, each in enumerate(document.regions)]
+    for number, (kind, name, entry) in enumerate(entries):
+        rows = selection.selected(grid, entry.nodes, entry.box)
+        yield f"{kind} '{name}': {int(rows.sum())} nodes", CONDITIONS[number % len(CONDITIONS)], rows
+
+
+def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:
+    away = grid.position[:, across] - middle[across]
+    return np.asarray((away >= -1e-6 * grid.delta) & (away < grid.delta * (1 - 1e-6)))
+
+
+def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[np.float64]:
+    """Where a plane crosses triangles (t, 3, 3): segments (k, 2, 3)."""
+    found = []
+    for triangle in triangles:
+        side = triangle[:, across] - at
+        ends = []
+        for p, q in ((0, 1), (1, 2), (2, 0)):
+            if side[p] * side[q] < 0 or (side[p] == 0) != (side[q] == 0):
+                share = side[p] / (side[p] - side[q])
+                ends.append(triangle[p] + share * (triangle[q] - triangle[p]))
+        if len(ends) >= 2:
+            found.append(ends[:2])
+    return np.array(found).reshape(-1, 2, 3)
+
+
+def _outline(axes: Any, document: Document, grid: Grid) -> None:
+    """The surface, seen through, its sharp edges, the cracks, and nodes that something is done to."""
+    faces, cracks = grid.faces * 1e3, grid.cracks.reshape(-1, 3, 3) * 1e3
+    low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
+    edges = _edges(faces)
+    axes.add_collection3d(Line3DCollection(edges[:: len(edges) // MOST_EDGES + 1], colors="#555555", linewidths=0.5))
+    some = faces[:: len(faces) // MOST_FACES + 1]
+    axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
+    if len(cracks):
+        axes.add_collection3d(Poly3DCollection(cracks, facecolors=CRACK, alpha=0.5))
+    for _, colour, rows in marked(document, grid):
+        own = np.flatnonzero(rows)
+        own = own[:: len(own) // MOST_MARKS + 1]
+        axes.scatter(*(grid.position[own] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)
+    axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / (high - low).max(), strict=True):
+        axis.set_major_locator(MaxNLocator(1 + round(6 * share)))
+    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=0.8)
+    axes.tick_params(labelsize=6)
+
+
+def _edges(faces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Edges (k, 2, 3) of triangles (t, 3, 3) that turn sharply."""
+    corners, number = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal /= np.maximum(np.sqrt((normal**2).sum(axis=1)), 1e-300)[:, None]
+    ends = np.sort(np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]]), axis=1)
+    face = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(ends.T)
+    ends, face = ends[order], face[order]
+    same = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    turn = np.abs((normal[face[same]] * normal[face[same + 1]]).sum(axis=1))
+    return np.asarray(corners[ends[same[turn < np.cos(SHARP)]]])

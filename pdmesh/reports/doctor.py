@@ -1,0 +1,129 @@
+"""What is installed and what is missing, with how to get it: the findings behind `pdmesh doctor`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib import metadata
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from pdmesh import trust
+from pdmesh.commandline import dependencies
+from pdmesh.drawing.sandbox.child import SYSTEM_LIBRARIES
+
+PATIENCE = 60.0  # s that a library may take to load
+NEEDED = ".geo, STEP and BREP files need it"
+LOAD = "import gmsh; print(gmsh.__version__)"
+WALLS = (
+    "import sys; from pathlib import Path; from pdmesh.drawing.sandbox.walls import raise_walls;"
+    " print(*raise_walls(Path(sys.argv[1]), 10.0))"
+)
+EXTRAS = {
+    "distributed": ("studies on a cluster", "pip install 'pdsuite[study]'"),
+    "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),
+    "shtab": ("completion in the shell", "pip install 'pdsuite[completion]'"),
+}
+
+
+class Finding(NamedTuple):
+    """The result of one check of the installation."""
+
+    name: str
+    good: bool
+    found: str
+    cure: str = ""  # how to get it, where it is missing
+    needed: bool = True  # False: something works without it
+
+
+def findings() -> list[Finding]:
+    """All there is to say of this installation."""
+    return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), *_extras()]
+
+
+def lines(found: list[Finding]) -> list[str]:
+    """The findings for a reader."""
+    said = []
+    for one in found:
+        mark = "ok     " if one.good else "MISSING" if one.needed else "without"
+        said.append(f"{mark}  {one.name}: {one.found}" + (f"; {one.cure}" if one.cure and not one.good else ""))
+    bad = [one.name for one in found if one.needed and not one.good]
+    return [*said, f"missing: {', '.join(bad)}" if bad else "all that is needed is there"]
+
+
+def _python() -> Finding:
+    version = ".".join(map(str, sys.version_info[:3]))
+    return Finding("Python", sys.version_info >= (3, 11), f"{version} in {sys.prefix}", "3.11 or newer is needed")
+
+
+def _packages() -> Iterator[Finding]:
+    for name, version in dependencies().items():
+        if name != "gmsh":
+            yield Finding(name, version is not None, version or "not installed", f"pip install {name}")
+
+
+def _gmsh() -> Finding:
+    version, ended = _child(LOAD)
+    if not ended:
+        return Finding("Gmsh", True, version)
+    if find_spec("gmsh") is None:
+        return Finding("Gmsh", False, f"not installed; {NEEDED}, all else works", "pip install gmsh")
+    cure = f"on Debian and Ubuntu: apt-get install {SYSTEM_LIBRARIES}"
+    return Finding("Gmsh", False, f"cannot be loaded ({ended}); {NEEDED}, all else works", cure)
+
+
+def _walls() -> Finding:
+    with tempfile.TemporaryDirectory() as folder:
+        stand, ended = _child(WALLS, folder)
+    whole = {"landlock", "seccomp"} <= set(stand.split())
+    cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
+    return Finding("walls around drawings", whole and not ended, stand or ended or "none", cure, needed=False)
+
+
+def _ffmpeg() -> Finding:
+    path = shutil.which("ffmpeg")
+    cure = "films are GIF; for .mp4: apt-get install ffmpeg, brew install ffmpeg, winget install ffmpeg"
+    return Finding("ffmpeg", path is not None, path or "not on the PATH", cure, needed=False)
+
+
+def _cores() -> Finding:
+    may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    given = os.environ.get("NUMBA_NUM_THREADS")
+    said = f"{may} of {os.cpu_count()} may be used" + (f", {given} are (NUMBA_NUM_THREADS)" if given else "")
+    return Finding("cores", True, said)
+
+
+def _cache() -> Finding:
+    """Where compiled kernels are kept."""
+    place, stays = trust.private_folder()
+    cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
+    said = f"kept in {place}" if stays else "kept nowhere"
+    return Finding("compiled kernels", stays, said, cure, needed=False)
+
+
+def _extras() -> Iterator[Finding]:
+    for name, (use, cure) in EXTRAS.items():
+        there = find_spec(name) is not None
+        version = metadata.version(name) if there else f"not installed ({use})"
+        yield Finding(name, there, version, cure, needed=False)
+
+
+def _child(code: str, *words: str) -> tuple[str, str]:
+    """What a Python of its own prints, and why it failed; empty where it did not."""
+    try:
+        ran = subprocess.run(
+            [sys.executable, "-P", "-c", code, *words],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+            env=trust.environment(),
+        )
+    except subprocess.TimeoutExpired:
+        return "", f"no answer in {PATIENCE:g} s"
+    last = (ran.stderr.strip().splitlines() or [f"ended with {ran.returncode}"])[-1]
+    return ran.stdout.strip(), last if ran.returncode else ""

@@ -1,0 +1,289 @@
+"""What a model holds, and what a scene will cost: the numbers behind `pdmesh info` and `pdmesh plan`."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from pdmesh.grid.adaptive_scene import nested, undivided
+from pdmesh.grid.bodies import build_body
+from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
+from pdmesh.model import selection
+from pdmesh.model.consistency import examine
+from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
+from pdmesh.model.node_grid import Grid, grid_of
+from pdmesh.model.refused_settings import refuse
+from pdmesh.model.suggestions import called
+from pdmesh.model.triangulated_surface import volume
+from pdmesh.model.visibility import plate_of
+from pdmesh.reports.bonds_and_step import count
+from pdmesh.scene.body import Body
+from pdmesh.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from pdsolve import Plan
+
+DEFAULT_MODE = "conservative"
+
+MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
+SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
+
+
+def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What the model called `name` holds, and what its run in a mode takes, for `pdmesh info`. Raises GridError."""
+    grid = grid_of(document, name)
+    examine(grid, name)
+    selection.check(document, grid, name)
+    plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
+    ratio = document.horizon.ratio
+    bonds, cut = count(grid, ratio)
+    run = run_of(grid, settings_of(document), name, mode)
+    low, high = grid.position.min(axis=0), grid.position.max(axis=0)
+    result: dict[str, Any] = {
+        "model": name,
+        "source": document.source,
+        "nodes": len(grid),
+        "nodes_by_spacing": nodes_by_spacing(grid),
+        "border_nodes": int(grid.border.sum()),
+        "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
+        "mode": mode,
+        **_run(bonds - cut, run),
+        "bonds_cut_by_cracks": cut,
+        "bounding_box": [*low.tolist(), *high.tolist()],
+        **_extent(grid, plate),
+        "crack_segments": len(grid.cracks),
+        "horizon_ratio": ratio,
+        "at_rest": run is not None and run.at_rest,
+        "time_step": run.time_step if run and run.at_rest else document.run.time_step,
+        "steps": run.steps if run else document.run.steps,
+        "area_rule": document.area_rule,
+        "material": _fields(document.material),
+        "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
+        "medium": _fields(document.medium),
+        "media": [{"name": region.name, "D": region.D} for region in document.media],
+        "conditions": [_condition(condition, grid) for condition in document.conditions],
+    }
+    return result
+
+
+def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
+    """The area of a plate, m^2, or the volume of a body, m^3: that of its nodes and that of the drawn shape."""
+    own = float(grid.cells.sum())
+    if grid.dimension == 3:
+        return {"volume_of_nodes": own, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
+    return {"area_of_nodes": own, "area_of_shape": None if plate is None else float(plate.area)}
+
+
+def nodes_by_spacing(grid: Grid) -> dict[str, int]:
+    """How many nodes there are of each spacing, m."""
+    return _by_spacing(*np.unique(np.round(grid.delta, 15), return_counts=True))
+
+
+def info_lines(result: dict[str, Any]) -> list[str]:
+    """What `info` found, for a reader."""
+    box = result["bounding_box"]
+    ends = zip("xyz", box[: len(box) // 2], box[len(box) // 2 :], strict=False)
+    place = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in ends)
+    what, unit = ("area", "m^2") if len(box) == 4 else ("volume", "m^3")
+    shape = result[f"{what}_of_shape"]
+    lines = [
+        f"{result['model']}: {result['nodes']} nodes"
+        f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
+        f"{place}; {what} {result[f'{what}_of_nodes']:.10g} {unit}"
+        + ("" if shape is None else f", of the shape {shape:.10g} {unit}"),
+        f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack"
+        f" {'segments' if len(box) == 4 else 'triangles'}",
+        _step_line(result),
+    ]
+    if result["memory_bytes"] is not None:
+        memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
+        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
+    if result["most_nodes"] is not None:
+        lines.append(_start_line(result["most_nodes"]))
+    if result["material"]:
+        lines.append("material: " + _words(_telling(result["material"])))
+    if result["medium"]:
+        lines.append("medium: " + _words(result["medium"]))
+    for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
+        lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
+    return lines + [
+        f"{entry['kind']} '{called(entry.get('name'), number)}': "
+        + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
+        for number, entry in enumerate(result["conditions"])
+    ]
+
+
+def plan_lines(result: dict[str, Any]) -> list[str]:
+    """What `plan` found, for a reader: the scene and its one-scale equivalent side by side."""
+    own, flat = result["scene"], result["one_scale"]
+    units = {"smallest_stable_step": "s", "time_step": "s", "steps": "", "memory_bytes": "B", "solve_seconds": "s"}
+    rows = [("", "this scene", "one scale")]
+    for spacing, number in own["nodes_by_spacing"].items():
+        rows.append((f"nodes of {spacing} m", str(number), str(flat["nodes_by_spacing"].get(spacing, 0))))
+    rows += [(key, str(own[key]), str(flat[key])) for key in ("nodes", "bonds")]
+    rows += [
+        (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
+    ]
+    lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
+
+
+def _start_line(most: int) -> str:
+    return f"nodes, bonds, memory and time are those of the start; cells may split into {most} nodes at most"
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    return "?" if value is None else f"{value:.4g} {unit}".strip()
+
+
+def _step_line(result: dict[str, Any]) -> str:
+    stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
+    if result["at_rest"]:
+        return f"at rest: {step:.4g} s x {steps} load steps"
+    sure = "no material, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
+    return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
+
+
+def _words(fields: dict[str, Any]) -> str:
+    return ", ".join(
+        f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+        for name, value in fields.items()
+        if value is not None and name != "name"
+    )
+
+
+def _asked(entry: dict[str, Any]) -> dict[str, Any]:
+    """What a condition does to its nodes."""
+    return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")}
+
+
+def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
+    """Counts by spacing; a mesh's many spacings as their range."""
+    if len(spacings) > 16:
+        return {f"{spacings[0]:g} to {spacings[-1]:g}": int(np.sum(counts))}
+    return {f"{spacing:g}": int(number) for spacing, number in zip(spacings, counts, strict=True)}
+
+
+def _telling(material: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a material that differ from their defaults, and those that always matter to its model."""
+    usual = {field.name: field.default for field in msgspec.structs.fields(Material)}
+    always = ("model", "plane", *(("law", "micromodulus") if material["model"] == "bond" else ()))
+    return {name: value for name, value in material.items() if name in always or value != usual.get(name)}
+
+
+def _fields(struct: Any) -> dict[str, Any]:
+    return {} if struct is None else {name: getattr(struct, name) for name in struct.__struct_fields__}
+
+
+def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
+    values = {"kind": condition.__struct_config__.tag} | _fields(condition)
+    values["nodes"] = int(selection.selected(grid, condition.nodes, condition.box).sum())
+    return {name: value for name, value in values.items() if value not in (None, (), "")}
+
+
+def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
+    """What a run of that would take; None where the solver would not have it, such as without a material.
+
+    Raises GridError for settings that no solver can do, or where it is the mode that it would not have.
+    """
+    refuse(settings, grid.dimension, name)
+    from pdsolve import Model, ModelError, Options, estimate_run
+
+    if settings.material is None and settings.medium is None:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the solver warns when it solves
+        try:
+            return estimate_run(Model(grid, settings, name), Options(mode))
+        except ModelError as error:
+            if mode != DEFAULT_MODE and run_of(grid, settings, name, DEFAULT_MODE) is not None:
+                raise GridError(str(error)) from None
+            return None
+
+
+def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
+    """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
+    if isinstance(scene, Scene) and scene.run.adapt in ON_ONE_LATTICE:
+        return _moving(scene, mode)
+    given = scene
+    if isinstance(scene, Scene) and scene.run.adapt == "split":
+        scene, _ = undivided(scene)
+    grid, settings = build_body(scene) if isinstance(scene, Body) else build_grid(scene)[:2]
+    own = run_of(grid, settings, scene.source, mode)
+    counted, _ = count(grid, scene.horizon, sample=SAMPLE)
+    ratio = 1.0 if own is None else own.bonds / counted
+    nodes, bonds = _one_scale(given, counted / len(grid))
+    return {
+        "source": scene.source,
+        "mode": mode,
+        "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
+        "one_scale": _priced({f"{given.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, own),
+    }
+
+
+def _moving(scene: Scene, mode: str) -> dict[str, Any]:
+    """The report on a grid with a moving fine zone, as it is at the start, beside the finest spacing everywhere."""
+    scene, _ = nested(scene)
+    grid, settings, _ = build_grid(scene)
+    counted, _ = count(grid, scene.horizon, sample=SAMPLE)
+    everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
+    own, flat = (run_of(grid, some, scene.source, mode) for some in (settings, everywhere))
+    spacings, nodes = nodes_by_spacing(grid), len(grid)
+    if own is not None and own.finest is not None:
+        nodes, h = own.nodes, scene.finest
+        spacings = _by_spacing((h, 2 * h), (own.finest, own.nodes - own.finest))
+    return {
+        "source": scene.source,
+        "mode": mode,
+        "scene": _cost(spacings, nodes, counted, own),
+        "one_scale": _cost(nodes_by_spacing(grid), len(grid), counted, flat),
+    }
+
+
+def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
+    """Nodes of the scene on one scale, and pairs within a horizon; where there are too many nodes, or in space, where
+    they are not placed, `each` has as many pairs as on several scales."""
+    if isinstance(scene, Body):
+        nodes = round(scene.shell.volume / scene.finest**3)
+        return nodes, each * nodes
+    flat = scene.one_scale()
+    nodes = round(flat.shape.area / flat.finest**2)
+    if nodes < MOST_COUNTED:
+        placed = place_nodes(flat)
+        grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
+        nodes, each = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
+    return nodes, each * nodes
+
+
+def _priced(
+    spacings: dict[str, int], nodes: int, bonds: int, settings: Settings, mode: str, own: Plan | None
+) -> dict[str, Any]:
+    """What so many nodes and bonds cost in as many steps as the scene's `own` plan."""
+    if own is None:
+        return _cost(spacings, nodes, bonds, None)
+    from pdsolve import Options, estimate_size
+
+    steps, run = (own.time_step, own.stable_time_step), msgspec.structs.replace(settings.run, steps=own.steps)
+    settings = msgspec.structs.replace(settings, run=run)
+    return _cost(spacings, nodes, bonds, estimate_size(settings, Options(mode), nodes, bonds, steps, own.in_blocks))
+
+
+def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:
+    return {"nodes_by_spacing": spacings, "nodes": nodes} | _run(counted, run)
+
+
+def _run(counted: int, run: Plan | None) -> dict[str, Any]:
+    """What a run takes; where nobody knows, bonds are those within a horizon."""
+    return {
+        "bonds": counted if run is None else run.bonds,
+        "smallest_stable_step": None if run is None else run.stable_time_step,
+        "time_step": None if run is None else run.time_step,
+        "steps": None if run is None else run.steps,
+        "most_nodes": None if run is None else run.most,
+        "memory_bytes": None if run is None else run.memory,
+        "solve_seconds": None if run is None else run.wall_time,
+    }

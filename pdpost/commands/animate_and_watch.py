@@ -1,0 +1,129 @@
+"""Moving pictures: a whole run as a film, and a run that goes on."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdmesh import commandline
+from pdpost.commands.pictures import FIELDS
+from pdpost.commands.shared import (
+    add_colours,
+    add_every,
+    add_results,
+    add_scale,
+    add_window,
+    check_window,
+    chosen_scale,
+    counted,
+    positive,
+)
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `animate` and `watch` on the command line."""
+    animate = commands.add_parser("animate", help="make a film of a field: GIF, or MP4 where ffmpeg is found")
+    _add_field(animate, "the film, .gif or .mp4 (default: the results' name with the field's and .gif)")
+    add_every(animate)
+    animate.add_argument("--rate", type=positive, default=10.0, metavar="N", help="frames a second (default: 10)")
+    animate.set_defaults(run=_animate)
+    watch = commands.add_parser("watch", help="draw a field anew with each frame of a run that goes on")
+    _add_field(watch, "the picture (default: the results' name with the field's and .png)")
+    watch.add_argument(
+        "--patience",
+        type=positive,
+        default=600.0,
+        metavar="S",
+        help="give up after so many seconds without a new frame (default: 600)",
+    )
+    watch.set_defaults(run=_watch)
+
+
+def _add_field(command: argparse.ArgumentParser, output: str) -> None:
+    add_results(command)
+    commandline.add_common_options(
+        command, output=output, assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11"
+    )
+    command.add_argument(
+        "--field", choices=FIELDS, help="what is shown (default: damage; of diffusion content, or concentration)"
+    )
+    command.add_argument("--component", metavar="NAME", help="which one, as in the command of the field's name")
+    add_scale(command, default="0")
+    add_window(command)
+    add_colours(command)
+
+
+def _animate(args: argparse.Namespace) -> int:
+    from matplotlib import rcParams
+
+    from pdmesh.files import write_atomically
+    from pdpost.figures import animation, style
+    from pdpost.measures.fields import usual
+    from pdpost.reading.frame_steps import frames
+    from pdsolve.results import Results
+
+    given = dict(args.assignments)
+    with style.styled(given), Results.open(args.results) as results:
+        steps, times = frames(results)
+        field = args.field or usual(results, int(steps[0]))
+        path = commandline.output_path(args.output, args.results, f".{field}.gif", args.force)
+        kind = animation.check_format(path)
+        dpi = rcParams["savefig.dpi"] if "savefig.dpi" in given else "figure"
+        check_window(results, args)
+        how = {
+            "part": args.component,
+            "scale": chosen_scale(results, int(steps[-1]), args),
+            "largest": args.largest,
+            "window": args.window,
+            "every": args.every,
+            "dpi": animation.DPI if dpi == "figure" else float(dpi),
+            "progress": counted(args, "drawing"),
+        }
+        if kind == "gif":
+            film = animation.gif(results, field, rate=args.rate, **how)
+        else:
+            film = animation.mp4(animation.frames(results, field, **how), args.rate)
+    write_atomically(path, film)
+    count = len(steps[:: args.every])
+    result = {"output": str(path), "field": field, "frames": count, "rate": args.rate, "end": float(times[-1])}
+    commandline.report(result, [f"{path}: {field}, {count} frames, {len(film) / 1e6:.3g} MB"], args)
+    return commandline.OK
+
+
+def _watch(args: argparse.Namespace) -> int:
+    from pdpost.figures import field_figure, style
+    from pdpost.measures.fields import usual
+    from pdpost.reading import watching
+    from pdpost.reading.times import told
+    from pdsolve.results import Results
+
+    def chosen(field: str) -> Path:
+        path = commandline.output_path(args.output, args.results, f".{field}.png", args.force)
+        style.check_format(path)
+        return path
+
+    field: str | None = args.field
+    path = chosen(field) if field else args.output and chosen("")
+    drawn = 0
+    with style.styled(dict(args.assignments)):
+        for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
+            with Results.open(args.results) as results:
+                scale = chosen_scale(results, step, args)
+                time = step * float(results.meta()["time_step"])
+                check_window(results, args)
+                field = field or usual(results, step)
+                path = path or chosen(field)
+                how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
+                figure = field_figure.field(results, field, step, part=args.component, **how)
+            style.save(figure, path)
+            drawn += 1
+            commandline.note(f"{path}: {field} at {told(time)} (step {step})", args)
+    with Results.open(args.results) as results:
+        status = str(results.meta()["status"])
+    result = {"output": path and str(path), "field": field, "drawn": drawn, "status": status}
+    commandline.report(result, [f"{path}: the run is {status}; {drawn} frames drawn"], args)
+    return commandline.OK

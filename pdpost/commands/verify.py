@@ -1,0 +1,40 @@
+"""Whether a database holds what was written to it."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.shared import add_results
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `verify` on the command line."""
+    about = "read all of the database, and say whether it holds what was written to it"
+    verify = commands.add_parser(
+        "verify",
+        help=about,
+        description=f"{about[0].upper()}{about[1:]}: its pages, all checksums, the order and the number of steps,"
+        " frames, fields, nodes and bonds, and that broken bonds and energies agree with each other. The exit code is 0"
+        " if all is well, 2 with what is wrong and where.",
+    )
+    add_results(verify)
+    verify.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+    verify.set_defaults(run=_verify, quiet=False)
+
+
+def _verify(args: argparse.Namespace) -> int:
+    from pdpost.measures.verification import verified
+    from pdsolve.results import Results
+
+    with Results.open(args.results) as results:
+        found = verified(results)
+    nodes, bonds = f"{found.nodes} nodes", f"{found.bonds} bonds, {found.broken} of them broken"
+    rest = f"{found.frames} frames of {found.fields} fields, steps 0 to {found.last}; the run is '{found.status}'"
+    line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if found.checksums else "; it has no checksums")
+    commandline.report({"results": str(args.results), "ok": True, **found._asdict()}, [line], args)
+    return commandline.OK

@@ -1,0 +1,56 @@
+"""Numbers of the nodes as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures import fields
+from pdpost.measures.bond_pairs import Pairs
+from pdsolve.results import Nodes, Results
+
+Columns = Mapping[str, NDArray[np.generic]]
+
+
+def csv(columns: Columns) -> bytes:
+    """A line of names and one a row: whole numbers as they are, others to nine digits, "nan" where there is none."""
+    kinds = ["%d" if column.dtype.kind in "iub" else "%.9g" for column in columns.values()]
+    line = ",".join(kinds)
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return "\n".join([",".join(columns), *(line % row for row in rows), ""]).encode()
+
+
+def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.generic]]:
+    """Node, reference position and all components of a field after `step`, in SI units.
+
+    With strain and stress the damage, which says where they say nothing.
+    """
+    nodes = results.nodes(step)
+    found = fields.components(results, name, step)
+    named = {f"{name}_{part}" if part else name: values for part, values in found.items()}
+    more = {"damage": fields.values(results, "damage", step)} if fields.FIELDS[name].fitted else {}
+    return {"node": nodes.ids, **_places(nodes), **more, **named}
+
+
+def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
+    """Node, reference position, spacing, area (of a body volume), all fields a frame has stored, and those of `also`,
+    in SI units."""
+    nodes = results.nodes(step)
+    stored = {name: results.field(name, step) for name in results.stored(step)}
+    more = {
+        f"{name}_{part}": values for name in also for part, values in fields.components(results, name, step).items()
+    }
+    extent = "area" if results.dimension == 2 else "volume"
+    return {"node": nodes.ids, **_places(nodes), "delta": nodes.delta, extent: nodes.area, **stored, **more}
+
+
+def _places(nodes: Nodes) -> dict[str, NDArray[np.generic]]:
+    return dict(zip("xyz", nodes.position.T, strict=False))
+
+
+def of_bonds(results: Results, step: int, found: Pairs) -> dict[str, NDArray[np.generic]]:
+    """Both nodes of each bond `found` after `step`, and 1 if it is broken, else 0."""
+    ids = results.nodes(step).ids
+    return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}

@@ -1,0 +1,200 @@
+"""Which crack each cracked node belongs to, and when that crack reached it; from the steps nodes cracked in.
+
+Nodes are added in the order they cracked in. A patch of touching nodes that grows to `SHORTEST` spacings is a crack;
+one that meets a crack before is a part of that crack, which had broken a little ahead of it or beside it. Cracks that
+meet stay two (what persistent homology does with the basins of a function: H. Edelsbrunner, J. Harer, Computational
+Topology, 2010, chapter VII). Then the cracks spread from where they began over all nodes that touch, each node by the
+way that gets to it first, by the older of two cracks, by the shorter of two ways. Nodes that crack in one step are
+added at once, so that what is symmetric stays so.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from pdmesh.model.fields import CRACKED
+from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, damage_at
+from pdsolve.results import Results
+
+ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
+SHORTEST = 5.0  # local spacings: shorter ends are the crack's rough edge, shorter patches are crumbs
+
+
+class Grown(NamedTuple):
+    """The c nodes that have cracked since the start, and the cracks they belong to."""
+
+    position: NDArray[np.float64]  # (c, 2) m
+    delta: NDArray[np.float64]  # (c,) spacing, m
+    damage: NDArray[np.float64]  # (c,)
+    crack: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
+    reached: NDArray[np.int64]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
+    level: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
+    links: csr_array  # (c, c) spacings between nodes that touch
+
+
+class _Root(NamedTuple):
+    """Where a crack began."""
+
+    step: int
+    nodes: list[int]
+
+
+def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
+    """The nodes cracked after `step`, but for those that were at the start, shared out to cracks."""
+    nodes, since = results.nodes(step), cracked_since(results, threshold, step)
+    rows = np.flatnonzero((since > 0) & (since <= step))
+    position, delta = nodes.position[rows], nodes.delta[rows]
+    links = _touching(position, delta)
+    spread = _spread(links, since[rows], _roots(links, position, delta, since[rows]))
+    return Grown(position, delta, damage_at(results, step)[rows], *spread, links)
+
+
+def _touching(position: NDArray[np.float64], delta: NDArray[np.float64]) -> csr_array:
+    """Nodes (c, 2) within 1.5 of the larger spacing of each other, and how many mean spacings they are apart."""
+    size = len(position)
+    near = cKDTree(position).query_pairs((LINKED + ROUND_OFF) * float(delta.max(initial=0.0)), output_type="ndarray")
+    far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
+    close = far <= (LINKED + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)
+    near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
+    return csr_array((np.tile(far, 2), (near.T.ravel(), near[:, ::-1].T.ravel())), (size, size))
+
+
+class _Patches:
+    """Touching nodes, joined step by step; each patch is known by one of its nodes."""
+
+    def __init__(self, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]) -> None:
+        self.position, self.delta = position, delta
+        self.parent = list(range(len(when)))
+        self.members = [[node] for node in self.parent]
+        self.roots: list[_Root | None] = [_Root(step, [node]) for node, step in enumerate(when.tolist())]
+
+    def of(self, node: int) -> int:
+        """The patch of a node."""
+        while self.parent[node] != node:
+            self.parent[node] = self.parent[self.parent[node]]
+            node = self.parent[node]
+        return node
+
+    def join(self, patches: list[int]) -> _Root | None:
+        """Make one patch of several; where a crack comes of it, where that began. A crack's own root is None."""
+        whole = max(patches, key=lambda patch: len(self.members[patch]))
+        roots = [self.roots[patch] for patch in patches]
+        for patch in patches:
+            if patch != whole:
+                self.parent[patch] = whole
+                self.members[whole] += self.members[patch]
+                self.members[patch] = []
+        self.roots[whole] = None
+        known = [root for root in roots if root is not None]
+        if len(known) < len(roots):
+            return None
+        first = min(root.step for root in known)
+        began = _Root(first, [node for root in known if root.step == first for node in root.nodes])
+        rows = self.members[whole]
+        far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
+        if (far >= SHORTEST * self.delta[rows]).any():
+            return _Root(first, self._ends(began.nodes, rows))
+        self.roots[whole] = began
+        return None
+
+    def _ends(self, first: list[int], rows: list[int]) -> list[int]:
+        """Where a crack began: the nodes that cracked first, or, of many, those furthest from the middle of all."""
+        apart = np.hypot(*(self.position[first] - self.position[first].mean(axis=0)).T)
+        if (apart <= SHORTEST / 2 * self.delta[first]).all():
+            return first
+        far = np.hypot(*(self.position[first] - self.position[rows].mean(axis=0)).T)
+        return [node for node, off in zip(first, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]]
+
+
+def _roots(
+    graph: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]
+) -> list[_Root]:
+    """Where the cracks began, the oldest first."""
+    patches = _Patches(position, delta, when)
+    found = []
+    for links in _by_step(graph, when):
+        pairs = {
+            (min(pair), max(pair)) for one, other in links if len(pair := {patches.of(one), patches.of(other)}) > 1
+        }
+        for together in _connected(pairs):
+            root = patches.join(together)
+            if root is not None:
+                found.append(root)
+    return sorted(found, key=lambda root: (root.step, min(root.nodes)))
+
+
+def _by_step(graph: csr_array, when: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
+    """Pairs of touching nodes, those together that are both cracked from the same step on."""
+    links = graph.tocoo()
+    once = links.row < links.col
+    one, other = links.row[once], links.col[once]
+    since = np.maximum(when[one], when[other])
+    order = np.argsort(since, kind="stable")
+    rows = zip(since[order].tolist(), one[order].tolist(), other[order].tolist(), strict=True)
+    for _, group in groupby(rows, key=lambda row: row[0]):
+        yield [(a, b) for _, a, b in group]
+
+
+def _connected(pairs: set[tuple[int, int]]) -> list[list[int]]:
+    """The parts of a small graph."""
+    linked: dict[int, set[int]] = {}
+    for one, other in pairs:
+        linked.setdefault(one, set()).add(other)
+        linked.setdefault(other, set()).add(one)
+    found = []
+    while linked:
+        part, ahead = [], {min(linked)}
+        while ahead:
+            at = ahead.pop()
+            part.append(at)
+            ahead |= linked.pop(at) & linked.keys()
+        found.append(sorted(part))
+    return found
+
+
+def _spread(
+    graph: csr_array, when: NDArray[np.int64], roots: list[_Root]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Let the cracks spread from their roots: crack, reached and level (c,) of `Grown`.
+
+    Two of one age that meet in one step are one crack that began twice.
+    """
+    count = len(when)
+    crack, reached, level = np.full(count, -1), np.full(count, -1), np.full(count, np.inf)
+    same = list(range(len(roots)))  # the crack that each root's is a part of
+
+    def of(number: int) -> int:
+        while same[number] != number:
+            number = same[number]
+        return number
+
+    def one(crack: int, other: int) -> None:
+        same[max(of(crack), of(other))] = min(of(crack), of(other))
+
+    heap = [(int(when[node]), root.step, 0.0, node, at) for at, root in enumerate(roots) for node in root.nodes]
+    heapq.heapify(heap)
+    start, near, apart, cracked = (part.tolist() for part in (graph.indptr, graph.indices, graph.data, when))
+    while heap:
+        step, age, far, node, number = heapq.heappop(heap)
+        if crack[node] >= 0:
+            if (reached[node], roots[crack[node]].step) == (step, age) and far - level[node] < ROUND_OFF:
+                one(int(crack[node]), number)
+            continue
+        crack[node], reached[node], level[node] = number, step, far
+        for link in range(start[node], start[node + 1]):
+            other = near[link]
+            its = int(crack[other])
+            if its < 0:
+                heapq.heappush(heap, (max(step, cracked[other]), age, far + apart[link], other, number))
+            elif (reached[other], roots[its].step) == (step, age):
+                one(its, number)
+    whole = np.array([*(of(at) for at in range(len(roots))), -1])
+    return whole[crack], reached, level

@@ -1,0 +1,91 @@
+"""Which nodes are cracked, and since when; from the bonds that broke, to the step.
+
+Damage is 1 - intact / initial bonds, bonds cut by a pre-crack counted as broken; a node is cracked above `CRACKED`.
+A node that is born cracked takes the place of one that was, and is cracked since that was.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.fields import CRACKED
+from pdmesh.model.kd_trees import tree_of
+from pdsolve.results import Lives, Results
+
+LINKED = 1.5  # spacings between two nodes of a crack
+ROUND_OFF = 1e-6
+
+
+def damage_at(results: Results, step: int) -> NDArray[np.float64]:
+    """Damage (n,) of the nodes there are after any step, between frames as well."""
+    lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
+    before = breaks.step <= step
+    row = lives.at(breaks.node[before], breaks.step[before])
+    gone = lives.nodes.cut + np.bincount(row, minlength=len(lives.birth))
+    damage: NDArray[np.float64] = gone[rows] / np.maximum(lives.nodes.family[rows], 1)
+    return damage
+
+
+def cracked_since(results: Results, threshold: float = CRACKED, step: int | None = None) -> NDArray[np.int64]:
+    """The step (n,) from which on each node's damage is above `threshold`; -1 for nodes that stay sound.
+
+    They are those there are at `step`, by default those of the last frame.
+    """
+    lives, breaks = results.lives(), results.breaks()
+    nodes = lives.nodes
+    family = np.maximum(nodes.family, 1)
+    most = np.floor(threshold * family).astype(np.int64)  # bonds a node may lose, but for a rounding
+    most += ((most + 1) / family <= threshold).astype(np.int64) - (most / family > threshold)
+    further = most + 1 - nodes.cut  # breaks that a node needs
+    row = lives.at(breaks.node, breaks.step)
+    order = np.lexsort((breaks.step, row))
+    count = np.bincount(row, minlength=len(family))
+    first = np.cumsum(count) - count
+    since = np.where(further <= 0, lives.birth, -1)
+    broke = (further > 0) & (further <= count)
+    since[broke] = breaks.step[order][(first + further - 1)[broke]]
+    ends, hurt = np.argsort(lives.death, kind="stable"), count > 0
+    for epoch in results.epochs()[1:].tolist():
+        born, died = (slice(*np.searchsorted(steps, [epoch, epoch + 1])) for steps in (lives.birth, lives.death[ends]))
+        _inherit(lives, np.arange(len(since))[born], ends[died], since, hurt)
+    return since[results.rows(step)]
+
+
+def _inherit(
+    lives: Lives,
+    born: NDArray[np.int64],
+    died: NDArray[np.int64],
+    since: NDArray[np.int64],
+    broken: NDArray[np.bool_],
+) -> None:
+    """Let nodes that are born cracked be so since those that die then and whose squares they overlap were.
+
+    Where none of these was cracked and none had lost bonds on the way, a pre-crack cut them: that is since step 0.
+    `since` (r,) and `broken` (r,), whether bonds broke in the course of the run, are of all nodes that ever were.
+    """
+    place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
+    if len(born) and len(died):
+        reach = half[born] + half[died].max()
+        near = tree_of(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
+        count = np.array([len(rows) for rows in near])
+        one = np.repeat(born, count)
+        other = died[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
+        apart = np.abs(place[one] - place[other]).max(axis=1)
+        touch = apart < (half[one] + half[other]) * (1 - ROUND_OFF)
+        one, other = one[touch], other[touch]
+        broken[one[broken[other]]] = True
+        cracked = (since[other] >= 0) & (since[one] == birth[one])
+        np.minimum.at(since, one[cracked], since[other[cracked]])
+    since[born[(since[born] == birth[born]) & ~broken[born]]] = 0
+
+
+def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Ends of pre-cracks (k, 4) that no other segment touches, with the unit vector the crack arrives with."""
+    ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
+    starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])
+    return [
+        (tip, (tip - start) / np.hypot(*(tip - start)))
+        for tip, start in zip(ends, starts, strict=True)
+        if (np.abs(ends - tip).max(axis=1) < 1e-12).sum() == 1
+    ]

@@ -1,0 +1,214 @@
+"""J, stress intensities, the stress along the crack and the angle of growth of every tip of a run, frame by frame.
+
+Each is found on three rings around the tip; the middle one's is told, the range of the three is its band. The fields
+are those that `fields` and `strain` show: gradients fitted to the bonds that are left, and the stress that goes with
+them. In a run in time, velocities and accelerations are taken too. The auxiliary fields are those of a crack at rest:
+intensities of a crack that runs are those a standing one would have with the same fields; J needs no such fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Horizon, Material
+from pdmesh.model.domain_integrals import Found, Motion, Ring, Sampled, integrals
+from pdmesh.model.gradients import green
+from pdmesh.model.tip_fields import Elastic
+from pdpost.measures import fields
+from pdpost.measures.cracked_nodes import ROUND_OFF, damage_at
+from pdpost.measures.strain import fitted, intact, stiffness
+from pdpost.measures.tip_surroundings import Front, Obstacles, Room, Tip, fronts, nearest
+from pdpost.reading.embedded_model import at_rest, read
+from pdpost.reading.stored_fields import vector
+from pdsolve.results import Results, ResultsError
+
+BLURRED = 2.0  # horizons around a tip where displacements are not the classical ones
+LEAST = 3.5  # horizons of room
+FINEST = 0.01  # of the spacing: finer nodes are no advice
+CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitted to its bonds says nothing
+RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
+
+
+class Rings(NamedTuple):
+    """The rings around a tip of a frame, and what was found on each."""
+
+    tip: Tip
+    rings: tuple[Ring, ...]
+    found: tuple[Found, ...]
+    effective: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
+
+
+class Series(NamedTuple):
+    """What a tip feels at t frames; NaN where it is not there or has no room."""
+
+    front: Front
+    step: NDArray[np.int64]  # (t,)
+    time: NDArray[np.float64]  # (t,) s
+    place: NDArray[np.float64]  # (t, 2) m
+    value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
+    low: dict[str, NDArray[np.float64]]
+    high: dict[str, NDArray[np.float64]]
+    last: Rings | None  # of the last frame with room
+    refused: str  # why there was no room, the last time, and what would give it; "" if there always was
+    of_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
+
+    @property
+    def differs(self) -> NDArray[np.bool_]:
+        """At which frames (t,) what K1 and K2 say of J is not in the band of J; J, which no tip and no field of another
+        crack go into, is the one to trust then."""
+        slack = ROUND_OFF * np.abs(self.value["J"])
+        return (self.of_K < self.low["J"] - slack) | (self.of_K > self.high["J"] + slack)
+
+
+NAMES = ("J", "K1", "K2", "T", "angle")
+
+
+class _Model(msgspec.Struct):
+    """The keys of the grid file that fracture parameters need."""
+
+    material: Material
+    horizon: Horizon = Horizon()
+
+
+def follow(
+    results: Results,
+    steps: Sequence[int],
+    near: tuple[float, float] | None = None,
+    ring: Ring | None = None,
+    progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
+) -> list[Series]:
+    """What the tips of a run feel at the frames `steps`: all of them, or the one that comes nearest to a place, m.
+
+    `ring` is the widest of the rings, m; by default they fill the room there is. Raises ResultsError where there is
+    no tip inside the plate, where none of them ever has room for a ring, naming them all, and for frames that lack
+    fields.
+    """
+    every = fronts(results, max(steps))
+    time_step = float(results.meta()["time_step"])
+    chosen = every if near is None else [_nearest(every, steps, time_step, near)] if every else []
+    if not chosen:
+        raise ResultsError(f"{results.name}: found no tip of a crack inside the plate, expected one")
+    obstacles = Obstacles(results, every)
+    state = State(results)
+    got: list[list[Rings | None]] = [[] for _ in chosen]
+    refused = [""] * len(chosen)
+    for step in progress(list(steps)):
+        for number, front in enumerate(chosen):
+            tip, rings = front.at(step * time_step), None
+            if tip is not None:
+                room = obstacles.room(tip, step, step * time_step)
+                said = _too_small(results, step, tip, room, ring)
+                refused[number] = said or refused[number]
+                if not said:
+                    rings = state.around(step, tip, _rings(results, step, tip, room, ring))
+            got[number].append(rings)
+    if not any(any(some) for some in got):
+        all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
+        raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
+    when = np.array(steps, dtype=np.int64)
+    return [_series(front, when, time_step, some, why) for front, some, why in zip(chosen, got, refused, strict=True)]
+
+
+class State:
+    """The fields of a frame as the integrals take them; those of one frame are kept."""
+
+    def __init__(self, results: Results) -> None:
+        self._results, self._rest = results, at_rest(results)
+        self._step = -1
+        self._sampled: Sampled | None = None
+        self._model = read(results, _Model)
+
+    def around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> Rings:
+        """What a tip feels on rings after a step."""
+        if self._sampled is None or self._step != step:
+            self._step, self._sampled = step, self._sample(step)
+        nodes = self._results.nodes(step)
+        every, near = stiffness(self._results, step), nearest(nodes, tip.place)
+        elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
+        found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
+        return Rings(tip, rings, found, elastic.effective)
+
+    def _sample(self, step: int) -> Sampled:
+        results, nodes = self._results, self._results.nodes(step)
+        families = intact(results, results.families(step), step)
+        gradient = fitted(nodes, vector(results, "displacement", step), families)
+        gradient[damage_at(results, step) > CRUMB] = np.nan
+        motion = None
+        if not self._rest:
+            velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
+            rates = fitted(nodes, velocity, families)
+            motion = Motion(self._model.material.rho, velocity, acceleration, rates)
+        stress = fields.components(results, "stress", step)
+        parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
+        return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion)
+
+
+def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: tuple[float, float]) -> Front:
+    def far(front: Front) -> float:
+        there = [tip.place for step in steps if (tip := front.at(step * time_step)) is not None]
+        return min((float(np.hypot(*(place - near))) for place in there), default=np.inf)
+
+    return min(every, key=far)
+
+
+def _spacing(results: Results, step: int, tip: Tip) -> float:
+    """The spacing of the node nearest to a tip, m."""
+    nodes = results.nodes(step)
+    return float(nodes.delta[nearest(nodes, tip.place)])
+
+
+def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
+    """Why a tip has no room for rings, and what spacing would give it; "" if it has."""
+    x, y = tip.place
+    spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
+    if ring is not None and ring.outer - ring.inner < spacing:
+        wide = f"{ring.outer - ring.inner:.3g} m wide, expected at least a spacing, {spacing:.3g} m"
+        return f"found a ring around the tip at ({x:.4g}, {y:.4g}) m {wide}"
+    least = LEAST * ratio * spacing if ring is None else ring.outer
+    if room.radius >= least * (1 - ROUND_OFF):
+        return ""
+    where = f"{room.radius:.3g} m from" if room.radius > ROUND_OFF * spacing else "at"
+    found = f"found {room.limit} {where} the tip at ({x:.4g}, {y:.4g}) m, expected room of"
+    if ring is not None:
+        return f"{found} {least:.3g} m"
+    enough = room.radius / (LEAST * ratio)
+    finer = f" (nodes {_rounded_down(enough)} m apart have it)" if enough > FINEST * spacing else ""
+    return f"{found} {LEAST:g} horizons, {least:.3g} m{finer}"
+
+
+def _rounded_down(number: float) -> str:
+    """Two digits of a positive number, no more than it."""
+    unit = 10.0 ** (np.floor(np.log10(number)) - 1)
+    return f"{np.floor(number / unit * (1 + ROUND_OFF)) * unit:.2g}"
+
+
+def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None) -> tuple[Ring, ...]:
+    """Three rings, the middle one that which is told."""
+    if given is not None:
+        quarter = (given.outer - given.inner) / 4
+        return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)
+    horizon = read(results, _Model).horizon.ratio * _spacing(results, step, tip)
+    least = max(BLURRED * horizon, 0.2 * room.radius)
+    span = 0.8 * room.radius - least
+    return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
+
+
+def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[Rings | None], refused: str) -> Series:
+    columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
+    places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
+    for at, rings in enumerate(got):
+        if rings is None:
+            continue
+        places[at] = rings.tip.place
+        for name in NAMES:
+            some = [float(getattr(found, name)) for found in rings.found]
+            columns[name][:, at] = some[1], min(some), max(some)
+        of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective
+    value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
+    last = next((rings for rings in reversed(got) if rings is not None), None)
+    return Series(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)

@@ -1,0 +1,190 @@
+"""Where each tip is at a time, be it of a pre-crack or of a crack that runs, and how much room there is around it.
+
+The way of a tip is that of `tips`; before a crack leaves the tip of its pre-crack, that is where it is. Around a tip
+there is room up to the first thing that is not the elastic plate with one straight crack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.model.selection import selected
+from pdpost.measures.cracked_nodes import pre_crack_tips
+from pdpost.measures.plates import plate
+from pdpost.measures.strain import stiffness
+from pdpost.measures.tips import ARM, BEGINS, Branch, tips
+from pdpost.reading.embedded_model import read
+from pdsolve.results import Nodes, Results
+
+TOUCHES = 1e-3  # spacings: a crack that ends so near to another ends on it
+BESIDE, SLANT = 1.5, 0.1  # spacings beside a tip's line, and of the way back: what is nearer to it is its own crack
+FREE = ("initial velocity",)  # conditions that leave their nodes alone
+
+
+@dataclass(frozen=True)
+class Front:
+    """A tip through a run: that of a pre-crack, the branch it becomes, or both."""
+
+    name: str
+    start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
+    heading: NDArray[np.float64]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
+    branch: Branch | None
+    last: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
+
+    def at(self, time: float) -> Tip | None:
+        """The tip at a time, s; None where it is not there yet or not any more."""
+        branch = self.branch
+        if branch is None or time < branch.time[0]:
+            return None if self.start is None else Tip(self.start, self.heading)
+        if time > self.last:
+            return None
+        place = passed(branch, time)
+        if branch.exact:
+            return Tip(place[-1], branch.direction[len(place) - 1])
+        back = branch.along[min(len(place), len(branch.along)) - 1] - branch.along[: len(place)]
+        near = place[back <= ARM * branch.spacing[min(len(place), len(branch.along)) - 1]]
+        if len(near) < 2:
+            return Tip(place[-1], self.heading)
+        way = near[-1] - near[0]
+        return Tip(place[-1], way / np.hypot(*way))
+
+
+class Tip(NamedTuple):
+    """Where a tip is, and which way it came."""
+
+    place: NDArray[np.float64]  # (2,) m
+    way: NDArray[np.float64]  # (2,) unit vector
+
+
+class Room(NamedTuple):
+    """How far from a tip there is nothing but elastic plate and its own straight crack."""
+
+    radius: float  # m
+    limit: str  # what is there
+
+
+def fronts(results: Results, step: int) -> list[Front]:
+    """The tips of all cracks until `step`: of branches, the longest first, then of pre-cracks that stay as they are.
+
+    Ends of pre-cracks on the edge of the plate or off it are no tips.
+    """
+    branches, spacing = tips(results, step), float(results.nodes(0).delta.min())
+    edge = plate(results).shape.boundary
+    starts = [
+        (tip, heading)
+        for tip, heading in pre_crack_tips(results.cracks())
+        if inside(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
+    ]
+    found, carried = [], set()
+    for number, branch in enumerate(branches):
+        near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.place[0])) < BEGINS * spacing]
+        carried |= set(near)
+        start, heading = starts[near[0]] if near else (None, branch.direction[0])
+        found.append(Front(f"branch {number}", start, heading, branch, _last(results, branch, branches)))
+    for k, (tip, heading) in enumerate(starts):
+        if k not in carried:
+            found.append(Front(f"pre-crack {k}", tip, heading, None, np.inf))
+    return found
+
+
+def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
+    """When the tip of a branch, one of all, was there last, s."""
+    arms = [other for other in branches if other.begin == branch.end]
+    if not branch.exact:
+        met = any(other.end == branch.end for other in branches if other is not branch)
+        return float(branch.time[-1]) if arms or met else np.inf
+    if arms:
+        return float(np.nextafter(arms[0].time[0], 0))
+    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], plate(results).shape
+    grown = (np.stack([one.place[:-1], one.place[1:]], axis=1) for one in branches)
+    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *grown]))
+    on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
+    on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
+    return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
+
+
+def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:
+    """The row of the node nearest to a place (2,), m."""
+    return int(np.hypot(*(nodes.position - place).T).argmin())
+
+
+def inside(results: Results, place: NDArray[np.float64]) -> bool:
+    """Whether a place is on the plate."""
+    return bool(shapely.intersects_xy(plate(results).shape, *place))
+
+
+def passed(branch: Branch, time: float) -> NDArray[np.float64]:
+    """The points (k, 2) of a branch up to where its tip is at a time, s, not before its first."""
+    count = int(np.searchsorted(branch.time, time, side="right"))
+    place = branch.place[:count]
+    if count < len(branch.time) and not branch.exact:
+        share = (time - branch.time[count - 1]) / (branch.time[count] - branch.time[count - 1])
+        if share > 0:
+            place = np.vstack([place, place[-1] + share * (branch.place[count] - place[-1])])
+    return place
+
+
+class Obstacles:
+    """What fields around a tip may meet, of one run."""
+
+    def __init__(self, results: Results, all_of_them: Sequence[Front]) -> None:
+        self._results, self._fronts = results, all_of_them
+        self._edge = plate(results).shape.boundary
+        self._conditions = read(results, _Conditions).conditions
+
+    def room(self, tip: Tip, step: int, time: float) -> Room:
+        """The room around a tip after a step."""
+        nodes = self._results.nodes(step)
+        elastic = stiffness(self._results, step)
+        near = nearest(nodes, tip.place)
+        other = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
+        found = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
+        for places, what in (
+            (self._other_tips(tip, time), "another tip"),
+            (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
+            (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
+            (nodes.position[other], "another material"),
+        ):
+            if len(places):
+                found.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
+        return min(found)
+
+    def _other_tips(self, tip: Tip, time: float) -> NDArray[np.float64]:
+        there = [at.place for front in self._fronts if (at := front.at(time)) is not None]
+        return np.array([place for place in there if not np.array_equal(place, tip.place)]).reshape(-1, 2)
+
+    def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
+        """Points of all cracks that are not on the line behind a tip."""
+        segments = [self._results.cracks().reshape(-1, 2, 2)]
+        for front in self._fronts:
+            if front.branch is not None and time >= front.branch.time[0]:
+                line = passed(front.branch, time)
+                segments.append(np.stack([line[:-1], line[1:]], axis=1))
+        every = np.concatenate(segments)
+        count = np.ceil(2 * np.hypot(*(every[:, 1] - every[:, 0]).T) / spacing).astype(int) + 1
+        share = np.concatenate([np.linspace(0, 1, some) for some in count]) if len(count) else np.zeros(0)
+        start, end = (np.repeat(every[:, side], count, axis=0) for side in (0, 1))
+        away = start + share[:, None] * (end - start) - tip.place
+        along, across = away @ tip.way, away @ np.array([-tip.way[1], tip.way[0]])
+        own = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
+        return np.asarray((away + tip.place)[~own])
+
+    def _acted_on(self, nodes: Nodes) -> NDArray[np.bool_]:
+        there = np.zeros(len(nodes.ids), dtype=bool)
+        for condition in self._conditions:
+            if condition["kind"] not in FREE:
+                there |= selected(nodes, condition.get("nodes"), condition.get("box"))
+        return there
+
+
+class _Conditions(msgspec.Struct):
+    """The keys of the grid file that hold its conditions."""
+
+    conditions: list[dict[str, Any]] = []

@@ -1,0 +1,150 @@
+"""Whether a database of results holds what was written to it, and whether its parts agree with each other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpost.measures.masses import masses
+from pdpost.reading.embedded_model import run_of
+from pdpost.reading.frame_steps import frames
+from pdsolve.results import DamagedError, Results
+
+CLOSE = 1e-9  # of a time: round-off
+FIELDS_CLOSE = 1e-4  # of a sum over float32
+MASS_CLOSE = 1e-6  # of the substance there is
+
+
+class Verified(NamedTuple):
+    """What a database holds, all of it read and found as it should be."""
+
+    nodes: int  # at the end
+    bonds: int  # directed, at their nodes' births
+    broken: int  # of them
+    frames: int
+    fields: int  # of the last frame
+    last: int  # step of the ledger
+    status: str
+    schema: int
+    checksums: bool  # whether the file has some: the oldest ones have none
+
+
+def verified(results: Results) -> Verified:
+    """Read all there is. Raises ResultsError, saying what is wrong and where."""
+    results.verify(older=True)
+    meta, (steps, times) = results.meta(), frames(results)
+    run = run_of(results)
+    marches = run.solver != "static"
+    books = results.history() if len(results.history()) else results.masses()
+    _expect_order(results, books, steps)
+    if marches:
+        for table, step, time in (("frame", steps, times), ("the ledger", books["step"], books["time"])):
+            _expect_times(results, table, step, time, float(meta["time_step"]))
+    odd = steps[:-1][steps[:-1] % run.every != 0]
+    if len(odd):
+        raise DamagedError(f"{results.name}: found a frame at step {odd[0]}, expected one every {run.every}")
+    for step in steps.tolist():
+        for name in results.stored(step):
+            results.field(name, step)
+    families, breaks = results.families(), results.breaks()
+    if len(results.epochs()) == 1:
+        _expect_bonds(results)
+        _expect_energies(results)
+    _expect_masses(results)
+    status = str(meta.get("status", ""))
+    if status == "finished" and not results.summary():
+        raise DamagedError(f"{results.name}: found a run that is finished without a summary, expected one")
+    return Verified(
+        len(results.nodes().ids),
+        len(families.neighbour),
+        len(breaks.step),
+        len(steps),
+        len(results.stored(int(steps[-1]))),
+        int(books["step"][-1]) if len(books) else int(steps[-1]),
+        status,
+        results.version,
+        results.checked,
+    )
+
+
+def _expect_order(results: Results, books: NDArray[np.void], steps: NDArray[np.int64]) -> None:
+    booked = books["step"].astype(np.int64)
+    back = np.flatnonzero(np.diff(booked) <= 0)
+    if len(back):
+        raise DamagedError(f"{results.name}: the ledger: found step {booked[back[0] + 1]} after {booked[back[0]]}")
+    missing = np.setdiff1d(steps, booked)
+    if len(booked) and len(missing):
+        raise DamagedError(f"{results.name}: the ledger: found no entry of step {missing[0]}, expected one a frame")
+
+
+def _expect_times(
+    results: Results, table: str, step: NDArray[np.generic], time: NDArray[np.float64], time_step: float
+) -> None:
+    """The times (t,) of steps (t,), s."""
+    off = np.abs(time - np.asarray(step, dtype=float) * time_step) > CLOSE * np.maximum(np.abs(time), time_step)
+    if off.any():
+        at = int(off.argmax())
+        raise DamagedError(
+            f"{results.name}: {table}: found {time[at]:g} s at step {int(step[at])}, expected steps of {time_step:g} s"
+        )
+
+
+def _expect_bonds(results: Results) -> None:
+    """Each broken bond is one there was, and broke once; damage and the ledger count the same ones."""
+    nodes, families, breaks, books = results.nodes(), results.families(), results.breaks(), results.history()
+    count, order = len(nodes.ids), np.argsort(nodes.ids)
+    own, other = (order[np.searchsorted(nodes.ids, ids, sorter=order)] for ids in breaks[1:])
+    bonds = np.repeat(np.arange(count), np.diff(families.start)) * count + families.neighbour
+    torn = own * count + other
+    strange = ~np.isin(torn, bonds)
+    if strange.any() or len(np.unique(torn)) < len(torn):
+        at = int(strange.argmax())
+        raise DamagedError(
+            f"{results.name}: table bond_break: found a bond of {breaks.node[at]} and {breaks.neighbour[at]}, expected"
+            " each bond that breaks to be one of a family, and to break once"
+        )
+    for step, told in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
+        there = int(np.searchsorted(breaks.step, step, side="right"))
+        if told != there:
+            raise DamagedError(
+                f"{results.name}: the ledger: found {told:g} broken bonds at step {step:g}, expected {there} as in the"
+                " table bond_break"
+            )
+    for step in results.frames()[0].tolist() if len(books) else ():
+        if "damage" not in results.stored(step):
+            continue
+        gone = np.bincount(own[breaks.step <= step], minlength=count) + nodes.cut
+        expected = np.where(nodes.family > 0, gone / np.maximum(nodes.family, 1), 0.0)
+        off = np.abs(results.field("damage", step) - expected) > 1e-6
+        if off.any():
+            raise DamagedError(
+                f"{results.name}: found damage {results.field('damage', step)[off][0]:g} of node"
+                f" {nodes.ids[off.argmax()]} at step {step}, expected {expected[off][0]:g} by its broken bonds"
+            )
+
+
+def _expect_energies(results: Results) -> None:
+    """The energy of the nodes is that of the ledger."""
+    books, nodes = results.history(), results.nodes()
+    for step in results.frames()[0].tolist() if len(books) else ():
+        if "energy" not in results.stored(step):
+            continue
+        entry = books[books["step"] == step][0]
+        held = float(nodes.area @ results.field("energy", step).astype(float))
+        most = max(abs(float(entry["strain"])), abs(held), FIELDS_CLOSE * abs(float(entry["work"])))
+        if not abs(held - entry["strain"]) <= FIELDS_CLOSE * most:
+            raise DamagedError(
+                f"{results.name}: found strain energy of {held:g} in the nodes at step {step}, expected"
+                f" {entry['strain']:g} as in the ledger"
+            )
+
+
+def _expect_masses(results: Results) -> None:
+    if len(results.masses()):
+        error = masses(results).error
+        off = ~(np.abs(error) <= MASS_CLOSE)
+        if off.any():
+            step = results.masses()["step"][off.argmax()]
+            raise DamagedError(f"{results.name}: table mass: found {error[off][0]:+.1e} of it missing at step {step:g}")

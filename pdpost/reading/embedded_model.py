@@ -1,0 +1,108 @@
+"""What pdpost reads of the grid file that a database holds; the rest, mostly nodes, is passed over."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
+from pdmesh.model.number_limits import beyond
+from pdsolve.results import Results, ResultsError
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+class _Named(msgspec.Struct):
+    """The key of the grid file that names its physics."""
+
+    physics: str = "mechanics"
+
+
+class _Solved(msgspec.Struct):
+    """The key of the grid file that says how it is solved."""
+
+    run: Run = Run()
+
+
+class _Model(Settings, frozen=True, kw_only=True):
+    """All of a grid file but its nodes."""
+
+    notch: tuple[Crack, ...] = ()
+    nodes: msgspec.Raw = msgspec.Raw()
+    areas: msgspec.Raw = msgspec.Raw()
+    lattice: msgspec.Raw = msgspec.Raw()
+    version: int = 1
+    outline: tuple[tuple[Vector, ...], ...] = ()
+    holes: tuple[tuple[Vector, ...], ...] = ()
+    source: str = ""
+    drawing: str = ""
+    parameters: dict[str, float | str] = msgspec.field(default_factory=dict)
+    digest: str = ""
+
+
+def read(results: Results, kind: type[T]) -> T:
+    """The keys of the model that `kind` has. Raises ResultsError, saying what is wrong with them."""
+    if "material" in kind.__struct_fields__:
+        expect_mechanics(results)
+    try:
+        found = msgspec.json.decode(results.model(), type=kind)
+        _check(results, msgspec.json.decode(results.model(), type=_Model))
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+    return found
+
+
+def whole(results: Results) -> dict[str, Any]:
+    """The model as JSON has it, its keys but the nodes checked. Raises ResultsError."""
+    read(results, _Named)
+    try:
+        found: dict[str, Any] = json.loads(results.model())
+    except (ValueError, RecursionError) as error:
+        raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+    return found
+
+
+def _check(results: Results, model: _Model) -> None:
+    """Raises ResultsError for numbers that cannot be, and for conditions and regions that mean no nodes."""
+
+    def refuse(place: str, found: object, expected: str) -> None:
+        raise ResultsError(f"{results.name}: model: {place}: found {found}, expected {expected}")
+
+    large = beyond(model, "$", leave_out=("outline", "holes", "notch"))
+    if large is not None:
+        raise ResultsError(f"{results.name}: model: {large}")
+    named: dict[str, tuple[Any, ...]] = {"notch": model.notch, "outline": model.outline, "holes": model.holes}
+    for name, shapes in named.items():
+        for number, shape in enumerate(shapes):
+            place, wide = f"$.{name}[{number}]", {np.asarray(point).size for point in shape}
+            if len(wide) != 1 or not np.abs(np.array(shape, dtype=float)).max(initial=0.0) <= LARGEST:
+                refuse(place, str(shape)[:60], f"places of at most {LARGEST:g} m")
+            if name != "notch" and (len(shape) < 3 or wide != {results.dimension}):
+                refuse(place, f"{len(shape)} points", f"at least 3 of {results.dimension} numbers")
+    some: list[Selection] = [*model.conditions, *model.regions, *model.media]
+    for one in some:
+        if one.nodes is None and (one.box is None or len(one.box) != 2 * results.dimension):
+            refuse(f"'{one.name[:40]}'", one.box, f"nodes, or a box of {2 * results.dimension} numbers")
+
+
+def expect_mechanics(results: Results) -> None:
+    """Raises ResultsError for a model of anything else, saying what shows it."""
+    physics = read(results, _Named).physics
+    if physics != "mechanics":
+        raise ResultsError(
+            f"{results.name}: found a model of {physics}, expected one of mechanics (pdpost history, concentration,"
+            " content and solid show it)"
+        )
+
+
+def run_of(results: Results) -> Run:
+    """How the model was to be solved. Raises ResultsError."""
+    return read(results, _Solved).run
+
+
+def at_rest(results: Results) -> bool:
+    """Whether the model was solved at rest: times are those of load steps, and no motion's. Raises ResultsError."""
+    return run_of(results).solver == "static"

@@ -1,0 +1,66 @@
+"""A table as columns by their names: `pandas.DataFrame(table)` takes it as it is, and a notebook shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.study.measure_columns import OWN
+from pdsolve.study.table import Table
+
+SHOWN = 12  # rows
+
+
+class Columns(dict[str, NDArray[Any]]):
+    """Arrays (k,) of the same length by the names of their columns."""
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return len(next(iter(self.values()), ()))
+
+    def _repr_html_(self) -> str:
+        """The first rows as a table of HTML."""
+        head = "".join(f"<th>{escape(name)}</th>" for name in self)
+        lines = [
+            "<tr>" + "".join(f"<td>{escape(_word(column[row]))}</td>" for column in self.values()) + "</tr>"
+            for row in range(min(self.rows, SHOWN))
+        ]
+        more = f"<p>and {self.rows - SHOWN} more rows</p>" if self.rows > SHOWN else ""
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>{more}"
+
+
+def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Columns:
+    """A table of rows as columns; numbers as floats with NaN where there is none, all else as objects."""
+    listed = list(rows)
+    return Columns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
+
+
+def study_table(path: Path) -> Columns:
+    """All runs of the study whose table is at `path`: number, status, repetition, parameters, measures.
+
+    Raises StudyError.
+    """
+    with Table.open(path) as table:
+        rows, names = table.rows(), list(table.columns())
+    own = [name for name in OWN if name != "key"]
+    return columns_of(
+        [*own, *names], [[*(getattr(row, name) for name in own), *(row.values[name] for name in names)] for row in rows]
+    )
+
+
+def _array(values: list[Any]) -> NDArray[Any]:
+    if all(isinstance(value, int | float | np.generic) for value in values if value is not None):
+        if not any(value is None for value in values):
+            return np.array(values)
+        return np.array([np.nan if value is None else float(value) for value in values])
+    return np.array([None if value is None else str(value) for value in values], dtype=object)
+
+
+def _word(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)

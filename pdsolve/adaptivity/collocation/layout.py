@@ -1,0 +1,268 @@
+"""A plate on one lattice: its fine nodes, the coarse ones among them, and what does not change in a run.
+
+Nodes are numbered row by row, with margins as wide as a family, so that a neighbour is a constant number of places on;
+16 of them in a row are computed together. Every second node of every second row is a coarse one too.
+
+    p       place of a node                          ix, iy   its column and row, from the lower left corner
+    u, v    (2, places)                              h        spacing of fine nodes; that of coarse ones is 2 h
+
+A fine bond is a spring as in `pdsolve.adaptivity.hybrid.springs`; at edges and faces of pre-cracks it has the
+correction of surfaces that `pdsolve.schemes.average_horizon` gives it, computed when it is needed: with 1792 bonds a
+node there is no room to keep it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pdmesh.model.document import InitialVelocity
+from pdmesh.model.neighbours import Pairs
+from pdmesh.model.visibility import Sight
+from pdsolve.adaptivity.hybrid.coarse_cells import clear, quarters
+from pdsolve.adaptivity.hybrid.precracks import lengthened, seen
+from pdsolve.adaptivity.hybrid.springs import Springs, e_of
+from pdsolve.conditions import unbreakable
+from pdsolve.model import Model, ModelError
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.stencils import Stencil
+
+WHOLE, CUT, EDGE, KNOWN = range(4)  # rows: of full families, of those with cut bonds, of those at edges; the last ones
+# with stiffnesses that are kept, as many rows have the same
+SAME = 1e-12  # relative: areas this near to a whole cell are one
+OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
+
+
+class Layout(NamedTuple):
+    """How places are numbered."""
+
+    nx: int  # columns
+    ny: int  # rows
+    left: int  # idle places before each row, a multiple of 16
+    below: int  # idle rows below and above
+    stride: int  # places from a node to the one above, likewise
+    places: int
+
+
+class LatticeConstants(NamedTuple):
+    """What does not change, for compiled code; k bonds in a full family."""
+
+    at: Layout
+    h: float  # m
+    rho: float  # kg/m^3
+    dt: float  # s
+    table: NDArray[np.float64]  # (k, 8) springs, as in `family.Springs`
+    squares: NDArray[np.float64]  # (k, 2) n_x^2 and n_y^2
+    ways: NDArray[np.int64]  # (k,) places to the neighbour
+    there: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
+    lack: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
+    pattern: NDArray[np.int64]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
+    known: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
+    no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
+    limit: float  # e above which a bond breaks
+    stencil_ways: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
+    theta: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
+    pairs: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
+
+
+class Plate(NamedTuple):
+    """A model's nodes on the lattice, n of them."""
+
+    model: Model
+    place: NDArray[np.int64]  # (n,) of each row of the grid
+    row: NDArray[np.int32]  # (places,) of the grid, -1 without a node
+    area: NDArray[np.float64]  # (n,) of nodes, m^2
+    cut: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    parted: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
+    whole: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
+    acted: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
+
+
+def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.int64]]:
+    """Where a model's nodes (n,) are, with margins for families that reach so many spacings. Raises ModelError."""
+    grid = model.grid
+    if (grid.delta != grid.delta[0]).any():
+        raise ModelError(f"{model.name}: $.nodes: found several spacings, expected one, {refused}")
+    steps = (grid.position - grid.position.min(axis=0)) / float(grid.delta[0])
+    column, row = np.round(steps).astype(np.int64).T
+    if np.abs(steps - np.column_stack([column, row])).max() > OFF:
+        raise ModelError(f"{model.name}: $.nodes: found nodes that are on no lattice, expected them on one, {refused}")
+    nx, ny, left = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
+    stride = ROW * -(-(left + nx + reach) // ROW)
+    at = Layout(nx, ny, left, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
+    return at, (row + reach) * stride + left + column
+
+
+def ground_of(
+    model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], found: Stencil
+) -> tuple[LatticeConstants, Plate]:
+    """What there is to know of a plate; the step is still to be chosen. Raises GridError, ModelError."""
+    h, material = float(model.grid.delta[0]), model.materials[0]
+    n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
+    ways, limit = springs.dy * at.stride + springs.dx, float(e_of(springs.limit))
+    row = np.full(at.places, -1, dtype=np.int32)
+    row[place] = np.arange(len(place))
+    area = _areas(model, at, place, row)
+    there, no_fail = np.zeros((1, at.places)), np.zeros(at.places, dtype=np.bool_)
+    share = area / h**2
+    there[0, place] = np.where(np.abs(share - 1) < SAME, 1.0, share)
+    no_fail[place] = unbreakable(model)
+    xi = 2 * h * found.xi.astype(float)
+    square = np.maximum((xi**2).sum(axis=1), h**2)
+    theta = found.theta / (4 * h**2 * material.rho)
+    ground = LatticeConstants(
+        at=at,
+        h=h,
+        rho=material.rho,
+        dt=0.0,
+        table=np.ascontiguousarray(springs.table),
+        squares=np.ascontiguousarray(n**2),
+        ways=ways,
+        there=there,
+        lack=np.ones((2, at.places)),
+        pattern=np.full(at.places // ROW, -1),
+        known=np.zeros((0, 1, ROW)),
+        no_fail=no_fail,
+        limit=limit,
+        stencil_ways=2 * (found.xi[:, 1] * at.stride + found.xi[:, 0]),
+        theta=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
+        pairs=np.column_stack([2 * xi / square[:, None], 1 / square]),
+    )
+    cut = np.zeros((at.places // ROW, len(ways)), dtype=np.uint16)
+    hidden = _hide(model, ground, springs, row, cut)
+    cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h
+    clear(model, cracks, at.nx - 1, at.ny - 1)
+    cracks = lengthened(cracks)
+    near = _near(there[0], at, cracks) & (row >= 0)
+    near |= hidden
+    whole = (row >= 0) & ~near
+    some, parted, acted = np.flatnonzero(near), np.zeros(at.places, dtype=np.int64), no_fail.copy()
+    _cross(ground, cut, some, cracks, parted)
+    _lacks(ground, cut, some, whole)
+    for condition in model.settings.conditions:
+        if not isinstance(condition, InitialVelocity):
+            acted[place[model.selected(condition)]] = True
+    return ground, Plate(model, place, row, area, cut, parted, whole, acted)
+
+
+def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Areas (n,) of nodes, m^2: those of the grid, or else by the squares between nodes around."""
+    if model.grid.areas is not None:
+        return model.grid.areas
+    around = quarters((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
+    return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
+
+
+def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
+    """Places (places,) at most so many columns and rows from one that is marked."""
+    field = marked[: at.places - 2 * ROW].reshape(-1, at.stride).astype(np.uint8)
+    found = np.zeros(at.places, dtype=np.bool_)
+    found[: field.size] = ndimage.maximum_filter(field, 2 * reach + 1, mode="constant").ravel() > 0
+    return found
+
+
+def kinds_of(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """What each row of 16 places is like."""
+    at_edge = np.where(ground.pattern >= 0, KNOWN, EDGE)
+    return np.where(edges(ground), at_edge, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
+
+
+def edges(ground: LatticeConstants) -> NDArray[np.bool_]:
+    """Rows of 16 places (places / 16,) some of whose bonds are not those of a full family."""
+    odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
+    found = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
+    found[-2:] = True
+    return found
+
+
+def _near(there: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Places within a family's reach of what is no node of a whole cell, or of a pre-crack."""
+    odd = there != 1
+    for x0, y0, x1, y1 in cracks:
+        share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
+        x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
+        inside = (x >= 0) & (x < at.nx) & (y >= 0) & (y < at.ny)
+        odd[(y[inside] + at.below) * at.stride + at.left + x[inside]] = True
+    return dilated(odd, at, at.below + 1)
+
+
+def _hide(
+    model: Model, ground: LatticeConstants, springs: Springs, row: NDArray[np.int32], cut: NDArray[np.uint16]
+) -> NDArray[np.bool_]:
+    """Take out the bonds that a hole or the outline parts; returns whose (places,)."""
+    at, hidden = ground.at, np.zeros(ground.at.places, dtype=np.bool_)
+    inner = np.zeros(at.places, dtype=np.bool_)
+    field = inner[: at.places - 2 * ROW].reshape(-1, at.stride)
+    field[at.below : at.below + at.ny, at.left : at.left + at.nx] = True
+    missing = inner & (row < 0)
+    if not missing.any():
+        return hidden  # a rectangle, which no bond leaves
+    around = np.flatnonzero(dilated(missing, at, at.below) & (row >= 0))
+    around = around[np.argsort(row[around])]
+    sight = Sight(model.grid, model.name)
+    for k in range(len(ground.ways) // 2):
+        other = around + ground.ways[k]
+        some = row[other] >= 0
+        i, j = row[around[some]].astype(np.int64), row[other[some]].astype(np.int64)
+        length = np.full(len(i), float(np.hypot(*springs.table[k, :2])))
+        parted = ~sight.inside(Pairs(i, j, length))
+        for ends, spring in ((around[some][parted], k), (other[some][parted], k + len(ground.ways) // 2)):
+            np.bitwise_or.at(cut, (ends // ROW, spring), (1 << (ends % ROW)).astype(np.uint16))
+            hidden[ends] = True
+    return hidden
+
+
+@cached_njit(error_model="numpy")
+def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
+    """Cut the bonds of these nodes that cross a pre-crack, and count them."""
+    at = ground.at
+    for p in places:
+        ix, iy = p % at.stride - at.left, p // at.stride - at.below
+        for k in range(len(ground.ways)):
+            if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
+                continue
+            x, y = ix + np.round(ground.table[k, 0] / ground.h), iy + np.round(ground.table[k, 1] / ground.h)
+            if not seen(cracks, ix, iy, x, y):
+                do_cut(cut, p, k)
+                parted[p] += 1
+
+
+@cached_njit(error_model="numpy")
+def _lacks(ground, cut, places, whole):  # type: ignore[no-untyped-def]
+    """What these nodes lack of a full family's energy; those that lack nothing have a whole one."""
+    full_x, full_y = 0.0, 0.0
+    for k in range(len(ground.ways)):
+        energy = ground.table[k, 5] / ground.table[k, 4]
+        full_x += energy * ground.squares[k, 0] ** 2
+        full_y += energy * ground.squares[k, 1] ** 2
+    for p in places:
+        held_x, held_y, found = 0.0, 0.0, ground.there[0, p] == 1
+        for k in range(len(ground.ways)):
+            share = ground.there[0, p + ground.ways[k]]
+            if share == 0 or is_cut(cut, p, k):
+                found = False
+                continue
+            found &= share == 1
+            energy = share * ground.table[k, 5] / ground.table[k, 4]
+            held_x += energy * ground.squares[k, 0] ** 2
+            held_y += energy * ground.squares[k, 1] ** 2
+        whole[p] = found
+        if not found:
+            ground.lack[0, p] = full_x / held_x if held_x > 0 else 1.0
+            ground.lack[1, p] = full_y / held_y if held_y > 0 else 1.0
+
+
+@cached_njit(error_model="numpy")
+def is_cut(cut, p, k):  # type: ignore[no-untyped-def]
+    """Whether bond k of a node is cut or broken."""
+    return (np.int64(cut[p // 16, k]) >> (p % 16)) & 1 != 0
+
+
+@cached_njit(error_model="numpy")
+def do_cut(cut, p, k):  # type: ignore[no-untyped-def]
+    """Mark bond k of node p as cut."""
+    cut[p // 16, k] = np.uint16(np.int64(cut[p // 16, k]) | (1 << (p % 16)))

@@ -1,0 +1,270 @@
+"""Steps: velocity Verlet, as `pdsolve.steppers.verlet` has it, of active fine and coarse nodes alike.
+
+After each drift fictitious nodes follow; now and then it is looked whether a pair of coarse nodes is stretched so far
+that fine ones are wanted, and the march ends so that they are made. So it does where a bond to a fictitious node
+breaks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.collocation.simd_rows import (
+    add_row,
+    add_row_exactly,
+    break_bond,
+    e_before,
+    e_of_bond,
+    hold_row,
+    is_over,
+    stiffness,
+)
+from pdsolve.adaptivity.collocation.zone import BROKEN, COARSE, DISSIPATED, FINE, HOT, LARGEST
+from pdsolve.conditions import apply_loads
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.numerics.threads import meet
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.steppers.holds import hold_component, release_component
+
+DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
+BEGIN, FORCES = range(2)  # where in a step it goes on
+
+
+@njit(**INNER)
+def _drift(ground, zone, drive, time):  # type: ignore[no-untyped-def]
+    """Half a kick and the drift, to the displacements of `time`, s."""
+    dt, u, v, a = ground.dt, zone.u, zone.v, zone.a
+    for row in zone.rows:
+        for p in range(row * ROW, row * ROW + ROW):
+            if zone.node[p] == FINE:
+                for axis in range(2):
+                    v[axis, p] += dt / 2 * a[axis, p]
+                    u[axis, p] += dt * v[axis, p]
+    for p in zone.coarse:
+        for axis in range(2):
+            v[axis, p] += dt / 2 * a[axis, p]
+            u[axis, p] += dt * v[axis, p]
+    for e in range(len(drive.holds.node)):
+        hold_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+    if drive.varies:
+        apply_loads(drive, time)
+
+
+@njit(**INNER)
+def follow(zone, field):  # type: ignore[no-untyped-def]
+    """Interpolate a field of fictitious nodes."""
+    for n in range(len(zone.between)):
+        p, i, j, k, m = zone.between[n]
+        for axis in range(2):
+            field[axis, p] = 0.25 * ((field[axis, i] + field[axis, j]) + (field[axis, k] + field[axis, m]))
+
+
+@njit(**INNER)
+def look(ground, zone, kappa):  # type: ignore[no-untyped-def]
+    """Mark coarse nodes one of whose pairs is stretched to `kappa` of what breaks it, and the other one."""
+    stretch = np.sqrt(1 + ground.limit) - 1
+    hot = kappa * stretch * (kappa * stretch + 2)
+    u, any_hot = zone.u, False
+    for q in zone.coarse:
+        for s in range(len(ground.stencil_ways)):
+            j = q + ground.stencil_ways[s]
+            x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
+            inverse = ground.pairs[s, 2]
+            e = (x * inverse + ground.pairs[s, 0]) * x + (y * inverse + ground.pairs[s, 1]) * y
+            if e > hot and not (ground.no_fail[q] or ground.no_fail[j]):
+                zone.hot[q] = zone.hot[j] = any_hot = True
+            if zone.node[j] == COARSE:
+                zone.total[LARGEST] = max(zone.total[LARGEST], e)
+    return any_hot
+
+
+@njit(**INNER)
+def sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
+    """Accelerations of active coarse nodes."""
+    u = zone.u
+    for q in zone.coarse:
+        x, y = 0.0, 0.0
+        for s in range(len(ground.stencil_ways)):
+            j = q + ground.stencil_ways[s]
+            x += ground.theta[s, 0] * u[0, j] + ground.theta[s, 1] * u[1, j]
+            y += ground.theta[s, 1] * u[0, j] + ground.theta[s, 2] * u[1, j]
+        zone.f[0, q], zone.f[1, q] = x, y
+
+
+@njit(**INNER)
+def add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
+    """Forces on the nodes of active rows."""
+    for n in range(first, last):
+        zone.flags[n] = _add(ground, zone, zone.rows[n])
+
+
+@njit(**INNER)
+def _add(ground, zone, row):  # type: ignore[no-untyped-def]
+    """Add the forces on the nodes of one row; returns a bit for each node that has a bond over its bound."""
+    over, exact = add_row(ground, zone.cut, zone.kinds[row], zone.bounds, zone.u, zone.f, row)
+    if not exact:
+        add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
+    return over
+
+
+@njit(**INNER)
+def _room(ground, zone):  # type: ignore[no-untyped-def]
+    """Whether there is room for all bonds of the flagged rows to break."""
+    flagged = 0
+    for n in range(len(zone.rows)):
+        flagged += zone.flags[n] != 0
+    return zone.number[BROKEN] + flagged * ROW * len(ground.ways) <= len(zone.breaks.step)
+
+
+@njit(**INNER)
+def _break(ground, zone, step):  # type: ignore[no-untyped-def]
+    """Break what is over its limit, book what it has spent, and compute forces there anew; returns whether fine nodes
+    are wanted."""
+    any_broken = False
+    zone.number[HOT] = 0
+    for n in range(len(zone.rows)):
+        if zone.flags[n] == 0:
+            continue
+        for p in range(zone.rows[n] * ROW, zone.rows[n] * ROW + ROW):
+            if not (zone.flags[n] >> (p % ROW)) & 1:
+                continue
+            for k in range(len(ground.ways)):
+                if not is_over(ground, zone, zone.u, p, k):
+                    continue
+                any_broken = True
+                _break_one(ground, zone, step, p, k)
+    if any_broken:
+        for n in range(len(zone.rows)):
+            row = zone.rows[n]
+            if zone.again[row]:
+                _add(ground, zone, row)
+        zone.again[:] = 0
+    return zone.number[HOT] != 0
+
+
+@njit(**INNER)
+def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
+    """Break bond k of node p, and book the energy that it has spent."""
+    j, half, count = p + ground.ways[k], len(ground.ways) // 2, zone.number[BROKEN]
+    e, e0 = e_of_bond(ground, zone.u, p, k), e_before(ground, zone.u, zone.v, p, k)
+    spent = e / (1 + np.sqrt(1 + e)) * (e0 / (1 + np.sqrt(1 + e0)))
+    spring = stiffness(ground, p, k) * ground.there[0, p] / ground.table[k, 4]
+    zone.total[DISSIPATED] += spring * spent / 2
+    break_bond(ground, zone, p, k)
+    zone.again[p // ROW] = zone.again[j // ROW] = 1
+    zone.breaks.step[count] = step
+    zone.breaks.node[count], zone.breaks.spring[count] = (p, k) if k < half else (j, k - half)
+    zone.number[BROKEN] += 1
+    if zone.node[j] != FINE:
+        zone.number[HOT] = 1
+        _warm(ground, zone, j)
+
+
+@njit(**INNER)
+def _warm(ground, zone, p):  # type: ignore[no-untyped-def]
+    """Mark the coarse nodes that a node is on or between."""
+    at = ground.at
+    right, up = (p % at.stride - at.left) % 2, (p // at.stride - at.below) % 2
+    corner = p - right - up * at.stride
+    for y in range(up + 1):
+        for x in range(right + 1):
+            zone.hot[corner + 2 * x + 2 * y * at.stride] = True
+
+
+@njit(**INNER)
+def _kick(ground, zone, drive, work):  # type: ignore[no-untyped-def]
+    """From forces to accelerations, and the other half of the kick; books work and damping."""
+    v, a, dt, light = zone.v, zone.a, ground.dt, 1 / (ground.rho * ground.h**2)
+    for row in zone.rows:
+        for p in range(row * ROW, row * ROW + ROW):
+            if zone.node[p] == FINE:
+                for axis in range(2):
+                    load, before = drive.force[p, axis], drive.before[p, axis]
+                    _kick_one(ground, zone, p, axis, zone.f[axis, p] * light + load / ground.rho, dt)
+                    work[p] += (before + load) / 2 * (dt * (v[axis, p] - dt / 2 * a[axis, p]))
+    for p in zone.coarse:
+        for axis in range(2):
+            _kick_one(ground, zone, p, axis, zone.f[axis, p], dt)
+
+
+@njit(forceinline=True, **INNER)
+def _kick_one(ground, zone, p, axis, undamped, dt):  # type: ignore[no-untyped-def]
+    """Kick one component of the velocity of a node, damped; held components are overwritten afterwards."""
+    v, a, c = zone.v, zone.a, zone.damping[p]
+    middle = v[axis, p]
+    speed = (middle + dt / 2 * undamped) / (1 + c * dt / 2)
+    if c > 0:
+        before = middle - dt / 2 * a[axis, p]
+        zone.damped[p] += ground.rho * c * (before + speed) / 2 * (dt * middle)
+    a[axis, p] = undamped - c * speed
+    v[axis, p] = middle + dt / 2 * a[axis, p]
+
+
+@njit(**INNER)
+def _release(ground, zone, drive, work, rho, time):  # type: ignore[no-untyped-def]
+    """Give held components the motion they are to have."""
+    v, a, dt = zone.v, zone.a, ground.dt
+    for e in range(len(drive.holds.node)):
+        p, axis = drive.holds.node[e], drive.holds.axis[e]
+        v[axis, p] -= dt / 2 * a[axis, p]
+        release_component(
+            v.T, a.T, rho, work, drive.holds, drive.profiles, drive.held_speed, drive.held_force, e, dt, time
+        )
+        v[axis, p] += dt / 2 * a[axis, p]
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
+    """Take the steps `first` to `last` - 1, from `where` in the first; returns how it ended and in which step.
+
+    Threads run this side by side.
+    """
+    threads, rows = gate.threads, len(zone.rows)
+    for step in range(first, last):
+        if thread == 0:
+            zone.number[HOT] = 0
+            if step > first or where == BEGIN:
+                _drift(ground, zone, drive, step * ground.dt)
+                follow(zone, zone.u)
+                zone.number[HOT] = step % every == 0 and look(ground, zone, kappa)
+            else:
+                follow(zone, zone.u)
+        meet(gate)
+        if zone.number[HOT] != 0:
+            return SWITCH, step
+        add_rows(ground, zone, rows * thread // threads, rows * (thread + 1) // threads)
+        meet(gate)
+        if not _room(ground, zone):
+            return ROOM, step
+        meet(gate)
+        if thread == 0 and not _break(ground, zone, step):
+            sum_coarse(ground, zone)
+            _kick(ground, zone, drive, work)
+            _release(ground, zone, drive, work, rho, step * ground.dt)
+        meet(gate)
+        hot = zone.number[HOT]
+        meet(gate)
+        if hot != 0:
+            return SWITCH, step
+    return DONE, last - 1
+
+
+@cached_njit(error_model="numpy")
+def held(ground, zone, rows, found):  # type: ignore[no-untyped-def]
+    """Put energy densities, J/m^3, of nodes in these rows and of active coarse nodes into `found` (1, places).
+
+    Those of coarse nodes too are half of each pair's, whose springs are the stencil: what stays the same in motion.
+    """
+    follow(zone, zone.u)
+    for row in rows:
+        hold_row(ground, zone.cut, zone.kinds[row], zone.u, found, row)
+    u = zone.u
+    for q in zone.coarse:
+        energy = 0.0
+        for s in range(len(ground.stencil_ways)):
+            j = q + ground.stencil_ways[s]
+            x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
+            energy += ground.theta[s, 0] * x * x + 2 * ground.theta[s, 1] * x * y + ground.theta[s, 2] * y * y
+        found[0, q] = ground.rho / 4 * energy

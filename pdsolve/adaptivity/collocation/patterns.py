@@ -1,0 +1,67 @@
+"""Rows at edges that are like others: along a straight edge bonds have the same corrections over and over.
+
+There is no room for the stiffness of each bond, but there is for those of one row of 16 places in place of many.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, edges
+from pdsolve.adaptivity.collocation.simd_rows import PLANE, corrected
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER, across
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.packed import beside, keep
+
+ROOM = 2**26  # bytes of stiffnesses that are kept, at most
+ALIKE = 4  # rows, at least, for which it is worth it
+
+
+def with_patterns(ground: LatticeConstants) -> LatticeConstants:
+    """The constant arrays with the stiffnesses of rows at edges, stored once for rows that are alike."""
+    rows = np.flatnonzero(edges(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
+    first, number, count = _distinct(_around(ground, rows))
+    often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(ground.ways))]
+    often = often[count[often] >= ALIKE]
+    rank = np.full(len(count), -1)
+    rank[often] = np.arange(len(often))
+    pattern = ground.pattern.copy()
+    pattern[rows] = rank[number]
+    known = np.zeros((1, len(often) * len(ground.ways) * ROW))
+    _keep(ground, rows[first[often]], known)
+    return ground._replace(pattern=pattern, known=known.reshape(-1, 1, ROW))
+
+
+def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """What is around each of these rows (r, ...), as far as its bonds reach: rows that have the same are alike."""
+    at, wide = ground.at, -(-ground.at.below // ROW)
+    what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
+    kind = np.pad(_distinct(what)[1], wide)
+    beside = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
+    return np.asarray(beside[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
+
+
+def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The distinct rows of values (n, w): the first place of each, the number (n,) of each value's, how many there are
+    of each."""
+    _, first, number, count = np.unique(values, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    return first, number.ravel(), count
+
+
+@cached_njit(error_model="numpy")
+def _keep(ground, rows, known):  # type: ignore[no-untyped-def]
+    """Put the stiffnesses of all bonds of these rows into `known` (1, ...)."""
+    for n in range(len(rows)):
+        _keep_row(ground, rows[n], n * len(ground.ways) * ROW, known)
+
+
+@njit(**INNER)
+def _keep_row(ground, row, begin, known):  # type: ignore[no-untyped-def]
+    for lane in range(0, ROW, across(known)):
+        p = row * ROW + lane
+        lack = beside(ground.lack, PLANE, p)
+        for k in range(len(ground.ways)):
+            keep((corrected(ground, p, k, lack),), known, begin + k * ROW + lane)

@@ -1,0 +1,82 @@
+"""A model, prepared to be marched with stencils on a coarse grid wherever nothing breaks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pdmesh.model.document import Collocation
+from pdmesh.model.material_constants import pressure_speed
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate, ground_of, placed
+from pdsolve.adaptivity.collocation.operator import Engine, Manner
+from pdsolve.adaptivity.collocation.patterns import with_patterns
+from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
+from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.zone import begun, eligible
+from pdsolve.adaptivity.hybrid.coarse_cells import refuse, refused
+from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.conditions import Drive, drive, initial_velocity
+from pdsolve.model import Model
+from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
+
+LEAST, MOST = 3.0, 32.0  # horizon over spacing
+OFTEN = 8  # steps between two looks, at most
+# Horizons over spacing up to which the coupling grows fast enough to need damping, and how much stops free vibration
+# from growing within 4000 units of time, sqrt(E / rho) / spacing
+DAMPED = ((6.0, 0.05), (16.0, 0.02))
+
+
+def collocation_of(
+    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
+) -> tuple[Collocated, float]:
+    """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
+
+    Raises ModelError for what cannot be solved so.
+    """
+    refuse(model, mode, precision, MOST)
+    ratio, material = model.settings.horizon.ratio, model.materials[0]
+    if ratio < LEAST:
+        raise refused(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
+    h = float(model.grid.delta[0])
+    springs = fine_springs(material, ratio, h)
+    try:
+        found = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
+    except StencilError as error:
+        raise refused(model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable") from None
+    at, place = placed(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
+    ground, plate = ground_of(model, springs, at, place, found)
+    ground = with_patterns(ground)
+    bound = min(_bound(ground, plate), longest(found, 2 * h, material.rho))
+    ground = ground._replace(dt=step_of(model, bound))
+    how = model.settings.run.collocation
+    every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
+    manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
+    zone = begun(ground, plate, eligible(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band)
+    engine = Engine(plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner)
+    engine.start(initial_velocity(model))
+    return Collocated(engine), bound
+
+
+def band(how: Collocation, model: Model) -> float:
+    """Damping of nodes within a horizon of the seam, 1/s."""
+    material, ratio = model.materials[0], model.settings.horizon.ratio
+    share = how.damping
+    if share is None:
+        share = next((damped for below, damped in DAMPED if ratio < below), 0.0)
+    return float(share * np.sqrt(material.E / material.rho) / model.grid.delta[0])
+
+
+def _bound(ground: LatticeConstants, plate: Plate) -> float:
+    """The step, s, that is surely stable of fine nodes: those at edges, and one like all others."""
+    odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
+    usual = np.flatnonzero(plate.whole)[:1]
+    return float(np.sqrt(2 * ground.rho / stiffness_bound(ground, plate.cut, np.concatenate([odd, usual]))))
+
+
+def _placed(driven: Drive, ground: LatticeConstants, place: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Drive:
+    """What acts on nodes, by their places."""
+    force, before = np.zeros((2, ground.at.places, 2))
+    force[place], before[place] = driven.force, driven.before
+    loads, holds = (each._replace(node=place[each.node]) for each in (driven.loads, driven.holds))
+    return driven._replace(force=force, before=before, loads=loads, holds=holds)

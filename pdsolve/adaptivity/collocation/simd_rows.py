@@ -1,0 +1,207 @@
+"""What bonds do to 16 consecutive fine nodes, as many lanes at once as stay in registers; and what breaks.
+
+The force of a bond is k e g(e) (xi + eta), as in `pdsolve.operators.simd_lattice.pull`. Lanes without a bond have no
+weight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, do_cut, is_cut
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER, across
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.packed import Lanes, beside, keep, larger, same, stacked, unless_none, which_above
+from pdsolve.operators.simd_lattice.pull import coefficients
+
+PLANE, ONE = (0, 0), (0,)
+G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
+
+
+@intrinsic
+def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
+    """1 in the lanes from `lane` on whose bond k is not cut, 0 in the others; of a row of `cut` (., k)."""
+    lanes = Lanes(like.dtype)
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        made = context.make_array(cut)(context, builder, values[0])
+        at = builder.add(builder.mul(values[2], builder.extract_value(made.shape, 1)), values[3])
+        word = builder.load(builder.gep(made.data, [at]))
+        some = builder.lshr(word, builder.trunc(values[4], word.type))
+        bits = ir.IntType(lanes.count)
+        some = builder.trunc(some, bits) if lanes.count < 16 else some
+        which = builder.bitcast(builder.not_(some), ir.VectorType(ir.IntType(1), lanes.count))
+        return builder.uitofp(which, context.get_value_type(lanes))
+
+    return lanes(cut, like, types.int64, types.int64, types.int64), generate
+
+
+@njit(forceinline=True, **INNER)
+def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` of these nodes."""
+    if kind == KNOWN:
+        w = stacked(ground.known, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
+    elif kind == EDGE:
+        w = corrected(ground, p, k, lack)
+    else:
+        w = same(u, ground.table[k, 5])
+    if kind != WHOLE:
+        w = w * intact(cut, u, row, k, lane)
+    return w
+
+
+@njit(forceinline=True, **INNER)
+def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k in the lanes from place p on, were it intact."""
+    other = p + ground.ways[k]
+    there = beside(ground.lack, PLANE, other)
+    x, y = (lack[0] + there[0]) * 0.5, (lack[1] + there[1]) * 0.5
+    x2, y2 = x * x, y * y
+    factor = x * y / np.sqrt(y2 * ground.squares[k, 0] + x2 * ground.squares[k, 1])
+    return ground.table[k, 5] * (factor * beside(ground.there, ONE, other)[0])
+
+
+@njit(forceinline=True, **INNER)
+def _g(e):  # type: ignore[no-untyped-def]
+    """g(e) up to |e| = WIDE."""
+    narrow = (((G5 * e + G4) * e + G3) * e + G2) * e + G1
+    wide = (((G10 * e + G9) * e + G8) * e + G7) * e + G6
+    e2 = e * e
+    return (wide * (e2 * e2 * e) + narrow) * e + G0
+
+
+@njit(forceinline=True, **INNER)
+def _stretched(ground, u, own, p, k):  # type: ignore[no-untyped-def]
+    """eta of bond k in the lanes from place p on, and e; `own` are the displacements there."""
+    there = beside(u, PLANE, p + ground.ways[k])
+    x, y = there[0] - own[0], there[1] - own[1]
+    inverse = ground.table[k, 4]
+    return x, y, (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+
+
+@njit(**INNER)
+def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-def]
+    """Forces (2, places), N/m, on the nodes of a row; returns a bit for each that has a bond over its limit, and
+    whether forces are exact.
+
+    `bounds` (2, places): of e, beyond which a bond breaks, and of e^2, beyond which forces are not exact.
+    """
+    over, wide, none = 0, 0, same(u, 0.0)
+    for lane in range(0, ROW, across(u)):
+        p = row * ROW + lane
+        own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        most, widest = none, none
+        for k in range(len(ground.ways)):
+            x, y, e = _stretched(ground, u, own, p, k)
+            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            if kind != WHOLE:
+                e = unless_none(w, e, none)
+            most, widest = larger(e, most), larger(e * e, widest)
+            pull = w * (e * _g(e))
+            fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
+        keep((fx, fy), f, p)
+        bound = beside(bounds, PLANE, p)
+        over |= which_above(most, bound[0]) << lane
+        wide |= which_above(widest, bound[1])
+    return over, wide == 0
+
+
+@njit(**INNER)
+def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
+    """Forces (2, places), N/m, on the nodes of a row, by square roots: exact whatever the stretches."""
+    none = same(u, 0.0)
+    for lane in range(0, ROW, across(u)):
+        p = row * ROW + lane
+        own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        for k in range(len(ground.ways)):
+            x, y, e = _stretched(ground, u, own, p, k)
+            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            e = unless_none(w, e, none)
+            q2 = e + 1.0
+            pull = w * (e / (q2 + np.sqrt(q2)))
+            fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
+        keep((fx, fy), f, p)
+
+
+@njit(**INNER)
+def hold_row(ground, cut, kind, u, held, row):  # type: ignore[no-untyped-def]
+    """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
+    none, part = same(u, 0.0), 0.25 / ground.h**2
+    for lane in range(0, ROW, across(u)):
+        p = row * ROW + lane
+        own, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
+        for k in range(len(ground.ways)):
+            _, _, e = _stretched(ground, u, own, p, k)
+            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            e = unless_none(w, e, none)
+            stretch = e / (np.sqrt(e + 1.0) + 1.0)
+            energy = energy + w * (stretch * stretch) * (part / ground.table[k, 4])
+        keep((energy,), held, p)
+
+
+@njit(**INNER)
+def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k of node p, surfaces corrected, over the share of p's own cell that is in the plate."""
+    j = p + ground.ways[k]
+    x, y = (ground.lack[0, p] + ground.lack[0, j]) / 2, (ground.lack[1, p] + ground.lack[1, j]) / 2
+    factor = x * y / np.sqrt(y * y * ground.squares[k, 0] + x * x * ground.squares[k, 1])
+    return ground.table[k, 5] * factor * ground.there[0, j]
+
+
+@njit(**INNER)
+def e_of_bond(ground, u, p, k):  # type: ignore[no-untyped-def]
+    """e of bond k of node p."""
+    j = p + ground.ways[k]
+    x, y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+    inverse = ground.table[k, 4]
+    return (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+
+
+@njit(**INNER)
+def e_before(ground, u, v, p, k):  # type: ignore[no-untyped-def]
+    """e of bond k of node p one time step ago."""
+    j, dt = p + ground.ways[k], ground.dt
+    x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
+    inverse = ground.table[k, 4]
+    return (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+
+
+@njit(**INNER)
+def break_bond(ground, zone, p, k):  # type: ignore[no-untyped-def]
+    """Break bond k of node p at both of its ends."""
+    half = len(ground.ways) // 2
+    do_cut(zone.cut, p, k)
+    j = p + ground.ways[k]
+    do_cut(zone.cut, j, k + half if k < half else k - half)
+    for row in (p // ROW, j // ROW):
+        if zone.kinds[row] == WHOLE:
+            zone.kinds[row] = CUT
+
+
+@njit(**INNER)
+def is_over(ground, zone, u, p, k):  # type: ignore[no-untyped-def]
+    """Whether bond k of node p is to break."""
+    if not e_of_bond(ground, u, p, k) > ground.limit:
+        return False  # as nearly all
+    j = p + ground.ways[k]
+    return not (ground.there[0, j] == 0 or is_cut(zone.cut, p, k) or ground.no_fail[p] or ground.no_fail[j])
+
+
+@cached_njit(error_model="numpy")
+def stiffness_bound(ground, cut, places):  # type: ignore[no-untyped-def]
+    """The largest row sum of stiffness of these nodes, N/m^4 (`pdsolve.bonds.assembly.stiffness_bound`)."""
+    most = 0.0
+    for p in places:
+        xx, yy, xy = 0.0, 0.0, 0.0
+        for k in range(len(ground.ways)):
+            if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
+                continue
+            pull = stiffness(ground, p, k) * ground.table[k, 4] / ground.h**2
+            x, y = ground.table[k, 0], ground.table[k, 1]
+            xx, yy, xy = xx + pull * x * x, yy + pull * y * y, xy + pull * x * y
+        most = max(most, (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    return most

@@ -1,0 +1,183 @@
+"""A run with stencils on a coarse grid, as the rest of the solver sees it: the active nodes, fine and coarse.
+
+Bonds are those of fine nodes to active ones, and those of coarse nodes to the nodes of their stencils; bonds to
+fictitious nodes are left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.collocation.layout import is_cut
+from pdsolve.adaptivity.collocation.operator import Engine
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.model import Model
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.state import Broken, State, Unknown
+
+
+class Collocated(TwoLatticeOperator[Engine]):
+    """An operator and a stepper; n nodes, in the order of their places.
+
+    The state is brought up to date when `energies` are asked for.
+    """
+
+    name = "collocation"
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
+    symmetric = False  # the coupling conserves neither momentum nor energy, but for what is sent on
+
+    def __init__(self, engine: Engine) -> None:
+        """The nodes that are active now."""
+        self.hybrid, self._strain = engine, 0.0
+        self.places, self._kind = engine.active(), engine.zone.node.copy()
+        self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
+        self._row_of[self.places] = np.arange(len(self.places))
+        self.area = engine.area[self.places]
+        self._switches = int(engine.zone.number[SWITCHES])
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+        found = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * found.grid.delta
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
+
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
+        own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
+        _, node, spring = self.hybrid.broken()
+        lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
+        count[fine] = _intact(ground, self.hybrid.zone.cut, self._kind, own) + lost[own]
+        family = count.copy()
+        family[fine] += plate.parted[own]
+        return count, family
+
+    @property
+    def signature(self) -> NDArray[np.int64]:
+        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place. Raises UnstableError."""
+        self.hybrid.march(first, last)
+
+    def changed(self) -> Collocated | None:
+        """The nodes there are now, if they are others."""
+        return None if self.hybrid.zone.number[SWITCHES] == self._switches else Collocated(self.hybrid)
+
+    def state(self) -> State:
+        """The state of the nodes now."""
+        nodes = len(self.places)
+        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
+        self.energies(found)
+        return found
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening; brings the state up to date.
+
+        The ledger alone has what breaking spends.
+        """
+        zone = self.hybrid.zone
+        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
+            out[:] = field[:, self.places].T
+        held = self.hybrid.held()[self.places]
+        self._strain = float((held * self.area).sum())
+        return held, np.zeros_like(held)
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """No fields: the two lattices store none beside their displacements."""
+        return {}
+
+    def books(self) -> Sums:
+        """Energies, work and momentum at the state for which `energies` were asked last."""
+        kinetic, x, y = self.hybrid.motion()
+        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y)
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the fine zone; of stretches, that of coarse pairs."""
+        return self.hybrid.zone_summary()
+
+    def pushes(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        loads, found = self.hybrid.drive.loads, np.zeros((profiles, 2))
+        np.add.at(found, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
+        return found
+
+    def pulls(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        drive, found = self.hybrid.drive, np.zeros((profiles, 2))
+        holds = drive.holds
+        np.add.at(found, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        ground, places = self.hybrid.ground, self.places[first:last]
+        sources, targets = [], []
+        some = places[self._kind[places] == FINE]
+        node, k = _listed(ground, self.hybrid.zone.cut, self._kind, some)
+        sources.append(some[node])
+        targets.append(some[node] + ground.ways[k])
+        if start:
+            _, node, k = self.hybrid.broken()
+            other = node + ground.ways[k]
+            for one, far in ((node, other), (other, node)):
+                own = (self._row_of[one] >= first) & (self._row_of[one] < first + len(places))
+                sources.append(one[own])
+                targets.append(far[own])
+        some = places[self._kind[places] == COARSE]
+        ways = ground.stencil_ways[ground.stencil_ways != 0]
+        sources.append(np.repeat(some, len(ways)))
+        targets.append((some[:, None] + ways).ravel())
+        source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        step, node, spring = self.hybrid.broken()
+        new = np.flatnonzero(step > after)
+        ends = (self._row_of[one] for one in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
+        one, other = ends
+        steps = np.tile(step[new].astype(np.int64), 2)
+        return Broken(steps, np.concatenate([one, other]), np.concatenate([other, one]))
+
+
+@cached_njit(error_model="numpy")
+def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """How many bonds to active nodes are neither cut nor broken, of each of these."""
+    found = np.zeros(len(places), dtype=np.int64)
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                found[n] += 1
+    return found
+
+
+@cached_njit(error_model="numpy")
+def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """The intact bonds of some places to active nodes: the number of each bond's place, and its number in the
+    family."""
+    count = _intact(ground, cut, kind, places).sum()
+    node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                node[at], spring[at] = n, k
+                at += 1
+    return node, spring

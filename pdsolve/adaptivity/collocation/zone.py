@@ -1,0 +1,192 @@
+"""Who is fine and who is coarse: all follows from which coarse nodes are active.
+
+A coarse node is active where its neighbourhood is whole and nothing is about to break in it. A fine node is active
+unless all coarse nodes that it lies on or between, one, two or four, are; those are what it is interpolated from, with
+equal weights, so that a linear field is exact (multi-grid coupling of A. Shojaei, A. Hermann, C. J. Cyron, P. Seleson,
+S. A. Silling, Comput. Methods Appl. Mech. Eng. 391 (2022) 114544, on vertex-nested grids). A coarse node that is not
+active is the active fine node it lies on. So no fictitious node is interpolated from another, and each place has one
+displacement.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, Layout, Plate, dilated, kinds_of
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.simd_lattice.pull import WIDE
+from pdsolve.operators.stencils import ball
+
+NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
+EVENTS = 4096  # room for so many breaks at first
+
+
+class Breaks(NamedTuple):
+    """Bonds that broke, b of them with room for more."""
+
+    step: NDArray[np.int32]
+    node: NDArray[np.int32]  # place of one of both nodes
+    spring: NDArray[np.int32]  # its number among those of that node
+
+
+class Zone(NamedTuple):
+    """The variable arrays of a plate solved by collocation, for compiled code."""
+
+    u: NDArray[np.float64]  # (2, places) m
+    v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
+    a: NDArray[np.float64]  # (2, places) m/s^2
+    f: NDArray[np.float64]  # (2, places) N/m
+    cut: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    kinds: NDArray[np.uint8]  # (places / 16,) of rows
+    node: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
+    rows: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
+    coarse: NDArray[np.int64]  # (c,) places of active coarse nodes
+    between: NDArray[np.int64]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
+    damping: NDArray[np.float64]  # (places,) 1/s
+    damped: NDArray[np.float64]  # (places,) J/m^3
+    bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
+    flags: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
+    again: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
+    hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
+    total: NDArray[np.float64]  # (4,) dissipated by bonds, J/m; made by switching, J/m; largest e of coarse pairs;
+    # taken by damping before nodes were switched last, J/m
+    number: NDArray[np.int64]  # (3,) breaks; whether any place is hot; switches
+    breaks: Breaks
+
+
+DISSIPATED, SWITCHED, LARGEST, DAMPED = range(4)
+BROKEN, HOT, SWITCHES = range(3)
+
+
+def even(at: Layout) -> NDArray[np.bool_]:
+    """Which places (places,) are of coarse nodes too."""
+    found = np.zeros(at.places, dtype=np.bool_)
+    field = found[: at.places - 2 * ROW].reshape(-1, at.stride)
+    field[at.below : at.below + at.ny : 2, at.left : at.left + at.nx : 2] = True
+    return found
+
+
+def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Coarse places (n, 4) that these lie on or between, as often as their weights have it."""
+    row, column = np.divmod(places, at.stride)
+    right, up = (column - at.left) % 2, (row - at.below) % 2
+    corner = places - right - up * at.stride
+    return np.stack(
+        [corner, corner + 2 * right, corner + 2 * up * at.stride, corner + 2 * right + 2 * up * at.stride], 1
+    )
+
+
+def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.bool_]:
+    """Coarse places (places,) that may be active: none beside a node that is acted on, or `margin` spacings from one
+    without a whole family.
+
+    Bonds have a surface layer at edges, one horizon deep. A stencil that reaches into it takes energy out of the
+    motion all along the edge.
+    """
+    odd = (plate.row >= 0) & ~plate.whole
+    odd = (dilated(odd, ground.at, margin) if margin else odd) | plate.acted
+    fine = np.flatnonzero((plate.row >= 0) & odd)
+    found = even(ground.at) & plate.whole & ~odd
+    found[parents(ground.at, fine).ravel()] = False
+    return found
+
+
+def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """What each place is, with these coarse nodes active."""
+    found = np.zeros(ground.at.places, dtype=np.uint8)
+    around = active[parents(ground.at, plate.place)].all(axis=1)
+    found[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
+    return found
+
+
+def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Areas (places,) of active nodes, m^2: their own and what fictitious ones have, by the weights of these."""
+    found = np.zeros(ground.at.places)
+    kind = node[plate.place]
+    fine = kind == FINE
+    found[plate.place[fine]] = plate.area[fine]
+    np.add.at(found, parents(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
+    return found
+
+
+def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], band: float) -> Zone:
+    """The zone at the start, at rest; `band` as in `renumbered`."""
+    places = ground.at.places
+    nothing = np.zeros(0, dtype=np.int64)
+    u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
+    damping, damped = np.zeros((2, places))
+    zone = Zone(
+        u=u,
+        v=v,
+        a=a,
+        f=f,
+        cut=plate.cut,
+        kinds=kinds_of(ground, plate.cut),
+        node=np.zeros(places, dtype=np.uint8),
+        rows=nothing,
+        coarse=nothing,
+        between=nothing.reshape(0, 5),
+        damping=damping,
+        damped=damped,
+        bounds=np.full((2, places), np.inf),
+        flags=np.zeros(0, dtype=np.uint16),
+        again=np.zeros(places // ROW, dtype=np.uint8),
+        hot=np.zeros(places, dtype=np.bool_),
+        total=np.zeros(4),
+        number=np.zeros(3, dtype=np.int64),
+        breaks=Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
+    )
+    return renumbered(ground, plate, zone, active, band)
+
+
+def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArray[np.bool_], band: float) -> Zone:
+    """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `band`, 1/s."""
+    at, node = ground.at, nodes_of(ground, plate, active)
+    fine = node == FINE
+    rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
+    reached = np.flatnonzero((node == BETWEEN) & dilated(fine, at, at.below))
+    between = np.column_stack([reached, parents(at, reached)])
+    damping = np.zeros(at.places)
+    if band > 0:
+        coarse = node == COARSE
+        damping[(fine & dilated(coarse, at, at.below)) | (coarse & dilated(fine, at, at.below))] = band
+        damping[plate.acted] = 0.0
+    return zone._replace(
+        node=node,
+        rows=rows,
+        coarse=np.flatnonzero(node == COARSE),
+        between=between,
+        damping=damping,
+        bounds=np.where([fine & ~ground.no_fail, fine], [[ground.limit], [WIDE**2]], np.inf),
+        flags=np.zeros(len(rows), dtype=np.uint16),
+    )
+
+
+def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
+    """Give nodes between coarse ones the motion of these."""
+    four = parents(at, places)
+    for field in (zone.u, zone.v, zone.a):
+        field[:, places] = field[:, four].mean(axis=2)
+
+
+def widened(
+    ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """The coarse nodes that stay active where the neighbourhoods of the `hot` ones become fine."""
+    at, found = ground.at, active.copy()
+    reach = ball(at.below // 2, 2)
+    _clear(np.flatnonzero(hot), 2 * (reach[:, 1] * at.stride + reach[:, 0]), found)
+    return found
+
+
+@cached_njit(error_model="numpy")
+def _clear(hot, ways, active):  # type: ignore[no-untyped-def]
+    for q in hot:
+        for way in ways:
+            if 0 <= q + way < len(active):
+                active[q + way] = False

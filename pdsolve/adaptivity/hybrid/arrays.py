@@ -1,0 +1,240 @@
+"""What a run has: what stays, and what it changes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.lattice import Lattice
+from pdsolve.adaptivity.hybrid.springs import Stretches
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+EVERY = 8  # steps between two looks at what has broken and what is stretched
+AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
+TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
+RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
+KAPPA = 0.7  # of the critical stretch: likewise within `AHEAD` of a coarse bond that is stretched more
+
+PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
+VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
+# of `Zone.number`
+ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
+NEW, DIRTY, AROUND, SHORT = range(11, 15)
+# of `Zone.total`
+WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
+
+
+class LatticeConstants(NamedTuple):
+    """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
+
+    at: Lattice
+    h: float  # m
+    dx: NDArray[np.int64]  # (k,) fine family
+    dy: NDArray[np.int64]
+    table: NDArray[np.float64]  # (k, 8)
+    ways: NDArray[np.int64]  # (k,)
+    coarse_dx: NDArray[np.int64]  # (8,)
+    coarse_dy: NDArray[np.int64]
+    coarse_table: NDArray[np.float64]  # (8, 8) of the first material
+    coarse_ways: NDArray[np.int64]  # (8,)
+    cut: Stretches
+    reach: int  # h, of the family along an axis
+    varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
+    dt: float  # s
+    mass: NDArray[np.float64]  # (n,) of the cells of fine nodes, kg/m; 0 where there is none
+    material: NDArray[np.uint8]  # (n,)
+    springs: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
+    bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
+    least: NDArray[np.float64]  # (3,) the least of each
+    own: NDArray[np.int32]  # (n,) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
+    own_springs: NDArray[np.float64]  # (., k)
+    own_peak: NDArray[np.float64]  # (., k) e
+    own_limit: NDArray[np.float64]
+    cell: NDArray[np.float64]  # (3, c) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
+    no_fail: NDArray[np.bool_]  # (n,) nodes whose bonds do not break
+    coarse_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
+    edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
+    cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
+    cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
+
+
+class Nodes(NamedTuple):
+    """Nodes of one lattice, and their rows of 16."""
+
+    u: NDArray[np.float64]  # (2, 2, n) displacements now and one step on, in turn, m
+    v: NDArray[np.float64]  # (2, n) velocity, m/s
+    f: NDArray[np.float64]  # (2, n) forces besides the springs', of a touched row in the end all, N/m
+    mass: NDArray[np.float64]  # (n,) kg/m
+    light: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
+    kind: NDArray[np.uint8]  # (n,)
+    rows: NDArray[np.int64]  # those with a node that is not idle, in order
+    entry: NDArray[
+        np.int32
+    ]  # (n / 16,) row of `own`; below 0 where all is as in the table, -2 less the row if it has one
+    own: NDArray[np.float64]  # (., k, 16) stiffnesses
+    masks: NDArray[np.uint16]  # (., 2, k) which lanes have a spring, and which half of one, of rows that are `masked`
+    masked: NDArray[np.bool_]  # (.,) whether a row of `own` has springs of the table, half of them, or none
+    edge: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
+    touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
+    wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
+
+
+class Pieces(NamedTuple):
+    """What is left of clipped bonds, in the order of their owners."""
+
+    owner: NDArray[np.int64]  # (p,)
+    end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
+    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
+
+
+class Border(NamedTuple):
+    """Fine nodes on the border, that move with coarse ones."""
+
+    node: NDArray[np.int64]
+    end: NDArray[np.int64]  # (., 2)
+    w: NDArray[np.float64]
+
+
+class Entries(NamedTuple):
+    """Loads, or held components: those of all fine nodes, and those of nodes that move."""
+
+    what: NDArray[np.int64]  # (e, 4) fine place, axis, profile, kind
+    value: NDArray[np.float64]  # (e, 4) N/m, m or m/s at factor 1; of holds: mean velocity since the last step,
+    # velocity at the last step, m/s, and force on the component then, N/m
+    on: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
+    part: NDArray[np.float64]  # (.,) of the entry's value that this node has
+
+
+class Breaks(NamedTuple):
+    """Bonds that broke, directed, in order."""
+
+    step: NDArray[np.int32]
+    node: NDArray[np.int64]
+    spring: NDArray[np.int32]
+
+
+class Zone(NamedTuple):
+    """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
+
+    cells: NDArray[np.uint8]  # (c,)
+    bits: NDArray[np.uint64]  # (n,) intact bonds, of the first half of the family; of idle nodes too. Never set again
+    fine: Nodes
+    coarse: Nodes
+    pieces: Pieces
+    spare: Pieces
+    border: Border
+    breaks: Breaks
+    stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
+    stirs: NDArray[np.int64]  # (n,) those, in order
+    loads: Entries
+    holds: Entries
+    mark: NDArray[np.bool_]  # (n,) scratch, False
+    new: NDArray[np.int64]  # scratch: cells that are to be fine
+    dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
+    around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    number: NDArray[np.int64]
+    total: NDArray[np.float64]
+    s: NDArray[np.float64]  # (threads, .) scratch of the vector code
+    turns: NDArray[np.int64]  # (48,) what has been handed out to threads, as `forces` has it
+    aside: NDArray[np.int64]  # (threads, .) where bonds are to break
+    asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
+
+
+def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> Nodes:
+    """Idle nodes, with room for `entries` rows of stiffnesses; what is never touched takes no memory."""
+    rows = places // ROW
+
+    def zeros(*shape: int) -> NDArray[np.float64]:
+        return _aligned_zeros(shape)
+
+    return Nodes(
+        u=zeros(2, 2, places),
+        v=zeros(2, places),
+        f=zeros(2, places),
+        mass=zeros(places),
+        light=zeros(places),
+        kind=np.zeros(places, dtype=np.uint8),
+        rows=np.zeros(rows, dtype=np.int64),
+        entry=np.full(rows, -1, dtype=np.int32),
+        own=zeros(entries, springs, ROW),
+        masks=np.zeros((entries, 2, springs), dtype=np.uint16),
+        masked=np.zeros(entries, dtype=np.bool_),
+        edge=zeros(entries if varied else 0, springs, ROW),
+        touched=np.zeros(rows, dtype=np.bool_),
+        wide=np.zeros(rows, dtype=np.uint8),
+    )
+
+
+def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Zeros that begin at a multiple of 64 bytes."""
+    wanted = 8 * int(np.prod(shape))
+    room = np.zeros(wanted + 64, dtype=np.uint8)
+    first = -room.ctypes.data % 64
+    return room[first : first + wanted].view(np.float64).reshape(shape)
+
+
+def zone_of(
+    at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False, threads: int = 1
+) -> Zone:
+    """A plate of these cells (c,), its nodes still idle, with room for `rows` rows of fine nodes."""
+    piece = ROW * rows * springs // 4
+    nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
+
+    def pieces() -> Pieces:
+        return Pieces(np.zeros(piece, np.int64), np.zeros((piece, 4), np.int64), np.zeros((piece, 8)))
+
+    events, nodes = ROW * rows * springs, ROW * rows
+    return Zone(
+        cells=cells,
+        bits=np.zeros(at.places, dtype=np.uint64),
+        fine=nodes_of(at.places, springs, rows, varied),
+        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW),
+        pieces=pieces(),
+        spare=pieces(),
+        border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes)),
+        breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        stirred=np.zeros(at.places, dtype=np.bool_),
+        stirs=np.zeros(at.places, dtype=np.int64),
+        loads=nothing,
+        holds=nothing,
+        mark=np.zeros(at.places, dtype=np.bool_),
+        new=np.zeros(at.cells, dtype=np.int64),
+        dirty=np.zeros(at.places, dtype=np.int64),
+        around=np.zeros(at.coarse_places, dtype=np.int64),
+        number=np.zeros(15, dtype=np.int64),
+        total=np.zeros(5),
+        s=_aligned_zeros((threads, 3 * ROW)),
+        turns=np.zeros(48, dtype=np.int64),
+        aside=np.zeros((threads, 2 * at.places // ROW), dtype=np.int64),
+        asides=np.zeros(8 * threads, dtype=np.int64),
+    )
+
+
+def grown(zone: Zone) -> Zone:
+    """The zone in arrays with room for twice as many entries."""
+
+    def twice(array: Any) -> NDArray[Any]:
+        more = np.zeros((2 * len(array), *array.shape[1:]), dtype=array.dtype)
+        more[: len(array)] = array
+        return more
+
+    return zone._replace(
+        fine=zone.fine._replace(
+            own=_aligned_twice(zone.fine.own),
+            edge=_aligned_twice(zone.fine.edge),
+            masks=twice(zone.fine.masks),
+            masked=twice(zone.fine.masked),
+        ),
+        pieces=Pieces(*map(twice, zone.pieces)),
+        spare=Pieces(*map(twice, zone.spare)),
+        border=Border(*map(twice, zone.border)),
+        breaks=Breaks(*map(twice, zone.breaks)),
+    )
+
+
+def _aligned_twice(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    more = _aligned_zeros((2 * len(array), *array.shape[1:]))
+    more[: len(array)] = array
+    return more

@@ -1,0 +1,83 @@
+"""Bonds of fine nodes soften and break."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
+from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
+from pdsolve.adaptivity.hybrid.energy import strain_e
+from pdsolve.adaptivity.hybrid.precracks import peak_and_limit
+from pdsolve.laws.bilinear import spent_share
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(**INNER)
+def _soften_on(ground, zone, entry, k, lane, e, peak, limit):  # type: ignore[no-untyped-def]
+    """Soften a bond that is stretched to e, further than ever, and book what it spends."""
+    own, edge = zone.fine.own, zone.fine.edge
+    past, now = edge[entry, k, lane], min(e, limit)
+    peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
+    whole = own[entry, k, lane] / share_of(past, peak, limit)
+    spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
+    spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
+    zone.total[DISSIPATED] += whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4
+    own[entry, k, lane] = whole * share_of(now, peak, limit)
+    edge[entry, k, lane] = now
+
+
+@njit(**INNER)
+def _stir(zone, p):  # type: ignore[no-untyped-def]
+    """Note a node one of whose bonds has softened or broken."""
+    if not zone.stirred[p]:
+        zone.stirred[p] = True
+        zone.stirs[zone.number[STIRS]] = p
+        zone.number[STIRS] += 1
+
+
+@njit(**INNER)
+def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
+    """Note a bond that breaks."""
+    n = zone.number[BREAKS]
+    zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
+    zone.number[BREAKS] += 1
+
+
+@njit(**INNER)
+def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
+    """Take out the bonds of some nodes of a row that are over their limit, and book what they spent.
+
+    A bond is booked at both of its ends, half of it each.
+    """
+    fine, half, row = zone.fine, len(ground.ways) // 2, p0 // ROW
+    for p in range(p0, p0 + count):
+        for k in range(2 * half):
+            entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
+            stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if stiffness == 0 or ground.no_fail[p] or ground.no_fail[j]:
+                continue
+            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            e = strain_e(ground.table, k, eta_x, eta_y)
+            peak, limit = peak_and_limit(ground, p, k)
+            if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):
+                continue
+            _stir(zone, p)
+            if entry < 0:
+                entry = own_entry(fine.entry, zone.number, row)
+                fine.entry[row] = entry
+            if peak < limit:
+                _soften_on(ground, zone, entry, k, lane, e, peak, limit)
+                if e <= limit:
+                    continue
+            fine.own[entry, k, lane] = 0.0
+            fine.masks[entry, 0, k] &= ~(1 << lane)
+            if k < half:
+                zone.bits[p] &= ~(np.uint64(1) << np.uint64(k))
+            if peak == limit:
+                eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
+                eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
+                spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
+                zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
+            _note(zone, step, p, k)

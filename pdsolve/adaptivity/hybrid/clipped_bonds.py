@@ -1,0 +1,275 @@
+"""Bonds that are whole in fine cells, and the pieces of those that are not.
+
+A piece from t0 to t1 of a bond is a spring of k / (t1 - t0) between its ends, with the reference vector (t1 - t0) xi:
+under a linear field it pulls as the whole bond does. After A. V. Shapeev, Multiscale Model. Simul. 9 (2011) 905-932.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import ENTRIES, PIECES
+from pdsolve.adaptivity.hybrid.lattice import (
+    EMPTY,
+    FINE,
+    FREE,
+    IDLE,
+    VOID,
+    cell_place,
+    fine_column,
+    fine_place,
+    fine_row,
+)
+from pdsolve.adaptivity.hybrid.nodes import end_on
+from pdsolve.adaptivity.hybrid.precracks import has_bond, peak_and_limit, stiffness
+from pdsolve.laws.bilinear import intact_share
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(**INNER)
+def whole_part(ground, cells, ix, iy, k):  # type: ignore[no-untyped-def]
+    """How much of bond k of a fine node is an ordinary one: 1, a half where one side alone is fine, or 0."""
+    half = len(ground.dx) // 2
+    if k >= half:
+        ix, iy, k = ix + ground.dx[k], iy + ground.dy[k], k - half
+    cut, at = ground.cut, ground.at
+    x, y, first = ix >> 1, iy >> 1, cut.first[ix % 2 + 2 * (iy % 2), k]
+    sides, whole = 0, 0
+    for side in range(2):
+        if not _counts(at, cells, cut, x, y, first, side):
+            continue
+        fine = True
+        for n in range(first[side], first[side + 1]):
+            fine = fine and _is_passed(at, cells, cut, x, y, n)
+        sides += 1
+        whole += fine
+    return whole / sides if sides > 0 else 0.0
+
+
+@njit(forceinline=True, **INNER)
+def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
+    """Whether stretch n of a bond is one in which it is a bond."""
+    found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
+    return found in (FINE, EMPTY)
+
+
+@njit(**INNER)
+def _counts(at, cells, cut, x, y, first, side):  # type: ignore[no-untyped-def]
+    """Whether there is any of the plate on this side of a bond, and it has one."""
+    for n in range(first[side], first[side + 1]):
+        if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] < VOID:
+            return True
+    return False
+
+
+@njit(**INNER)
+def surrounded(ground, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
+    """Whether all cells that the bonds of a fine node could pass through are of a kind."""
+    at, reach = ground.at, ground.reach
+    for y in range((iy - reach) >> 1, (iy + reach + 1) >> 1):
+        for x in range((ix - reach) >> 1, (ix + reach + 1) >> 1):
+            if cells[cell_place(at, x, y)] != wanted:
+                return False
+    return True
+
+
+@njit(**INNER)
+def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
+    """The stiffnesses of the marked nodes of a row; and whether all of the row are those of the table."""
+    fine, some = zone.fine, is_active(zone.fine.kind, row)
+    if not some:
+        return
+    if ground.varied and fine.entry[row] == -1:
+        _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
+    entry = own_entry(fine.entry, zone.number, row)
+    own, same = fine.own[entry], True
+    for lane in range(ROW):
+        p = row * ROW + lane
+        if zone.mark[p]:
+            _set_lane(ground, zone.cells, zone.bits, fine.kind, p, own, lane)
+            if ground.varied and zone.stirred[p]:
+                _soften(ground, p, own, fine.edge[entry], lane)
+    masks, alike = fine.masks[entry], not ground.varied
+    for k in range(len(ground.dx)):
+        whole, there, half = ground.table[k, 5], 0, 0
+        for lane in range(ROW):
+            some = own[k, lane]
+            there |= (some > 0) << lane
+            half |= (some == 0.5 * whole) << lane
+            alike &= some == whole or some == 0 or some == 0.5 * whole
+            same &= some == whole
+        masks[0, k], masks[1, k] = there, half
+    fine.masked[entry] = alike
+    fine.entry[row] = -2 - entry if same else entry
+
+
+@njit(**INNER)
+def _begin_edges(ground, edge, row):  # type: ignore[no-untyped-def]
+    """Nothing happens to the bonds of a row before they are stretched to their peaks."""
+    for k in range(len(ground.dx)):
+        for lane in range(ROW):
+            p = row * ROW + lane
+            j = p + ground.ways[k]
+            lasts = ground.no_fail[p] or ground.no_fail[j]
+            edge[k, lane] = np.inf if lasts else peak_and_limit(ground, p, k)[0]
+
+
+@njit(**INNER)
+def stretch_of(e):  # type: ignore[no-untyped-def]
+    """The stretch that an e is of."""
+    return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(**INNER)
+def share_of(e, peak, limit):  # type: ignore[no-untyped-def]
+    """Share of its stiffness that a bond has kept which was stretched to e."""
+    if e <= peak:
+        return 1.0
+    return intact_share(stretch_of(e), stretch_of(peak), stretch_of(limit))
+
+
+@njit(**INNER)
+def _soften(ground, p, own, edge, lane):  # type: ignore[no-untyped-def]
+    """What bonds have lost already."""
+    for k in range(len(ground.dx)):
+        peak, limit = peak_and_limit(ground, p, k)
+        if own[k, lane] > 0 and peak < edge[k, lane] < limit:
+            own[k, lane] *= share_of(edge[k, lane], peak, limit)
+
+
+@njit(**INNER)
+def is_active(kind, row):  # type: ignore[no-untyped-def]
+    """Whether a row has a node that is not idle."""
+    some = False
+    for p in range(row * ROW, row * ROW + ROW):
+        some |= kind[p] != IDLE
+    return some
+
+
+@njit(**INNER)
+def _set_lane(ground, cells, bits, kind, p, own, lane):  # type: ignore[no-untyped-def]
+    at, half = ground.at, len(ground.dx) // 2
+    ix, iy = fine_column(at, p), fine_row(at, p)
+    active = kind[p] != IDLE
+    deep = kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
+    for k in range(2 * half):
+        own[k, lane] = 0.0
+        if active and has_bond(bits, ground.ways, half, p, k):
+            part = 1.0 if deep else whole_part(ground, cells, ix, iy, k)
+            own[k, lane] = stiffness(ground, p, k) * part
+
+
+@njit(**INNER)
+def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
+    """Where a row's own stiffnesses are; a row that never had any gets a place for them."""
+    entry = entries[row]
+    if entry >= 0:
+        return entry
+    if entry < -1:
+        return -2 - entry
+    number[ENTRIES] += 1
+    return number[ENTRIES] - 1
+
+
+@njit(**INNER)
+def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-untyped-def]
+    """Append the pieces of the bonds that a fine node owns; returns how many there are then."""
+    at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
+    ix, iy = fine_column(at, p), fine_row(at, p)
+    if surrounded(ground, cells, ix, iy, FINE):
+        return count
+    x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
+    for k in range(half):
+        if not has_bond(bits, ground.ways, half, p, k):
+            continue
+        first = cut.first[place, k]
+        sides = _counts(at, cells, cut, x, y, first, 0) + _counts(at, cells, cut, x, y, first, 1)
+        for side in range(2):
+            if not _counts(at, cells, cut, x, y, first, side):
+                continue
+            n, last = first[side], first[side + 1]
+            while n < last:
+                if not _is_passed(at, cells, cut, x, y, n):
+                    n += 1
+                    continue
+                begin = n
+                while n < last and _is_passed(at, cells, cut, x, y, n):
+                    n += 1
+                if begin == first[side] and n == last:
+                    continue
+                t0, t1 = cut.t[begin, 0], cut.t[n - 1, 1]
+                pieces.owner[count] = p
+                _set_ends(ground, kind, p, k, (begin, n - 1), pieces, count)
+                value, length = pieces.value[count], t1 - t0
+                value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
+                value[4] = ground.table[k, 4] / length**2
+                value[5] = stiffness(ground, p, k) / (sides * length)
+                value[6] = 0.0 if ground.no_fail[p] or ground.no_fail[p + ground.ways[k]] else 1.0
+                count += 1
+    return count
+
+
+@njit(forceinline=True, **INNER)
+def _set_ends(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
+    for which in range(2):
+        _set_end(ground, kind, p, k, stretches[which], which, pieces, count)
+
+
+@njit(**INNER)
+def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
+    """Where a piece begins or ends: a fine node, or a place between two coarse ones."""
+    at, cut = ground.at, ground.cut
+    ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[n, which, 2]
+    end = pieces.end[count]
+    if direction < 0:
+        end[2 * which], end[2 * which + 1] = fine_place(at, ix + which * ground.dx[k], iy + which * ground.dy[k]), -1
+        pieces.value[count, which] = 0.0
+        return
+    a, b, w = end_on(
+        at,
+        ground.edge_cut,
+        kind,
+        (ix >> 1) + cut.ends[n, which, 0],
+        (iy >> 1) + cut.ends[n, which, 1],
+        direction,
+        cut.w[n, which],
+    )
+    end[2 * which], end[2 * which + 1] = a, b
+    pieces.value[count, which] = w
+
+
+@njit(**INNER)
+def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
+    """Replace the pieces that these fine nodes, in order, own; the order of all stays that of their owners."""
+    old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
+    kept = made = count - count  # a plain 0 would be compiled for once more
+    for p in dirty:
+        made = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, made)
+        zone.mark[p] = True
+    for n in range(count):
+        if not zone.mark[old.owner[n]]:
+            _move(old, n, old, kept)
+            kept += 1
+    for p in dirty:
+        zone.mark[p] = False
+    at, n, m = kept + made - 1, kept - 1, made - 1
+    while m >= 0:
+        if n >= 0 and old.owner[n] > new.owner[m]:
+            _move(old, n, old, at)
+            n -= 1
+        else:
+            _move(new, m, old, at)
+            m -= 1
+        at -= 1
+    zone.number[PIECES] = kept + made
+
+
+@njit(forceinline=True, **INNER)
+def _move(source, n, target, m):  # type: ignore[no-untyped-def]
+    target.owner[m] = source.owner[n]
+    for c in range(4):
+        target.end[m, c] = source.end[n, c]
+    for c in range(7):
+        target.value[m, c] = source.value[n, c]

@@ -1,0 +1,170 @@
+"""Which models can be solved so, where their nodes are on the lattice, and which of its cells can be coarse."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pdmesh.model.full_lattice import has_partial_cells
+from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
+from pdsolve.model import Model, ModelError
+
+OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
+CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
+LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
+SAME = 1e-6  # of a cell: areas this near are the same
+
+
+class Plate(NamedTuple):
+    """Nodes on a lattice."""
+
+    model: Model
+    at: Lattice
+    h: float  # m
+    origin: NDArray[np.float64]  # (2,) lower left corner, m
+    place: NDArray[np.int64]  # (n,) fine place of each row of the grid
+    row: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
+    area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
+    cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
+
+
+def plate_of(model: Model, mode: str, precision: str) -> Plate:
+    """The lattice of a model's nodes. Raises ModelError for what cannot be solved so, in one sentence."""
+    farther = any(has_partial_cells(material) for material in model.materials)
+    refuse(model, mode, precision, LARGEST - 0.5 if farther else LARGEST)
+    return _on_lattice(model, float(model.grid.delta[0]), model.grid.position.min(axis=0))
+
+
+def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
+    """Raises ModelError for what a fine zone that moves cannot take; horizons are up to `largest` spacings."""
+    grid, settings = model.grid, model.settings
+    for place, found, expected in (("mode", mode, "conservative"), ("precision", precision, "float64")):
+        if found != expected:
+            raise refused(model, place, found, expected)
+    if settings.horizon.ratio > largest:
+        raise refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest:g}")
+    if (grid.delta != grid.delta[0]).any():
+        raise refused(
+            model,
+            "$.nodes",
+            "several spacings",
+            f"one, the finest, as pdmesh build --adapt {adapt_of(model)} makes of its zones",
+        )
+
+
+def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
+    grid = model.grid
+    if len(grid.outline):
+        # the lattice of cells begins at the plate's edge, so that it is one of its lines wherever that can be
+        corner = np.min([ring.min(axis=0) for ring in grid.outline], axis=0)
+        origin = origin - h * (np.round((origin - corner) / h) % 2)
+    steps = (grid.position - origin) / h
+    column, row = np.round(steps).astype(np.int64).T
+    if np.abs(steps - np.column_stack([column, row])).max() > OFF:
+        raise refused(model, "$.nodes", "nodes that are on no lattice", "those that pdmesh build makes of a drawing")
+    nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
+    at = lattice_of(nx, ny)
+    cracks = (grid.cracks - np.tile(origin, 2)) / h
+    clear(model, cracks, nx, ny)
+    place = (row + BELOW) * at.stride + LEFT + column
+    rows = np.full(at.places, -1, dtype=np.int32)
+    rows[place] = np.arange(len(place))
+    return Plate(model, at, h, origin, place, rows, _areas(model, at, h, place, rows), cracks)
+
+
+def _areas(
+    model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Areas (n,) of nodes over h^2: those of the grid, or else by the squares between nodes around."""
+    if model.grid.areas is not None:
+        return model.grid.areas / h**2
+    return quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
+
+
+def squares(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which squares between four places (rows, columns) have a node at all corners, by their lower left one."""
+    found = np.zeros_like(there)
+    found[:-1, :-1] = there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]
+    return found
+
+
+def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """How many such squares are around each place."""
+    whole = squares(there).astype(np.int8)
+    found = whole.copy()
+    found[1:] += whole[:-1]
+    found[:, 1:] += whole[:, :-1]
+    found[1:, 1:] += whole[:-1, :-1]
+    return found
+
+
+def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
+    """Cells (c,) at the start: fine near tips of pre-cracks, and where an outline cuts cells, coarse elsewhere.
+
+    An edge along a line between cells cuts none, but where it turns inwards.
+    """
+    at, there = plate.at, (plate.row >= 0).reshape(-1, plate.at.stride)
+    around, whole = quarters(there), squares(there)
+    area = np.zeros(at.places)
+    area[plate.place] = plate.area
+    odd = np.abs(area.reshape(there.shape) - around / 4) > SAME
+    odd |= there & (around == 3)  # where an edge turns inwards
+    some = np.zeros((at.ny // 2, at.nx // 2), dtype=bool)
+    good = np.ones_like(some)
+    for y in range(3):
+        for x in range(3):
+            here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+            some |= odd[here] & there[here]
+            good &= ~odd[here]
+            if x < 2 and y < 2:
+                some |= whole[here]
+                good &= whole[here]
+    cells = np.where(some, FINE, VOID).astype(np.uint8)
+    cells[good] = COARSE
+    if (some & ~good).any():
+        away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
+        cells[(away <= reach + RING) & good] = FINE
+        cells[(away <= reach + 1) & ~some & ~good] = EMPTY
+    rows, columns = np.indices(cells.shape)
+    for tip_x, tip_y in tips_of(plate).tolist():
+        near = np.hypot(*(np.maximum(np.abs(np.array([tip_x - 2 * columns - 1, tip_y - 2 * rows - 1])) - 1, 0))) < TIPS
+        cells[near & (cells == COARSE)] = FINE
+    return np.pad(cells, AROUND, constant_values=VOID).ravel()
+
+
+def tips_of(plate: Plate) -> NDArray[np.float64]:
+    """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
+    ends = plate.cracks.reshape(-1, 2)
+    inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)
+    alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
+    return ends[inner & alone]
+
+
+def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
+    """Raises ModelError where a pre-crack passes through a node."""
+    for number, (x0, y0, x1, y1) in enumerate(cracks):
+        long = float(np.hypot(x1 - x0, y1 - y0))
+        share = np.linspace(0, 1, max(2, int(8 * long)))
+        near = np.unique(np.round(np.column_stack([x0 + share * (x1 - x0), y0 + share * (y1 - y0)])), axis=0)
+        near = near[((near >= 0) & (near <= (nx, ny))).all(axis=1)]
+        way = np.array([x1 - x0, y1 - y0]) / max(long, OFF)
+        along = np.clip((near - (x0, y0)) @ way, 0, long)
+        away = np.hypot(*(near - (x0, y0) - along[:, None] * way).T)
+        if away.min(initial=1.0) < CLEARANCE:
+            raise refused(model, f"$.notch[{number}]", "a node on it", "it between nodes, as pdmesh build moves it")
+
+
+def adapt_of(model: Model) -> str:
+    """The adaptivity of a model: "split" or "collocation"; "hybrid" where there is none."""
+    how = model.settings.run.adapt
+    return how if how != "none" else "hybrid"
+
+
+def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+    """The error that refuses a model."""
+    name = place if place in ("mode", "precision") else f"{model.name}: {place}"
+    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {adapt_of(model)}")

@@ -1,0 +1,126 @@
+"""What is held: by the springs of a node, and by clipped bonds; and what moves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, PIECES, ROWS
+from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
+from pdsolve.adaptivity.hybrid.nodes import border_end
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(forceinline=True, **INNER)
+def strain_e(table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+    """e of a spring: (|xi + eta|^2 - |xi|^2) / |xi|^2."""
+    x, y, inverse = table[k, 0], table[k, 1], table[k, 4]
+    return inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+
+
+@njit(**INNER)
+def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
+    """Half of what the bonds of a fine node hold, J/m."""
+    row, lane, held = p // ROW, p % ROW, 0.0
+    entry = fine.entry[row]
+    for k in range(len(ground.ways)):
+        stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+        if stiffness == 0:
+            continue
+        j = p + ground.ways[k]
+        e = strain_e(ground.table, k, u[0, j] - u[0, p], u[1, j] - u[1, p])
+        stretch = e / (np.sqrt(1 + e) + 1)
+        held += stiffness / ground.table[k, 4] * stretch * stretch / 4
+    return held
+
+
+@njit(**INNER)
+def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
+    """Half of what the springs of a coarse node hold, J/m."""
+    row, lane, held = q // ROW, q % ROW, 0.0
+    entry = coarse.entry[row]
+    for k in range(8):
+        stiffness = coarse.own[entry, k, lane] if entry >= 0 else ground.coarse_table[k, 5]
+        if stiffness == 0:
+            continue
+        j = q + ground.coarse_ways[k]
+        e = strain_e(ground.coarse_table, k, u[0, j] - u[0, q], u[1, j] - u[1, q])
+        held += stiffness / ground.coarse_table[k, 4] * e * e / 16
+    return held
+
+
+@njit(forceinline=True, **INNER)
+def place_of(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-def]
+    """Displacement of an end of a piece."""
+    a, b = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1]
+    if b < 0:
+        return fine[axis, a]
+    w = pieces.value[n, which]
+    return (1 - w) * coarse[axis, a] + w * coarse[axis, b]
+
+
+@njit(**INNER)
+def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+    """The energy that a piece of a clipped bond holds, J/m."""
+    value = pieces.value[n]
+    eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0)
+    eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1)
+    e = value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
+    return value[5] / value[4] * e * e / 8
+
+
+@njit(**INNER)
+def kinetic(nodes, p):  # type: ignore[no-untyped-def]
+    """The kinetic energy of a node that moves by itself, J/m."""
+    return nodes.mass[p] / 2 * (nodes.v[0, p] ** 2 + nodes.v[1, p] ** 2)
+
+
+@njit(**INNER)
+def copy_border_node(at, edge_cut, kind, fine, coarse, p):  # type: ignore[no-untyped-def]
+    """Put a node on the border where its coarse nodes have it; (2, .) displacements or velocities."""
+    a, b, w = border_end(at, edge_cut, kind, p)
+    for axis in range(2):
+        fine[axis, p] = (1 - w) * coarse[axis, a] + w * coarse[axis, b]
+
+
+@njit(**INNER)
+def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+    """What some nodes, and the pieces that some own, hold, and what moves, J/m; these fine nodes must be marked."""
+    fine, coarse, found = zone.fine, zone.coarse, 0.0
+    u, uc = fine.u[now], coarse.u[now]
+    for p in fine_nodes:
+        if fine.kind[p] == IDLE:
+            continue
+        found += fine_held(ground, fine, u, p)
+        if fine.kind[p] == FREE:
+            found += kinetic(fine, p)
+    for q in coarse_nodes:
+        if coarse.kind[q] == FREE:
+            found += coarse_held(ground, coarse, uc, q) + kinetic(coarse, q)
+    for n in range(zone.number[PIECES]):
+        if zone.mark[zone.pieces.owner[n]]:
+            found += piece_held(zone.pieces, u, uc, n)
+    return found
+
+
+@cached_njit(error_model="numpy")
+def held(ground, zone, now, fine_held_, coarse_held_):  # type: ignore[no-untyped-def]
+    """Energy that is held, J/m, by fine (n,) and coarse nodes (q,); of pieces half at either end."""
+    fine, coarse, pieces = zone.fine, zone.coarse, zone.pieces
+    for row in fine.rows[: zone.number[ROWS]]:
+        for p in range(row * ROW, row * ROW + ROW):
+            fine_held_[p] = fine_held(ground, fine, fine.u[now], p) if fine.kind[p] != IDLE else 0.0
+    for row in coarse.rows[: zone.number[COARSE_ROWS]]:
+        for q in range(row * ROW, row * ROW + ROW):
+            coarse_held_[q] = coarse_held(ground, coarse, coarse.u[now], q) if coarse.kind[q] == FREE else 0.0
+    for n in range(zone.number[PIECES]):
+        half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
+        for which in range(2):
+            a, b, w = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1], pieces.value[n, which]
+            if b < 0:
+                fine_held_[a] += half
+            else:
+                coarse_held_[a] += (1 - w) * half
+                coarse_held_[b] += w * half

@@ -1,0 +1,334 @@
+"""Forces on all nodes that move: those of loads, of clipped bonds, of fine rows and of coarse rows.
+
+Threads take rows as they come, and each row is summed and moved by one of them, so that it does not show by which.
+What is one after the other is done by the first thread, while the others are at coarse rows on which nothing acts but
+their springs. A fine row with a bond that is to break waits until all are summed, and then its turn; forces on border
+nodes go to the coarse nodes they move with before these are moved. Coarse rows are kicked and drifted on at once, as
+the displacements of two steps are kept in turn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import (
+    AXIS,
+    BORDERS,
+    CLIPPED,
+    COARSE_ROWS,
+    LARGEST,
+    LOADS,
+    PIECES,
+    PROFILE,
+    ROWS,
+    VALUE,
+    WORK,
+)
+from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
+from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
+from pdsolve.adaptivity.hybrid.simd_rows import (
+    sum_edges,
+    sum_edges_wide,
+    sum_green,
+    sum_green_own,
+    sum_masked,
+    sum_masked_wide,
+    sum_own,
+    sum_own_wide,
+    sum_whole,
+    sum_whole_wide,
+)
+from pdsolve.conditions import factor_at
+from pdsolve.numerics.threads import counted, meet, take, wait
+from pdsolve.operators.simd_lattice.kernel import INNER, across
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.vectors import kick_and_drift
+
+# of `Zone.turns`: what is handed out, a part at a time, and how far the first thread is
+SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE = range(0, 48, 8)
+ACTED, BROKE, LOADED, REST = range(1, 5)  # stages of a step: the first two are those the others wait for
+PART = 8  # fine rows that are handed out at once
+COARSE_PART = 64
+
+
+@njit(forceinline=True, **INNER)
+def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
+    """Add the forces of clipped bonds; returns the largest e of those that could break."""
+    pieces, largest = zone.pieces, 0.0
+    end, value = pieces.end, pieces.value
+    for n in range(zone.number[PIECES]):
+        eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0)
+        eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1)
+        x, y = value[n, 2], value[n, 3]
+        e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+        largest = max(largest, e * value[n, 6])
+        pull = value[n, 5] * e / 2
+        px, py = pull * (x + eta_x), pull * (y + eta_y)
+        for which, sign in ((0, 1.0), (1, -1.0)):
+            a, b, w = end[n, 2 * which], end[n, 2 * which + 1], value[n, which]
+            if b < 0:
+                f[0, a] += sign * px
+                f[1, a] += sign * py
+            else:
+                fc[0, a] += (1 - w) * sign * px
+                fc[1, a] += (1 - w) * sign * py
+                fc[0, b] += w * sign * px
+                fc[1, b] += w * sign * py
+    return largest
+
+
+@njit(**INNER)
+def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
+    """Forces on nodes of a row one by one, whatever the stretch."""
+    entry = fine.entry[p0 // ROW]
+    for p in range(p0, p0 + count):
+        lane, fx, fy = p % ROW, 0.0, 0.0
+        for k in range(len(ground.ways)):
+            pull = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if pull == 0:
+                continue
+            j = p + ground.ways[k]
+            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            e = strain_e(ground.table, k, eta_x, eta_y)
+            pull *= e / (1 + e + np.sqrt(1 + e))
+            fx += pull * (ground.table[k, 0] + eta_x)
+            fy += pull * (ground.table[k, 1] + eta_y)
+        s[p - p0], s[ROW + p - p0] = fx, fy
+
+
+@njit(forceinline=True, **INNER)
+def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
+    """Forces on some nodes of a row, |e| up to NARROW."""
+    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
+    at = entry * slots * ROW + lane
+    if entry < 0:
+        return sum_whole(u, table, ways, fine.own, slots, at, p, least, s)
+    if ground.varied:
+        return sum_edges(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+    if fine.masked[entry]:
+        return sum_masked(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
+    return sum_own(u, table, ways, fine.own, slots, at, p, least, s)
+
+
+@njit(forceinline=True, **INNER)
+def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
+    """Forces on some nodes of a row, |e| up to WIDE."""
+    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
+    at = entry * slots * ROW + lane
+    if entry < 0:
+        return sum_whole_wide(u, table, ways, fine.own, slots, at, p, least, s)
+    if ground.varied:
+        return sum_edges_wide(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+    if fine.masked[entry]:
+        return sum_masked_wide(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
+    return sum_own_wide(u, table, ways, fine.own, slots, at, p, least, s)
+
+
+@njit(**INNER)
+def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
+    """Forces on all fine rows, into f. Those with a bond that is to break are put aside; they are the job `BROKEN`,
+    done by the first thread alone."""
+    fine, s = zone.fine, zone.s[thread]
+    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
+    each = ROW // wide
+    count = zone.asides[0] if breaks else zone.number[ROWS] * each
+    while True:
+        first = take(zone.turns, job) * PART
+        if first >= count:
+            return
+        for n in range(first, min(first + PART, count)):
+            p = aside[n] if breaks else fine.rows[n // each] * ROW + n % each * wide
+            row, found = p // ROW, 1
+            if breaks:
+                break_bonds(ground, zone, u, p, wide, step)
+            elif fine.wide[row] == 0:
+                found = _sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, s)
+            if found & 1:
+                fine.wide[row] = fine.wide[row] or not breaks
+                found = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
+            if found & 2 and not breaks:
+                aside[zone.asides[8 * thread]] = p
+                zone.asides[8 * thread] += 1
+                continue
+            if found & 1:
+                _sum_far(ground, fine, u, p, wide, s)
+            if fine.touched[row]:
+                add_forces(fine.f, p, wide, s)
+            keep_forces(fine.f, p, wide, s)
+
+
+@njit(forceinline=True, **INNER)
+def add_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+    """Put all forces together, in s."""
+    for k in range(count):
+        s[k] += f[0, p + k]
+        s[ROW + k] += f[1, p + k]
+
+
+@njit(forceinline=True, **INNER)
+def keep_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+    """Store the sums of a row of nodes in the forces f."""
+    for k in range(count):
+        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
+
+
+@njit(**INNER)
+def _put_aside(zone):  # type: ignore[no-untyped-def]
+    """List what all threads have put aside, in order."""
+    aside, count = zone.aside[0], zone.asides[0]
+    for thread in range(1, len(zone.s)):
+        for n in range(zone.asides[8 * thread]):
+            p, m = zone.aside[thread, n], count
+            while m > 0 and aside[m - 1] > p:
+                aside[m] = aside[m - 1]
+                m -= 1
+            aside[m] = p
+            count += 1
+    zone.asides[0] = count
+
+
+@njit(**INNER)
+def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
+    """Kick and drift of all fine rows."""
+    fine, s = zone.fine, zone.s[thread]
+    wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.number[ROWS]
+    while True:
+        first = take(zone.turns, MOVE) * PART
+        if first >= count:
+            return
+        for row in fine.rows[first : min(first + PART, count)]:
+            for p in range(row * ROW, row * ROW + ROW, wide):
+                for k in range(wide):
+                    s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
+                kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
+
+
+@njit(**INNER)
+def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-untyped-def]
+    """Forces on coarse rows, and kick and drift unless a sequence `ends`; then forces are kept.
+
+    On touched ones in the stage LOADED, else on others, until the first thread has reached the stage. Notes rows with
+    a hot bond.
+    """
+    coarse, s, dt = zone.coarse, zone.s[thread], ground.dt
+    wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
+    table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.least[2]
+    touched, count = stage == LOADED, zone.number[COARSE_ROWS]
+    while counted(zone.turns, STAGE) < stage:
+        first = take(zone.turns, TOUCHED if touched else PLAIN) * COARSE_PART
+        if first >= count:
+            return
+        for row in coarse.rows[first : min(first + COARSE_PART, count)]:
+            if coarse.touched[row] != touched:
+                continue
+            entry, hot = coarse.entry[row], 0
+            for lane in range(0, ROW, wide):
+                q = row * ROW + lane
+                if entry >= 0:
+                    hot |= sum_green_own(u, table, ways, own, 8, entry * 8 * ROW + lane, q, limit, s)
+                else:
+                    hot |= sum_green(u, table, ways, own, 8, 0, q, limit, s)
+                if touched:
+                    add_forces(coarse.f, q, wide, s)
+                if touched or ends:
+                    keep_forces(coarse.f, q, wide, s)
+                if not ends:
+                    kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
+            coarse.wide[row] = hot > 0
+
+
+@njit(**INNER)
+def _clear(nodes, count):  # type: ignore[no-untyped-def]
+    """Set the forces on touched rows to zero."""
+    for n in range(count):
+        row = nodes.rows[n]
+        if nodes.touched[row]:
+            for p in range(row * ROW, row * ROW + ROW):
+                nodes.f[0, p] = nodes.f[1, p] = 0.0
+
+
+@njit(**INNER)
+def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
+    """Give forces on border nodes to the coarse ones they move with."""
+    for n in range(count):
+        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        for axis in range(2):
+            fc[axis, a] += (1 - w) * f[axis, p]
+            fc[axis, b] += w * f[axis, p]
+
+
+@njit(**INNER)
+def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
+    """Put border nodes where the coarse ones are."""
+    for n in range(count):
+        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        for axis in range(2):
+            u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b]
+
+
+@njit(**INNER)
+def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignore[no-untyped-def]
+    """Add the loads of `time`, and the work of loads since the last step: by the mean of both times."""
+    last, now, then = -1, 0.0, 0.0
+    for n in range(count):
+        on, e = loads.on[n, 0], loads.on[n, 1]
+        axis, profile, value = loads.what[e, AXIS], loads.what[e, PROFILE], loads.part[n] * loads.value[e, VALUE]
+        if profile != last:
+            last = profile
+            now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
+        after, before = value * now, value * then
+        if on >= 0:
+            fine.f[axis, on] += after
+            total[WORK] += (before + after) / 2 * dt * fine.v[axis, on]
+        else:
+            coarse.f[axis, -1 - on] += after
+            total[WORK] += (before + after) / 2 * dt * coarse.v[axis, -1 - on]
+
+
+@njit(**INNER)
+def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
+    """Begin the forces with those of loads and of clipped bonds."""
+    fine, coarse, dt = zone.fine, zone.coarse, ground.dt
+    _clear(fine, zone.number[ROWS])
+    _clear(coarse, zone.number[COARSE_ROWS])
+    _load(zone.number[LOADS], zone.loads, fine, coarse, zone.total, profiles, step * dt, dt if step > 0 else 0.0)
+    follow(fine.u[now], coarse.u[now], zone.border, zone.number[BORDERS])
+    largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
+    zone.total[CLIPPED] = largest
+    zone.total[LARGEST] = max(zone.total[LARGEST], largest)
+
+
+@njit(**INNER)
+def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: ignore[no-untyped-def]
+    """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
+
+    All threads call this, and the first one calls `again` before they do so anew.
+    """
+    for stage in (ACTED, BROKE, LOADED, REST):
+        if thread == 0 and stage == ACTED:
+            _act(ground, zone, profiles, now, step)
+            take(zone.turns, STAGE)
+        elif thread == 0 and stage == BROKE:
+            _put_aside(zone)
+        else:
+            _sweep_coarse(ground, zone, now, ends, thread, stage)
+            wait(zone.turns, STAGE, min(stage, BROKE), gate)
+        if stage == ACTED or (thread == 0 and stage == BROKE):
+            _sum_fine(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
+        if stage == ACTED:
+            meet(gate)
+        elif stage == BROKE:
+            if thread == 0:
+                _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.number[BORDERS])
+                take(zone.turns, STAGE)
+            if not ends:
+                _move_fine(zone, now, ground.dt, thread)
+    meet(gate)
+
+
+@njit(**INNER)
+def again(zone):  # type: ignore[no-untyped-def]
+    """All is to be handed out anew."""
+    zone.turns[:] = 0
+    zone.asides[:] = 0

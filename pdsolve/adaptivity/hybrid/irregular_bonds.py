@@ -1,0 +1,131 @@
+"""Bonds of nodes that are not like those of a full lattice: at edges, faces of pre-cracks and interfaces.
+
+They are those that the scheme makes of that part of the plate, so that fine nodes are those of a uniform run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pdmesh.model import selection
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters
+from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
+from pdsolve.adaptivity.hybrid.springs import Springs, e_of
+from pdsolve.bonds.assembly import Filling, stiffness_bound
+from pdsolve.model import Model
+from pdsolve.schemes.average_horizon import fill
+
+ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
+
+
+class Irregular(NamedTuple):
+    """k bonds of s nodes, in the order of a full family."""
+
+    node: NDArray[np.int64]  # (s,) rows of the grid
+    springs: NDArray[np.float64]  # (s, k) stiffness, N/m^2; 0 without a bond
+    peak: NDArray[np.float64]  # (s, k) e
+    limit: NDArray[np.float64]
+    family: NDArray[np.int64]  # (s,) bonds that count in damage
+    stiffness_bound: NDArray[np.float64]  # (s,) as in `Operator`
+
+
+def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
+    """The bonds of all nodes that are near to what is not regular; `springs` of each material."""
+    grid, reach = plate.model.grid, int(np.abs(springs[0].dx).max())
+    odd = _odd(plate, reach)
+    there = plate.row >= 0
+    asked = there & _within(odd, 2 * reach).ravel()
+    around = there & _within(odd, 4 * reach).ravel()
+    some = np.sort(plate.row[around]).astype(np.int64)
+    wanted = np.zeros(len(grid), dtype=bool)
+    wanted[plate.row[asked]] = True
+    wanted = wanted[some]
+    shape = (len(some[wanted]), len(springs[0].dx))
+    springs_, peak, limit = np.zeros((3, *shape))
+    found = Irregular(some[wanted], springs_, peak, limit, np.zeros(shape[0], np.int64), np.zeros(shape[0]))
+    if len(found.node):
+        _fill(plate, fill(part_of(plate.model, some)), some, wanted, springs, found)
+    return found
+
+
+def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
+    """Places (rows, columns) without a node or a whole cell, at an interface, or next to a pre-crack."""
+    at, model = plate.at, plate.model
+    area, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
+    area[plate.place], material[plate.place] = plate.area, model.material_of
+    odd = np.abs(area - 1).reshape(-1, at.stride) > ROUND_OFF
+    odd |= quarters(~odd) < 4
+    field = material.reshape(odd.shape)
+    for axis in (0, 1):
+        other = np.diff(field, axis=axis) != 0
+        odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
+    near = np.zeros(at.places, dtype=bool)
+    for x0, y0, x1, y1 in plate.cracks:
+        share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
+        x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
+        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny)
+        near[(y[inside] + BELOW) * at.stride + LEFT + x[inside]] = True
+    odd |= _within(near.reshape(odd.shape), reach + 1)
+    return odd
+
+
+def _within(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Places at most so many columns and rows from one that is marked."""
+    return np.asarray(ndimage.maximum_filter(marked.astype(np.uint8), 2 * reach + 1, mode="nearest") > 0)
+
+
+def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
+    """A model of some nodes, these rows, with nothing done to it."""
+    grid = model.grid
+    part = dataclasses.replace(
+        grid,
+        ids=grid.ids[rows],
+        position=grid.position[rows],
+        delta=grid.delta[rows],
+        border=grid.border[rows],
+        hole_id=grid.hole_id[rows],
+        areas=None if grid.areas is None else grid.areas[rows],
+    )
+    regions = []
+    for region in model.settings.regions:
+        own = part.ids[selection.selected(part, region.nodes, region.box)]
+        if len(own):
+            regions.append(msgspec.structs.replace(region, nodes=tuple(own.tolist()), box=None))
+    settings = msgspec.structs.replace(model.settings, conditions=(), regions=tuple(regions))
+    return Model(part, settings, model.name)
+
+
+def _fill(
+    plate: Plate,
+    filling: Filling,
+    some: NDArray[np.int64],
+    wanted: NDArray[np.bool_],
+    springs: tuple[Springs, ...],
+    found: Irregular,
+) -> None:
+    """Put in what a scheme fills a part of the plate with; `some` are its rows, those `wanted` are asked for."""
+    reach = int(np.abs(springs[0].dx).max()) + 1
+    number = np.full((2 * reach + 1, 2 * reach + 1), -1)
+    number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
+    slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
+    material, area = plate.model.material_of, plate.area * plate.h**2
+    for part in filling.parts():
+        bonds, last = part.bonds, part.first + len(part.family)
+        own = np.arange(part.first, last)[wanted[part.first : last]]
+        source = part.first + np.repeat(np.arange(len(part.family)), np.diff(bonds.start))
+        kept = wanted[source]
+        source, xi = source[kept], bonds.xi[kept]
+        step = np.round(xi / plate.h).astype(np.int64)
+        k, at, row = number[step[:, 1] + reach, step[:, 0] + reach], slot[source], some[source]
+        stiffness = bonds.stiffness[kept] * area[row] / np.hypot(*xi.T)
+        usual = full[material[row], k]
+        found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
+        found.peak[at, k], found.limit[at, k] = e_of(bonds.peak[kept]), e_of(bonds.limit[kept])
+        found.family[slot[own]] = part.family[own - part.first]
+        found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)[own - part.first]

@@ -1,0 +1,91 @@
+"""What moves nodes besides the fused sweep: half kicks where a sequence of steps begins and ends, and holds.
+
+A hold prescribes the velocity until the next step; the sweep has moved its node as if it were free, which is undone.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import AXIS, COARSE_ROWS, FORCE, KIND, LAST, PROFILE, ROWS, SPEED, VALUE, WORK
+from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(**INNER)
+def _kick_and_drift(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-def]
+    """Half a kick of all rows by the forces that are kept, m/s, and a drift over `dt`, s, if `drifts`."""
+    u, after, v, f = nodes.u[now], nodes.u[1 - now], nodes.v, nodes.f
+    for n in range(count):
+        row = nodes.rows[n]
+        for axis in range(2):
+            for p in range(row * ROW, row * ROW + ROW):
+                kick = dt / 2 * (f[axis, p] * nodes.light[p])
+                v[axis, p] += kick
+                if drifts:
+                    after[axis, p] = u[axis, p] + dt * v[axis, p]
+
+
+@njit(**INNER)
+def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
+    """Half a kick of all nodes, fine and coarse, and a drift if `drifts`."""
+    _kick_and_drift(zone.fine, zone.number[ROWS], now, ground.dt, drifts)
+    _kick_and_drift(zone.coarse, zone.number[COARSE_ROWS], now, ground.dt, drifts)
+
+
+@njit(**INNER)
+def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+    """Note forces and velocities of what is held."""
+    for n in range(count):
+        on, e = holds.on[n, 0], holds.on[n, 1]
+        axis = holds.what[e, AXIS]
+        if on >= 0:
+            holds.value[e, FORCE], holds.value[e, LAST] = fine.f[axis, on], fine.v[axis, on]
+        else:
+            holds.value[e, FORCE], holds.value[e, LAST] = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
+
+
+@njit(**INNER)
+def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+    """Give what is held the velocities it has."""
+    for n in range(count):
+        on, e = holds.on[n, 0], holds.on[n, 1]
+        if on >= 0:
+            fine.v[holds.what[e, AXIS], on] = holds.value[e, LAST]
+        else:
+            coarse.v[holds.what[e, AXIS], -1 - on] = holds.value[e, LAST]
+
+
+@njit(**INNER)
+def hold(fine, coarse, holds, count, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+    """Book what it took to hold until `step`, unless a sequence `starts`, and hold on from there, unless it `ends`."""
+    for n in range(count):
+        on = holds.on[n, 0]
+        if on >= 0:
+            _hold(fine.u, fine.v, fine.f, fine.mass, on, holds, n, total, dt, profiles, now, step, ends, starts)
+        else:
+            p = -1 - on
+            _hold(coarse.u, coarse.v, coarse.f, coarse.mass, p, holds, n, total, dt, profiles, now, step, ends, starts)
+
+
+@njit(**INNER)
+def _hold(u, v, f, mass, p, holds, n, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+    """Book the force on one held component n until `step`, and hold it from there; see `hold`."""
+    e, time = holds.on[n, 1], step * dt
+    axis, profile, kind = holds.what[e, AXIS], holds.what[e, PROFILE], holds.what[e, KIND]
+    value, mean, speed = holds.value[e, VALUE], holds.value[e, SPEED], holds.value[e, SPEED]
+    if kind == VELOCITY:
+        speed = value * factor_at(profiles, profile, time)
+    if not starts:
+        total[WORK] -= (holds.value[e, FORCE] + f[axis, p]) / 2 * dt * mean
+        total[WORK] += mass[p] / 2 * (speed**2 - holds.value[e, LAST] ** 2)
+        holds.value[e, FORCE], holds.value[e, LAST] = f[axis, p], speed
+    if ends:
+        return
+    if kind == DISPLACEMENT:
+        speed = (value * factor_at(profiles, profile, time + dt) - u[now, axis, p]) / dt
+    else:
+        speed = value * factor_at(profiles, profile, time + dt / 2)
+    v[axis, p] = holds.value[e, SPEED] = speed
+    u[1 - now, axis, p] = u[now, axis, p] + dt * speed

@@ -1,0 +1,152 @@
+"""Steps: leapfrog, as `pdsolve.steppers.verlet` has it, for free fine nodes and coarse nodes alike.
+
+Every few steps it is looked whether cells are to become fine: those near a node one of whose bonds has broken, or begun
+to soften, or near a coarse bond that is stretched.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import (
+    AHEAD,
+    BREAKS,
+    CLIPPED,
+    COARSE_ROWS,
+    ENTRIES,
+    EVERY,
+    HOLDS,
+    KNOWN,
+    NEW,
+    REGRIDS,
+    ROWS,
+    SHORT,
+    STIRS,
+)
+from pdsolve.adaptivity.hybrid.energy import strain_e
+from pdsolve.adaptivity.hybrid.forces import again, forces
+from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_holds, hold
+from pdsolve.adaptivity.hybrid.lattice import IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
+from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.numerics.threads import meet
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
+SPARE = 64  # rows: room for so many more is always kept
+
+
+@njit(**INNER)
+def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
+    """List the cells that are to be fine as they are near nodes one of whose bonds has broken or softened."""
+    at, count = ground.at, 0
+    for n in range(zone.number[KNOWN], zone.number[STIRS]):
+        p = zone.stirs[n]
+        count = mark_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD)
+    return count
+
+
+@njit(**INNER)
+def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
+    """List the cells that become fine as they are near the nodes of a stretched coarse bond; returns their `count`."""
+    at, coarse = ground.at, zone.coarse
+    u = coarse.u[now]
+    for n in range(zone.number[COARSE_ROWS]):
+        row = coarse.rows[n]
+        if coarse.wide[row] == 0:
+            continue
+        for lane in range(ROW):
+            q = row * ROW + lane
+            if coarse.kind[q] == IDLE or _lasts(ground, q):
+                continue
+            for k in range(8):
+                entry, j = coarse.entry[row], q + ground.coarse_ways[k]
+                if (entry >= 0 and coarse.own[entry, k, lane] == 0) or _lasts(ground, j):
+                    continue
+                if strain_e(ground.coarse_table, k, u[0, j] - u[0, q], u[1, j] - u[1, q]) > _hot(ground, q):
+                    x, y = 2 * coarse_column(at, q), 2 * coarse_row(at, q)
+                    count = mark_disc(at, zone.cells, zone.new, count, x, y, AHEAD)
+                    break
+    return count
+
+
+@njit(**INNER)
+def _hot(ground, q):  # type: ignore[no-untyped-def]
+    """The e of a coarse bond beside which cells become fine."""
+    p = fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))
+    return ground.bounds[ground.material[p], 2]
+
+
+@njit(**INNER)
+def _lasts(ground, q):  # type: ignore[no-untyped-def]
+    """Whether the bonds of a coarse node do not break."""
+    return ground.no_fail[fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))]
+
+
+@njit(**INNER)
+def _has_room(zone, rows):  # type: ignore[no-untyped-def]
+    """Whether there is room for so many more fine rows, for those that begin to differ, and for all bonds to break."""
+    events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
+    return zone.number[ENTRIES] + rows + SPARE <= len(zone.fine.own) and zone.number[BREAKS] + events <= len(
+        zone.breaks.step
+    )
+
+
+@njit(**INNER)
+def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
+    """Refine what is known to be, or what is seen if it `looks`; or note that there is no room to."""
+    if looks:
+        zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
+    begins, rows = zone.number[REGRIDS] == 0, 0
+    if begins or zone.number[NEW] > 0:
+        rows = mark_dirty(ground, zone)
+    zone.number[SHORT] = not _has_room(zone, rows)
+    if zone.number[SHORT] == 0 and (begins or zone.number[NEW] > 0):
+        refine(ground, zone, now)
+
+
+@njit(**INNER)
+def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-untyped-def]
+    """Begin a sequence by a drift, and hold what is held until the next step; or note what holds it at the start."""
+    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.number[HOLDS]
+    if starts and ends:
+        begin_holds(fine, coarse, holds, count)
+    else:
+        if starts:
+            drift(ground, zone, now, starts)
+        hold(fine, coarse, holds, count, zone.total, ground.dt, profiles, now, step, ends, starts)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
+    """Take the steps `first` to `last` - 1; returns how it ended, in which step, and which displacements are now.
+
+    At the end velocities are those of displacements, and all forces are kept. `drifted` goes on where a march ended as
+    it was short of room. With last = first all nodes become what the cells say, if they are not, and the forces at the
+    start are computed. Threads run this side by side.
+    """
+    for step in range(first if drifted else first - 1, max(first, last)):
+        starts, ends, largest = step < first, step == last - 1, 0.0
+        if not starts or ends:
+            if starts or step % EVERY == 0:
+                if thread == 0:
+                    _adapt(ground, zone, now, step >= first + drifted)
+                meet(gate)
+                if zone.number[SHORT] != 0:
+                    return ROOM, step, now
+            forces(ground, zone, profiles, now, step, ends, thread, gate)
+            largest = zone.total[CLIPPED]
+            meet(gate)
+        if thread == 0:
+            again(zone)
+            _go_on(ground, zone, profiles, now, step, starts, ends)
+        meet(gate)
+        if largest > ground.least[0]:
+            return CLIP, step, now
+        if not ends:
+            now = 1 - now
+    if thread == 0 and last > first:
+        drift(ground, zone, now, last == first)
+        end_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
+    return DONE, last - 1, now

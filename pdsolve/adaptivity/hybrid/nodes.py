@@ -1,0 +1,209 @@
+"""Which nodes are free, on the border or idle, what mass they have, and with what motion new ones begin."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.lattice import (
+    BORDER,
+    COARSE,
+    FINE,
+    FREE,
+    IDLE,
+    cell_place,
+    coarse_column,
+    coarse_place,
+    coarse_row,
+    fine_column,
+    fine_place,
+    fine_row,
+)
+from pdsolve.adaptivity.hybrid.precracks import seen
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(**INNER)
+def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
+    """How many quarters around a fine node are in cells of a kind."""
+    found = 0
+    for sy in (-1, 0):
+        for sx in (-1, 0):
+            found += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == wanted
+    return found
+
+
+@njit(**INNER)
+def kind_of(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
+    """Kind of a fine node whose cell has this mass: IDLE, FREE, or BORDER where coarse cells touch it."""
+    if mass == 0 or touches(at, cells, ix, iy, FINE) == 0:
+        return IDLE
+    return BORDER if touches(at, cells, ix, iy, COARSE) > 0 else FREE
+
+
+@njit(**INNER)
+def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
+    """Kind and mass of a fine node, whose whole cell has `mass`."""
+    ix, iy = fine_column(at, p), fine_row(at, p)
+    fine.kind[p] = kind_of(at, cells, ix, iy, mass)
+    here, there = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
+    fine.mass[p] = mass * here / (here + there) if here > 0 else 0.0
+    fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
+
+
+@njit(**INNER)
+def end_on(at, edge_cut, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
+    """Coarse nodes that a place on an edge moves with, and share of the second.
+
+    Where a pre-crack cuts the edge it moves with the nodes of its own side: in line with the two next to it, so that
+    a face that turns is not stretched, or with the next one where there are no two. `kind` is that of coarse nodes.
+    """
+    q = coarse_place(at, x, y)
+    if w == 0:
+        return q, q, 0.0
+    step = 1 if direction == 0 else at.coarse_stride
+    other, cut = q + step, edge_cut[direction, q]
+    if cut == 0:
+        return q, other, w
+    if w < cut:
+        inner = q - step
+        return (q, inner, -w) if kind[inner] == FREE and edge_cut[direction, inner] == 0 else (q, q, 0.0)
+    inner = other + step
+    return (other, inner, w - 1) if kind[inner] == FREE and edge_cut[direction, other] == 0 else (other, other, 0.0)
+
+
+@njit(**INNER)
+def border_end(at, edge_cut, kind, p):  # type: ignore[no-untyped-def]
+    """Coarse nodes that the fine node p, on a line between cells, moves with, and share of the second; see `end_on`."""
+    ix, iy = fine_column(at, p), fine_row(at, p)
+    odd_x, odd_y = ix % 2, iy % 2
+    return end_on(at, edge_cut, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+
+
+@njit(**INNER)
+def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
+    """Give a row, whose coarse nodes had all springs of the table until now, stiffnesses of its own."""
+    coarse.entry[row] = row
+    for k in range(8):
+        for lane in range(ROW):
+            coarse.own[row, k, lane] = table[k, 5] if coarse.kind[row * ROW + lane] == FREE else 0.0
+
+
+@njit(**INNER)
+def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
+    """Kind, mass and springs of a coarse node; its row has stiffnesses of its own from when it first needs them."""
+    at = ground.at
+    x, y = coarse_column(at, q), coarse_row(at, q)
+    mass, row = 0.0, q // ROW
+    for sy in (-1, 0):
+        for sx in (-1, 0):
+            c = cell_place(at, x + sx, y + sy)
+            mass += ground.cell[2, c] * (cells[c] == COARSE)
+    coarse.kind[q] = FREE if mass > 0 else IDLE
+    for k in range(8):
+        stiffness = spring_of(ground, cells, q, x, y, k)
+        if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
+            _begin_own(coarse, row, ground.coarse_table)
+        if coarse.entry[row] >= 0:
+            coarse.own[row, k, q % ROW] = stiffness
+    if mass > 0:
+        for dy in (-1, 0, 1):
+            for dx in (-1, 0, 1):
+                ix, iy = 2 * x + dx, 2 * y + dy
+                mass += _passed_on(at, ground.edge_cut, coarse.kind, fine, fine_place(at, ix, iy), q)
+    coarse.mass[q] = mass
+    coarse.light[q] = 1 / mass if mass > 0 else 0.0
+
+
+@njit(**INNER)
+def _passed_on(at, edge_cut, kind, fine, p, q):  # type: ignore[no-untyped-def]
+    """Mass of a fine node that moves with coarse node q."""
+    if fine.kind[p] != BORDER:
+        return 0.0
+    a, b, w = border_end(at, edge_cut, kind, p)
+    w = max(w, 0.0)  # mass goes to the next one
+    return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
+
+
+@njit(**INNER)
+def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+    """Stiffness of coarse spring k of a node: half of each coarse cell's along an edge; 0 where a pre-crack cuts it."""
+    at = ground.at
+    dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
+    one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
+    if (ground.coarse_bits[one] >> which) & 1:
+        return 0.0
+    x0, y0 = x + min(dx, 0), y + min(dy, 0)
+    c = cell_place(at, x0, y0)
+    if dx != 0 and dy != 0:
+        return ground.cell[1, c] if cells[c] == COARSE else 0.0
+    other = c - at.cell_stride if dy == 0 else c - 1
+    found = 0.5 * ground.cell[0, c] if cells[c] == COARSE else 0.0
+    return found + (0.5 * ground.cell[0, other] if cells[other] == COARSE else 0.0)
+
+
+@njit(**INNER)
+def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """Values (2, q) of coarse nodes, of a `kind` each, at a fine place of cell x, y, into out (2,).
+
+    In a cell that a pre-crack crosses: from a cell beside it, on the place's own side, on in line; or else the mean of
+    the corners the place sees.
+    """
+    at = ground.at
+    if not ground.cut_cells[cell_place(at, x, y)]:
+        _bilinear(at, values, ix, iy, x, y, out)
+        return
+    for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+        if ground.cut_cells[cell_place(at, x + dx, y + dy)]:
+            continue
+        q = coarse_place(at, x + dx, y + dy)
+        active = kind[q] == FREE and kind[q + 1] == FREE
+        active = active and kind[q + at.coarse_stride] == FREE and kind[q + at.coarse_stride + 1] == FREE
+        if active and seen(ground.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
+            _bilinear(at, values, ix, iy, x + dx, y + dy, out)
+            return
+    _one_sided(at, ground.cracks, values, ix, iy, x, y, out)
+
+
+@njit(**INNER)
+def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """By the corners of a cell, inside of it and beyond."""
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(at, x, y), at.coarse_stride
+    for axis in range(2):
+        low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
+        q2 = q + stride
+        high = values[axis, q2] if wx == 0 else (1 - wx) * values[axis, q2] + wx * values[axis, q2 + 1]
+        out[axis] = low if wy == 0 else (1 - wy) * low + wy * high
+
+
+@njit(**INNER)
+def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """By the corners that the place sees; by the next one if it sees none."""
+    wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
+    out[0] = out[1] = 0.0
+    for dy in range(2):
+        for dx in range(2):
+            w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
+            if w == 0 or not seen(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
+                continue
+            q = coarse_place(at, x + dx, y + dy)
+            total += w
+            out[0] += w * values[0, q]
+            out[1] += w * values[1, q]
+    if total > 0:
+        out[0] /= total
+        out[1] /= total
+        return
+    q = coarse_place(at, x + (wx > 0.5), y + (wy > 0.5))
+    out[0], out[1] = values[0, q], values[1, q]
+
+
+@njit(**INNER)
+def coarse_cell_at(at, cells, ix, iy):  # type: ignore[no-untyped-def]
+    """The corner of a coarse cell that a fine node is in or at; (-1, -1) without one."""
+    for sy in (0, -1):
+        for sx in (0, -1):
+            x, y = (ix + sx) >> 1, (iy + sy) >> 1
+            if cells[cell_place(at, x, y)] == COARSE:
+                return x, y
+    return -1, -1

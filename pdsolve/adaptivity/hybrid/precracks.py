@@ -1,0 +1,109 @@
+"""What pre-cracks cut: coarse bonds, edges of cells, sight; and what single bonds are like."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER
+
+SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
+
+
+def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Segments (k, 4) in spacings, a little longer at both ends."""
+    way = cracks[:, 2:] - cracks[:, :2]
+    more = SLACK * way / np.maximum(np.hypot(*way.T), SLACK)[:, None]
+    return np.ascontiguousarray(cracks + np.column_stack([-more, more]))
+
+
+@njit(**INNER)
+def turn(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+    """Twice the area of a triangle, with the sign of its sense."""
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+@njit(**INNER)
+def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Whether pre-crack j meets the segment from a to b, in fine spacings."""
+    px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
+    one, other = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+    if one * other > 0:
+        return False
+    return turn(ax, ay, bx, by, px, py) * turn(ax, ay, bx, by, qx, qy) <= 0
+
+
+@njit(**INNER)
+def seen(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Whether no pre-crack parts two places."""
+    found = True
+    for j in range(len(cracks)):
+        found &= not crosses(cracks, j, ax, ay, bx, by)
+    return found
+
+
+@njit(**INNER)
+def _box(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
+    """Columns and rows around pre-crack j that are in a plate of so many."""
+    px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
+    x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
+    y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(most_y, int(np.ceil(max(py, qy))) + margin)
+    return x0, y0, x1, y1
+
+
+@cached_njit(error_model="numpy")
+def begin_coarse(ground):  # type: ignore[no-untyped-def]
+    """Note the coarse bonds and the edges of cells that pre-cracks cut, and the cells they cross."""
+    at = ground.at
+    for j in range(len(ground.cracks)):
+        x0, y0, x1, y1 = _box(ground, j, 3, at.nx, at.ny)
+        px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
+        for y in range(y0 // 2, y1 // 2 + 1):
+            for x in range(x0 // 2, x1 // 2 + 1):
+                q, ax, ay = coarse_place(at, x, y), 2.0 * x, 2.0 * y
+                for k in range(4):
+                    bx, by = ax + 2 * ground.coarse_dx[k], ay + 2 * ground.coarse_dy[k]
+                    if not crosses(ground.cracks, j, ax, ay, bx, by):
+                        continue
+                    ground.coarse_bits[q] |= np.uint8(1 << k)
+                    if k in (0, 2):
+                        one, other = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+                        ground.edge_cut[k // 2, q] = one / (one - other) if one != other else 0.5
+                if x >= at.nx // 2 or y >= at.ny // 2:
+                    continue
+                diagonals = crosses(ground.cracks, j, ax, ay, ax + 2, ay + 2) or crosses(
+                    ground.cracks, j, ax + 2, ay, ax, ay + 2
+                )
+                if (
+                    diagonals
+                    or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
+                    or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
+                ):
+                    ground.cut_cells[cell_place(at, x, y)] = True
+
+
+@njit(forceinline=True, **INNER)
+def has_bond(bits, ways, half, p, k):  # type: ignore[no-untyped-def]
+    """Whether bond k of fine node p is intact."""
+    if k < half:
+        return (bits[p] >> np.uint64(k)) & np.uint64(1) != 0
+    return (bits[p + ways[k]] >> np.uint64(k - half)) & np.uint64(1) != 0
+
+
+@njit(forceinline=True, **INNER)
+def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
+    """Stiffness of the whole bond k of node p: both cells' shares and the correction of surfaces included."""
+    row = ground.own[p]
+    return ground.own_springs[row, k] if row >= 0 else ground.springs[ground.material[p], k]
+
+
+@njit(forceinline=True, **INNER)
+def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
+    """e beyond which a bond softens, and at which it is gone."""
+    row = ground.own[p]
+    if row >= 0:
+        return ground.own_peak[row, k], ground.own_limit[row, k]
+    return ground.bounds[ground.material[p], 0], ground.bounds[ground.material[p], 1]

@@ -1,0 +1,157 @@
+"""A model, prepared to be marched with a fine zone that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve import conditions
+from pdsolve.adaptivity.hybrid.arrays import KAPPA, VALUE, Entries, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
+from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
+from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, fine_springs, stretches
+from pdsolve.adaptivity.hybrid.view import View
+from pdsolve.conditions import Drive, drive, initial_velocity, unbreakable
+from pdsolve.model import Model
+from pdsolve.operators.simd_lattice.layout import aligned
+
+ROOM = 64  # rows of fine nodes beyond those of the start, at least
+
+
+def hybrid_of(
+    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
+) -> tuple[View, float]:
+    """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
+
+    Raises ModelError for what cannot be solved so.
+    """
+    plate = plate_of(model, mode, precision)
+    springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
+    found = irregular(plate, springs)
+    bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
+    ground = ground_of(plate, springs, found, step_of(model, bound))
+    begin_coarse(ground)
+    bits, cut = bits_of(plate, ground, found)
+    cells = cells_of(plate, ground.reach)
+    area = plate.area * plate.h**2
+    driven = drive(model, area, True, np.float64)
+    rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads)._replace(
+        bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
+    )
+    hybrid = Hybrid(plate, ground, zone, driven)
+    hybrid.start(initial_velocity(model))
+    return View(hybrid, cut), bound
+
+
+def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> LatticeConstants:
+    """What stays, with steps of `dt`, s; what pre-cracks cut of the coarse lattice is still to be noted."""
+    at, model, h = plate.at, plate.model, plate.h
+    first = springs[0]
+    coarse = coarse_springs(first, h)
+    bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(KAPPA * one.peak)] for one in springs])
+    mass, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
+    mass[plate.place] = model.rho * plate.area * h**2
+    material[plate.place] = model.material_of
+    own = np.full(at.places, -1, dtype=np.int32)
+    own[plate.place[found.node]] = np.arange(len(found.node))
+    no_fail = np.zeros(at.places, dtype=np.bool_)
+    no_fail[plate.place] = unbreakable(model)
+    return LatticeConstants(
+        at=at,
+        h=h,
+        dx=first.dx,
+        dy=first.dy,
+        table=aligned(first.table),
+        ways=first.dy * at.stride + first.dx,
+        coarse_dx=coarse.dx,
+        coarse_dy=coarse.dy,
+        coarse_table=aligned(coarse.table),
+        coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
+        cut=stretches(first),
+        reach=int(np.abs(first.dx).max()),
+        varied=len(springs) > 1 or first.peak < first.limit,
+        dt=dt,
+        mass=mass,
+        material=material,
+        springs=np.array([one.table[:, 5] for one in springs]),
+        bounds=bounds,
+        least=bounds.min(axis=0),
+        own=own,
+        own_springs=found.springs,
+        own_peak=found.peak,
+        own_limit=found.limit,
+        cell=_cells(plate, springs),
+        no_fail=no_fail,
+        coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
+        edge_cut=np.zeros((2, at.coarse_places)),
+        cut_cells=np.zeros(at.cells, dtype=np.bool_),
+        cracks=lengthened(plate.cracks),
+    )
+
+
+def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
+    """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, by the area they have there."""
+    at, rho = plate.at, np.array([material.rho for material in plate.model.materials])
+    each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
+    material = np.zeros(at.places, dtype=np.int64)
+    material[plate.place] = plate.model.material_of
+    field = material.reshape(-1, at.stride)
+    found = np.zeros((at.ny // 2, at.nx // 2, 3))
+    for y, part_y in enumerate((0.25, 0.5, 0.25)):
+        for x, part_x in enumerate((0.25, 0.5, 0.25)):
+            here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+            found += part_x * part_y * each[field[here]]
+    if len(springs) == 1:
+        found[:] = each[0]  # not but for round-off
+    around = ((AROUND, AROUND), (AROUND, AROUND), (0, 0))
+    return np.ascontiguousarray(np.pad(found, around).reshape(at.cells, 3).T)
+
+
+def bits_of(plate: Plate, ground: LatticeConstants, found: Irregular) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """Bonds at the start, a bit for each of the first half of a family, of all places; and how many pre-cracks cut of
+    each node (n,)."""
+    half = len(ground.ways) // 2
+    bits = np.zeros(plate.at.places, dtype=np.uint64)
+    bits[plate.place] = np.uint64((1 << half) - 1)
+    own = np.zeros(len(found.node), dtype=np.uint64)
+    for k in range(half):
+        own |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
+    bits[plate.place[found.node]] = own
+    cut = np.zeros(len(plate.place), dtype=np.int64)
+    cut[found.node] = found.family - np.count_nonzero(found.springs, axis=1)
+    return bits, cut
+
+
+def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
+    """A bound of stiffness over density, 1/s^2, of the nodes at edges and of those in a full lattice."""
+    rho = plate.model.rho
+    usual = np.ones(len(rho), dtype=bool)
+    usual[found.node] = False
+    inside = []
+    for number, one in enumerate(springs):
+        if (usual & (plate.model.material_of == number)).any():
+            x, y, inverse, k = one.table[:, 0], one.table[:, 1], one.table[:, 4], one.table[:, 5] / plate.h**2
+            a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
+            inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / plate.model.materials[number].rho)
+    return np.concatenate([inside, found.stiffness_bound / rho[found.node]])
+
+
+def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
+    found = _entries(plate, driven.loads, 4)
+    found.value[:, VALUE] *= area[driven.loads.node]
+    some = found.value[:, VALUE] != 0
+    return found._replace(what=found.what[some], value=found.value[some])
+
+
+def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
+    """Entries, with room for `most` nodes that each acts on."""
+    what = np.column_stack([plate.place[driven.node], driven.axis, driven.profile, driven.kind])
+    value = np.zeros((len(what), 4))
+    value[:, VALUE] = driven.value
+    return Entries(what, value, np.zeros((most * len(what), 2), dtype=np.int64), np.zeros(most * len(what)))

@@ -1,0 +1,293 @@
+"""Cells become fine: what that changes around them, and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.arrays import (
+    AROUND,
+    BORDERS,
+    COARSE_ROWS,
+    DIRTY,
+    HOLDS,
+    KNOWN,
+    LOADS,
+    NEW,
+    PIECES,
+    PLACE,
+    REFINEMENT,
+    REGRIDS,
+    ROWS,
+    STIRS,
+)
+from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
+from pdsolve.adaptivity.hybrid.energy import copy_border_node, energy_of
+from pdsolve.adaptivity.hybrid.forces import follow
+from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
+from pdsolve.adaptivity.hybrid.lattice import (
+    BORDER,
+    COARSE,
+    FINE,
+    FREE,
+    cell_place,
+    coarse_place,
+    fine_column,
+    fine_place,
+    fine_row,
+)
+from pdsolve.adaptivity.hybrid.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+@njit(**INNER)
+def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+    """List the coarse cells nearer to a place (fine spacings) than `radius`; returns how many are listed then.
+
+    They are marked as fine at once; `refine` knows them from the list.
+    """
+    for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
+        for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
+            if not (0 <= x < at.nx // 2 and 0 <= y < at.ny // 2):
+                continue
+            c = cell_place(at, x, y)
+            if cells[c] != COARSE:
+                continue
+            away_x, away_y = max(abs(ix - (2 * x + 1)) - 1, 0), max(abs(iy - (2 * y + 1)) - 1, 0)
+            if away_x * away_x + away_y * away_y < radius * radius:
+                cells[c] = FINE
+                new[count] = c
+                count += 1
+    return count
+
+
+@njit(**INNER)
+def _mark(ground, zone):  # type: ignore[no-untyped-def]
+    """Mark all places within the family's reach of the new cells; returns the columns and rows of nodes that they are
+    in."""
+    at, reach = ground.at, ground.reach + 2
+    x0, y0, x1, y1 = at.nx, at.ny, 0, 0
+    for c in zone.new[: zone.number[NEW]]:
+        x, y = 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM)
+        left, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
+        low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
+        x0, y0, x1, y1 = min(x0, left), min(y0, low), max(x1, right), max(y1, high)
+        for iy in range(low, high):
+            for p in range(fine_place(at, left, iy), fine_place(at, right, iy)):
+                zone.mark[p] = True
+    return x0, y0, x1, y1
+
+
+@njit(**INNER)
+def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
+    """List the nodes that the new cells concern, in order; returns how many rows of fine nodes that are.
+
+    Those are the fine nodes within the family's reach, and the coarse ones at corners; to begin with all of these.
+    """
+    at, (x0, y0, x1, y1) = ground.at, _mark(ground, zone)
+    dirty, rows, last = 0, 0, -1
+    for iy in range(y0, y1):
+        for p in range(fine_place(at, x0, iy), fine_place(at, x1, iy)):
+            if zone.mark[p]:
+                zone.mark[p] = False
+                if ground.mass[p] > 0:
+                    zone.dirty[dirty] = p
+                    rows += p // ROW != last
+                    dirty, last = dirty + 1, p // ROW
+    zone.number[DIRTY] = dirty
+    _list_around(at, zone, x0, y0, x1, y1)
+    return rows
+
+
+@njit(**INNER)
+def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """List the coarse nodes at the corners of the new cells, which are within these columns and rows of fine nodes, in
+    order; to begin with all coarse nodes."""
+    begins, around = zone.number[REGRIDS] == 0, 0
+    if begins:
+        x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
+    for c in zone.new[: zone.number[NEW]]:
+        p = fine_place(at, 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM))
+        for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
+            zone.mark[corner] = True
+    for iy in range(y0 + y0 % 2, y1, 2):
+        for ix in range(x0 + x0 % 2, x1, 2):
+            p = fine_place(at, ix, iy)
+            if begins or zone.mark[p]:
+                zone.mark[p] = False
+                zone.around[around] = coarse_place(at, ix // 2, iy // 2)
+                around += 1
+    zone.number[AROUND] = around
+
+
+@njit(**INNER)
+def refine(ground, zone, now):  # type: ignore[no-untyped-def]
+    """Make the cells of `zone.new` fine, which are marked so, at displacements `now`.
+
+    New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
+    """
+    new, dirty, dirty_coarse = zone.new[: zone.number[NEW]], zone.dirty[: zone.number[DIRTY]], zone.around
+    dirty_coarse = dirty_coarse[: zone.number[AROUND]]
+    follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.number[BORDERS])
+    for p in dirty:
+        zone.mark[p] = True
+    for c in new:
+        zone.cells[c] = COARSE
+    before = energy_of(ground, zone, now, dirty, dirty_coarse)
+    _begin_new(ground, zone, new, dirty, now)
+    _set_nodes(ground, zone, dirty, dirty_coarse, now)
+    put_pieces(ground, zone, dirty)
+    for p in dirty:
+        zone.mark[p] = True
+    zone.total[REFINEMENT] += energy_of(ground, zone, now, dirty, dirty_coarse) - before
+    for p in dirty:
+        zone.mark[p] = False
+    zone.number[REGRIDS] += 1
+    zone.number[KNOWN] = zone.number[STIRS]
+    zone.number[NEW] = 0
+    _number(ground, zone, dirty_coarse)
+
+
+@njit(**INNER)
+def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
+    """Kinds, masses and springs of these nodes."""
+    fine, coarse, last = zone.fine, zone.coarse, -1
+    for p in dirty:
+        set_fine(ground.at, ground.mass[p], zone.cells, fine, p)
+    for q in dirty_coarse:
+        set_coarse(ground, zone.cells, fine, coarse, q)
+    for p in dirty:
+        if fine.kind[p] == BORDER:
+            copy_border_node(ground.at, ground.edge_cut, coarse.kind, fine.u[now], coarse.u[now], p)
+            fine.v[0, p] = fine.v[1, p] = 0.0
+    for p in dirty:
+        if p // ROW != last:
+            last = p // ROW
+            set_row(ground, zone, last)
+
+
+@njit(**INNER)
+def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
+    """Give the nodes that are to be free the motion of the coarse ones around them; then the new cells are fine."""
+    at, fine, coarse, two = ground.at, zone.fine, zone.coarse, zone.s[0, :2]
+    for p in dirty:
+        if fine.kind[p] == FREE:
+            continue
+        ix, iy = fine_column(at, p), fine_row(at, p)
+        x, y = coarse_cell_at(at, zone.cells, ix, iy)
+        if x < 0:
+            continue
+        interpolate(ground, coarse.kind, coarse.u[now], ix, iy, x, y, two)
+        fine.u[now, 0, p], fine.u[now, 1, p] = two[0], two[1]
+        interpolate(ground, coarse.kind, coarse.v, ix, iy, x, y, two)
+        fine.v[0, p], fine.v[1, p] = two[0], two[1]
+    for c in new:
+        zone.cells[c] = FINE
+
+
+@njit(**INNER)
+def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
+    """List rows with fine nodes, and those on the border."""
+    fine, coarse, rows, borders = zone.fine, zone.coarse, 0, 0
+    for row in range(len(fine.entry)):
+        if fine.entry[row] == -1:
+            continue
+        fine.rows[rows] = row
+        rows += 1
+        for p in range(row * ROW, row * ROW + ROW):
+            if fine.kind[p] != BORDER:
+                continue
+            a, b, w = border_end(ground.at, ground.edge_cut, coarse.kind, p)
+            zone.border.node[borders], zone.border.w[borders] = p, w
+            zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
+            fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
+            borders += 1
+    zone.number[ROWS], zone.number[BORDERS] = rows, borders
+
+
+@njit(**INNER)
+def _list_coarse(at, coarse, count, dirty):  # type: ignore[no-untyped-def]
+    """List rows with coarse nodes, of `count` that did before these nodes changed; returns how many."""
+    if count == 0:
+        for y in range(at.ny // 2 + 1):
+            for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
+                coarse.rows[count] = row
+                count += 1
+    for q in dirty:
+        coarse.touched[q // ROW] = True
+    rows = 0
+    for n in range(count):
+        row = coarse.rows[n]
+        some = not coarse.touched[row]
+        if not some:
+            coarse.touched[row] = False
+            for q in range(row * ROW, row * ROW + ROW):
+                some |= coarse.kind[q] == FREE
+        if some:
+            coarse.rows[rows] = row
+            rows += 1
+    return rows
+
+
+@njit(**INNER)
+def _number(ground, zone, dirty_coarse):  # type: ignore[no-untyped-def]
+    """List rows and border nodes anew, and what acts on whom."""
+    fine, coarse = zone.fine, zone.coarse
+    fine.touched[:] = False
+    coarse.touched[:] = False
+    zone.number[COARSE_ROWS] = _list_coarse(ground.at, coarse, zone.number[COARSE_ROWS], dirty_coarse)
+    _list_fine(ground, zone)
+    for n in range(zone.number[PIECES]):
+        for which in range(2):
+            a, b = zone.pieces.end[n, 2 * which], zone.pieces.end[n, 2 * which + 1]
+            if b < 0:
+                fine.touched[a // ROW] = True
+            else:
+                coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
+    zone.number[LOADS] = _place_loads(ground.at, zone.cells, fine, coarse, zone.loads)
+    zone.number[HOLDS] = _place_holds(ground.at, fine, coarse, zone.holds)
+
+
+@njit(**INNER)
+def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
+    """Hand loads to the nodes that move: those of idle and border nodes to the coarse nodes they lie between."""
+    count = 0
+    for n in range(len(loads.what)):
+        p = loads.what[n, PLACE]
+        if fine.kind[p] == FREE:
+            loads.on[count, 0], loads.on[count, 1], loads.part[count] = p, n, 1.0
+            fine.touched[p // ROW] = True
+            count += 1
+            continue
+        ix, iy = fine_column(at, p), fine_row(at, p)
+        x, y = coarse_cell_at(at, cells, ix, iy)
+        for dy in range(2):
+            for dx in range(2):
+                wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
+                w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
+                if w > 0:
+                    q = coarse_place(at, x + dx, y + dy)
+                    loads.on[count, 0], loads.on[count, 1], loads.part[count] = -1 - q, n, w
+                    coarse.touched[q // ROW] = True
+                    count += 1
+    return count
+
+
+@njit(**INNER)
+def _place_holds(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
+    """Hold the nodes that move of those that are held."""
+    count = 0
+    for n in range(len(holds.what)):
+        p = holds.what[n, PLACE]
+        ix, iy = fine_column(at, p), fine_row(at, p)
+        if fine.kind[p] == FREE:
+            holds.on[count, 0], holds.on[count, 1] = p, n
+            fine.touched[p // ROW] = True
+            count += 1
+        elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
+            q = coarse_place(at, ix // 2, iy // 2)
+            holds.on[count, 0], holds.on[count, 1] = -1 - q, n
+            coarse.touched[q // ROW] = True
+            count += 1
+    return count

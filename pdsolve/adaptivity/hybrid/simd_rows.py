@@ -1,0 +1,189 @@
+"""Forces on 16 consecutive nodes as vector code, their sums kept in registers.
+
+    u        (2, m) displacements of all places         table    (k, 8) springs, as in `family.Springs`
+    ways     (k,) places from a node to its neighbours   weights  (., k, 16) stiffnesses of the lanes' own, 0 without a
+    at       where those of the row begin, if it has              bond
+             its own                                     masks    (., 2, k) a bit for each lane with a bond, and for
+    limit    of e                                                 each with half a bond
+    p        place of the first lane                     s        scratch: forces, x then y
+
+Each returns 1 where |e| is beyond what it can do, so that its sums are wrong, plus 2 where an e is above the limit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
+from pdsolve.operators.simd_lattice.pull import NARROW, WIDE
+
+FY = ROW  # where the sums along y begin in s
+WHOLE, MASKED, OWN = range(3)  # rows: all lanes have all springs; those of the table, half of them, or none; others
+
+
+class _Sum:
+    """The loop over the springs of some lanes."""
+
+    def __init__(self, code: Code, kinds: Any, values: Any, kind: int, edges: Any) -> None:
+        self._code, self._kind, self._edges = code, kind, edges
+        u = kinds[0]
+        self._u = [code.data(u, values[0], axis) for axis in (0, 1)]
+        self._table, self._ways, self._weights = (
+            code.data(kind, value) for kind, value in zip(kinds[1:4], values[1:4], strict=True)
+        )
+        self._slots, self._at, self._p, self._limit = values[4:8]
+        self._here = [code.load(component, self._p) for component in self._u]
+
+    def run(self, reach: float | None, factors: tuple[float, ...], kept: Any) -> Any:
+        """Sum with the pull e g(e), g a polynomial good up to |e| = `reach`; returns what `sum_row` does."""
+        code, builder = self._code, self._code.builder
+        began, function = builder.block, builder.function
+        head, add, leave = (function.append_basic_block(name) for name in ("head", "add", "leave"))
+        builder.branch(head)
+        builder.position_at_end(head)
+        slot = builder.phi(INT)
+        slot.add_incoming(INT(0), began)
+        starts = (0.0, 0.0, -1.0, 0.0)  # an e is above -1
+        sums = [code.merge([(code.same(start), began)]) for start in starts]
+        builder.cbranch(builder.icmp_signed("<", slot, self._slots), add, leave)
+        builder.position_at_end(add)
+        after = self._added(slot, sums, factors)
+        slot.add_incoming(builder.add(slot, INT(1)), add)
+        for phis, totals in zip(sums, after, strict=True):
+            for phi, total in zip(phis, totals, strict=True):
+                phi.add_incoming(total, add)
+        builder.branch(head)
+        builder.position_at_end(leave)
+        fx, fy, top, size = sums
+        code.store(fx, kept, INT(0))
+        code.store(fy, kept, INT(FY))
+        over = builder.zext(code.some(code.above(top, code.same(self._limit))), INT)
+        found = builder.mul(over, INT(2))
+        if reach is None:
+            return found
+        far = builder.zext(code.some(code.above(size, code.same(reach))), INT)
+        return builder.add(found, far)
+
+    def _added(self, slot: Any, sums: list[Any], factors: tuple[float, ...]) -> list[Any]:
+        code, builder = self._code, self._code.builder
+        row = builder.mul(slot, INT(8))
+        xi_x, xi_y, x2, y2, inverse, stiffness = (
+            code.same(builder.load(builder.gep(self._table, [builder.add(row, INT(c))]))) for c in range(6)
+        )
+        other = builder.add(self._p, builder.load(builder.gep(self._ways, [slot])))
+        eta_x, eta_y = (
+            code.sub(code.load(component, other), here) for component, here in zip(self._u, self._here, strict=True)
+        )
+        along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
+        e = code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
+        if self._kind == MASKED:
+            at, lane = builder.add(self._at, slot), builder.and_(self._p, INT(ROW - 1))
+            there, half = (code.bits(self._weights, where, lane) for where in (at, builder.add(at, self._slots)))
+            stiffness = code.choose(half, code.mul(stiffness, code.same(0.5)), stiffness)
+            stiffness = code.choose(there, stiffness, code.same(0.0))
+            e = code.choose(there, e, code.same(0.0))
+        elif self._kind == OWN:
+            stiffness = code.load(self._weights, builder.add(self._at, builder.mul(slot, INT(ROW))))
+            none = code.each(lambda one, zero: builder.fcmp_ordered("==", one, zero), stiffness, code.same(0.0))
+            e = code.choose(none, code.same(0.0), e)
+        over = e
+        if self._edges is not None:
+            over = code.sub(e, code.load(self._edges, builder.add(self._at, builder.mul(slot, INT(ROW)))))
+        fx, fy, top, size = sums
+        pull = code.mul(code.mul(stiffness, e), code.polynomial(factors, e))
+        return [
+            code.fma(pull, code.add(xi_x, eta_x), fx),
+            code.fma(pull, code.add(xi_y, eta_y), fy),
+            code.most(top, over),
+            code.most(size, code.magnitude(e)),
+        ]
+
+
+def _signature(*arrays: Any) -> Any:
+    *before, s = arrays
+    return types.int64(*before, *(types.int64,) * 3, types.float64, s)
+
+
+def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
+    """Code that sums a row of this `kind`, with the polynomial of number `which` (None: Green's strain), and `varied`
+    edges or one limit."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, values: Any) -> Any:
+        kinds, values = list(signature.args), list(values)
+        code, edges = Code(context, builder, kinds[0].dtype), None
+        if varied:
+            edges = code.data(kinds.pop(4), values.pop(4))
+        loop = _Sum(code, kinds, values, kind, edges)
+        kept = code.data(kinds[8], values[8])
+        if which is None:
+            return loop.run(None, (0.5,), kept)
+        return loop.run((NARROW, WIDE)[which], code.coefficients[which], kept)
+
+    return generate
+
+
+@intrinsic
+def sum_whole(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row whose lanes have all springs of the table, |e| up to NARROW."""
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, 0)
+
+
+@intrinsic
+def sum_whole_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row whose lanes have all springs of the table, |e| up to WIDE."""
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, 1)
+
+
+@intrinsic
+def sum_masked(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row whose lanes have springs of the table, half of them, or none; |e| up to NARROW."""
+    return _signature(u, table, ways, masks, s), _generator(MASKED, 0)
+
+
+@intrinsic
+def sum_masked_wide(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row whose lanes have springs of the table, half of them, or none; |e| up to WIDE."""
+    return _signature(u, table, ways, masks, s), _generator(MASKED, 1)
+
+
+@intrinsic
+def sum_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row with stiffnesses of its own, |e| up to NARROW."""
+    return _signature(u, table, ways, weights, s), _generator(OWN, 0)
+
+
+@intrinsic
+def sum_own_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row with stiffnesses of its own, |e| up to WIDE."""
+    return _signature(u, table, ways, weights, s), _generator(OWN, 1)
+
+
+@intrinsic
+def sum_edges(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row with stiffnesses and `edges` (., k, 16) of its own, |e| up to NARROW.
+
+    The 2 stands for an e that is more than `limit` above the edge of its bond.
+    """
+    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 0, True)
+
+
+@intrinsic
+def sum_edges_wide(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a row with stiffnesses and `edges` of its own, |e| up to WIDE; see `sum_edges`."""
+    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 1, True)
+
+
+@intrinsic
+def sum_green(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a whole row of the coarse lattice, by Green's strain: force k e / 2 (xi + eta)."""
+    return _signature(u, table, ways, weights, s), _generator(WHOLE, None)
+
+
+@intrinsic
+def sum_green_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+    """Sum the forces on a coarse row with stiffnesses of its own, by Green's strain: force k e / 2 (xi + eta)."""
+    return _signature(u, table, ways, weights, s), _generator(OWN, None)

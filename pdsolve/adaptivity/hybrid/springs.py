@@ -1,0 +1,146 @@
+"""Springs: those of a fine node's family, those of the compact lattice that is like it, and how cells clip them.
+
+A fine bond xi is a spring of k = c(xi) h^4 / |xi| (c calibrated as in the average-horizon scheme). A coarse cell has
+springs k1 = C11 - C66, half of it on each of its edges, and k2 = C66 on both diagonals: the stiffness, anisotropy
+included, of the fine lattice itself, C11 = sum c |xi| h^2 n_x^4 / 2, C66 = sum c |xi| h^2 n_x^2 n_y^2 / 2.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.material_constants import critical_stretch, micromodulus
+from pdsolve.laws import limits
+
+X, Y, X2, Y2, INVERSE, STIFFNESS = range(6)  # columns of a table of springs
+COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+TIE = -1  # direction of a piece's end that is a node
+EAST, NORTH = 0, 1  # directions of the coarse edge that it lies on
+
+
+class Springs(NamedTuple):
+    """The springs of a node of a full lattice: k of them, the last half opposite to the first in order."""
+
+    dx: NDArray[np.int64]  # (k,) spacings to the neighbour
+    dy: NDArray[np.int64]
+    table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
+    peak: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
+    limit: float  # stretch at which a bond breaks
+    c11: float  # N/m^2
+    c66: float
+
+
+def fine_springs(material: Material, ratio: float, h: float) -> Springs:
+    """The springs of the fine lattice of spacing `h`, m: the calibrated bonds of a `ratio` of horizon to spacing."""
+    partial = material.micromodulus == "constant"
+    xi = offsets(ratio + 0.5 if partial else ratio)
+    length, reach, size = np.hypot(*xi.T), np.full(len(xi), float(ratio)), np.ones(len(xi))
+    factors = calibration(ratio, material, partial)
+    c = factors.stiffness * micromodulus(material, length, reach) * (hu_beta(length, reach, size) if partial else 1.0)
+    ahead = (c > 1e-12 * c.max()) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
+    xi, c = np.concatenate([xi[ahead], -xi[ahead]]), np.tile(c[ahead], 2)
+    length = np.hypot(*xi.T)
+    n_x, n_y = (xi / length[:, None]).T
+    stiffness = c / length  # of a lattice of spacing 1 and horizon `ratio`, which has the same springs
+    c11, c66 = (float(0.5 * np.sum(c * length * term)) for term in (n_x**4, (n_x * n_y) ** 2))
+    stretch = limits(material, factors.stretch * critical_stretch(material, np.array([ratio * h])))
+    dx, dy = np.round(xi.T).astype(np.int64)
+    return Springs(dx, dy, _table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
+
+
+def coarse_springs(fine: Springs, h: float) -> Springs:
+    """The springs of the compact coarse lattice of spacing 2 `h`, m, as stiff as the fine ones."""
+    dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
+    stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
+    table = _table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
+    return fine._replace(dx=dx, dy=dy, table=table)
+
+
+def _table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+    inverse = 1 / (xi**2).sum(axis=1)
+    table = np.zeros((len(xi), 8))
+    table[:, :6] = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, stiffness])
+    return table
+
+
+def e_of(stretch: Any) -> Any:
+    """e = s (s + 2) of a stretch s."""
+    return stretch * (stretch + 2)
+
+
+class Stretches(NamedTuple):
+    """How the cells take a fine bond apart, for each place of its node in a cell (4) and half of the family.
+
+    The stretches of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]; a bond along a line
+    between cells belongs half to either side, and has those of the other up to first[f, k, 2].
+    """
+
+    first: NDArray[np.int64]  # (4, k, 3)
+    t: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
+    cell: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
+    ends: NDArray[np.int64]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
+    w: NDArray[np.float64]  # (s, 2) how far along that edge
+
+
+def stretches(springs: Springs) -> Stretches:
+    """Where the bonds of the first half of a family cross cells, by the parity of their node."""
+    half = len(springs.dx) // 2
+    first = np.zeros((4, half, 3), dtype=np.int64)
+    found: list[tuple[tuple[float, float], tuple[int, int], list[tuple[int, int, int, float]]]] = []
+    for place in range(4):
+        px, py = place % 2, place // 2
+        for k in range(half):
+            dx, dy = int(springs.dx[k]), int(springs.dy[k])
+            first[place, k] = len(found)
+            for side, (sx, sy) in enumerate(_sides(px, py, dx, dy)):
+                crossings = sorted({0.0, 1.0, *_crossings(px, dx), *_crossings(py, dy)})
+                for t0, t1 in pairwise(crossings):
+                    middle = (t0 + t1) / 2
+                    cell = int((px + middle * dx + sx) // 2), int((py + middle * dy + sy) // 2)
+                    found.append(((t0, t1), cell, [_end(px + t * dx, py + t * dy, t) for t in (t0, t1)]))
+                first[place, k, side + 1 :] = len(found)
+    return Stretches(
+        first,
+        np.array([t for t, _, _ in found]),
+        np.array([cell for _, cell, _ in found], dtype=np.int64),
+        np.array([[end[:3] for end in ends] for _, _, ends in found], dtype=np.int64),
+        np.array([[end[3] for end in ends] for _, _, ends in found]),
+    )
+
+
+def _sides(px: int, py: int, dx: int, dy: int) -> list[tuple[float, float]]:
+    """To which sides of a bond to look for its cells: both of one along a line between cells."""
+    if dx == 0 and px == 0:
+        return [(-0.5, 0.0), (0.5, 0.0)]
+    if dy == 0 and py == 0:
+        return [(0.0, -0.5), (0.0, 0.5)]
+    return [(0.0, 0.0)]
+
+
+def _crossings(start: int, step: int) -> list[float]:
+    """Shares at which a coordinate is even on its way."""
+    if step == 0:
+        return []
+    low, high = sorted((start, start + step))
+    shares = ((line - start) / step for line in range(low + low % 2, high + 1, 2))
+    return [share for share in shares if 0 < share < 1]
+
+
+def _end(x: float, y: float, t: float) -> tuple[int, int, int, float]:
+    """Coarse node, direction of the edge from there, and share of it, where a stretch begins or ends."""
+    if t in (0.0, 1.0):
+        return 0, 0, TIE, 0.0
+    column, row = x / 2, y / 2
+    near = 1e-9
+    if abs(column - round(column)) < near:
+        below = int(np.floor(row + near))
+        w = row - below
+        return round(column), below, NORTH, 0.0 if abs(w) < near else w
+    left = int(np.floor(column + near))
+    return left, round(row), EAST, column - left

@@ -1,0 +1,241 @@
+"""A run with a fine zone, as the rest of the solver sees it: a cloud of coarse and fine nodes, those there are now.
+
+A coarse node on the border is one with the fine node it lies on. Bonds are those of fine nodes and the springs of the
+coarse lattice; pieces of clipped bonds, which never break, are left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.operator import Hybrid, ZoneSummary
+from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.model import Model
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.state import Broken, State, Unknown
+
+
+class View(TwoLatticeOperator[Hybrid]):
+    """An operator and a stepper; n nodes, in the order of their places.
+
+    The state is brought up to date when `energies` are asked for.
+    """
+
+    name = "hybrid"
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
+    symmetric = True
+
+    def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
+        """`cut` are the bonds that pre-cracks cut, of each node of the whole fine lattice."""
+        self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
+        plate, zone = hybrid.plate, hybrid.zone
+        own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
+        places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
+        fine = places[own.kind[places] != IDLE]
+        self._on = self._beneath(coarse)  # fine places that coarse nodes lie on
+        self.places = np.unique(np.concatenate([fine, self._on]))
+        self.rows = plate.row[self.places].astype(np.int64)
+        self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
+        self._row_of[self.places] = np.arange(len(self.places))
+        self._fine, self._coarse = fine, coarse
+        self._at_fine, self._at_coarse = (self._row_of[one].astype(np.int64) for one in (fine, self._on))
+        self._bonds = self._fine_bonds()
+        self._springs = self._coarse_springs()
+        self.cells = np.count_nonzero(zone.cells == COARSE)
+
+    def _beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
+        at = self.hybrid.plate.at
+        y, x = np.divmod(coarse, at.coarse_stride)
+        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
+
+    def _fine_bonds(self) -> NDArray[np.bool_]:
+        """Which bonds (k, family) fine nodes have or had, of those whose other node is there too."""
+        zone, ground, fine = self.hybrid.zone, self.hybrid.ground, self._fine
+        entry = zone.fine.entry[fine // ROW].astype(np.int64)
+        own = zone.fine.own[np.where(entry < 0, -2 - entry, entry), :, fine % ROW] > 0
+        _, node, spring = self.hybrid.broken()
+        own[np.searchsorted(fine, node), spring] = True
+        for k, way in enumerate(ground.ways.tolist()):
+            own[:, k] &= zone.fine.kind[fine + way] != IDLE
+        return own
+
+    def _coarse_springs(self) -> NDArray[np.bool_]:
+        """Which springs (k, 8) coarse nodes have, besides those that are fine bonds too, on the border."""
+        coarse, ground = self.hybrid.zone.coarse, self.hybrid.ground
+        found, row = np.ones((len(self._coarse), len(ground.coarse_ways)), dtype=bool), self._coarse // ROW
+        own = coarse.entry[row] >= 0
+        found[own] = coarse.own[row[own], :, self._coarse[own] % ROW] > 0
+        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
+        fine = np.full(len(self.places), -1)
+        fine[self._at_fine] = np.arange(len(self._fine))
+        at = fine[self._at_coarse]
+        for k, (dx, dy) in enumerate(zip(ground.coarse_dx, ground.coarse_dy, strict=True)):
+            same = number.get((2 * int(dx), 2 * int(dy)))
+            if same is not None:
+                found[at >= 0, k] &= ~self._bonds[at[at >= 0], same]
+        return np.asarray(found)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+        found = part_of(self.hybrid.plate.model, self.rows)
+        delta = found.grid.delta.copy()
+        delta[self._at_coarse] *= 2
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
+
+    @cached_property
+    def area(self) -> NDArray[np.float64]:
+        """Areas (n,), m^2: of fine cells a fine node's share, of coarse cells a coarse node's."""
+        plate, zone = self.hybrid.plate, self.hybrid.zone
+        part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
+        whole = plate.area[plate.row[self._fine]] * plate.h**2
+        found = np.zeros(len(self.places))
+        found[self._at_fine] = part * whole
+        y, x = np.divmod(self._coarse, plate.at.coarse_stride)
+        corner = (y - BELOW_COARSE + AROUND) * plate.at.cell_stride + AROUND + x - LEFT
+        around = sum((zone.cells[corner - dy * plate.at.cell_stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
+        found[self._at_coarse] += plate.h**2 * around
+        return np.asarray(found)
+
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        count = np.zeros(len(self.places), dtype=np.int64)
+        count[self._at_fine] += self._bonds.sum(axis=1)
+        count[self._at_coarse] += self._springs.sum(axis=1)
+        family = count.copy()
+        family[self._at_fine] += self._cut[self.hybrid.plate.row[self._fine]]
+        alone = np.setdiff1d(self._at_coarse, self._at_fine, assume_unique=True)
+        family[alone] = np.maximum(family[alone], self._whole(alone))
+        return count, family
+
+    def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Springs of coarse nodes, those that pre-cracks cut included."""
+        plate, zone = self.hybrid.plate, self.hybrid.zone
+        y, x = np.divmod(self.places[rows], plate.at.stride)
+        corner = ((y - BELOW) // 2 + AROUND) * plate.at.cell_stride + AROUND + (x - LEFT) // 2
+        south, west = plate.at.cell_stride, 1
+        ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
+        edges = [ne | se, ne | nw, nw | sw, sw | se]
+        return np.asarray(sum(one.astype(np.int64) for one in (ne, nw, sw, se, *edges)))
+
+    @property
+    def signature(self) -> NDArray[np.int64]:
+        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        found = np.zeros(len(self.places), dtype=np.int64)
+        found[self._at_fine] += 1 + self._bonds.sum(axis=1)
+        found[self._at_coarse] += 100 * (1 + self._springs.sum(axis=1))
+        return found
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place. Raises UnstableError."""
+        self.hybrid.march(first, last)
+
+    def changed(self) -> View | None:
+        """The nodes there are now, if they are others."""
+        if np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells:
+            return None
+        return View(self.hybrid, self._cut)
+
+    def state(self) -> State:
+        """The state of the nodes now."""
+        nodes = len(self.places)
+        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
+        self.energies(found)
+        return found
+
+    def _put(self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Values (2, places) of both lattices, into out (n, 2)."""
+        border, count = self.hybrid.zone.border, self.hybrid.zone.number[BORDERS]
+        out[self._at_fine] = fine[:, self._fine].T
+        w = border.w[:count, None]
+        first, second = (coarse[:, border.end[:count, side]].T for side in (0, 1))
+        out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
+        out[self._at_coarse] = coarse[:, self._coarse].T
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening; brings the state up to date.
+
+        The ledger alone has what softening spends.
+        """
+        zone, now = self.hybrid.zone, self.hybrid.now
+        self._put(zone.fine.u[now], zone.coarse.u[now], state.value)
+        self._put(zone.fine.v, zone.coarse.v, state.rate)
+        self._put(zone.fine.f * zone.fine.light, zone.coarse.f * zone.coarse.light, state.second)
+        holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
+        state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
+        fine, coarse = self.hybrid.held()
+        held = np.zeros(len(self.places))
+        held[self._at_fine] = fine[self._fine]
+        held[self._at_coarse] += coarse[self._coarse]
+        self._strain = float(held.sum())
+        return held / self.area, np.zeros_like(held)
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """No fields: the two lattices store none beside their displacements."""
+        return {}
+
+    def books(self) -> Sums:
+        """Energies, work and momentum at the state for which `energies` were asked last."""
+        kinetic, x, y = self.hybrid.motion().tolist()
+        dissipated, work, _ = self.hybrid.spent
+        return Sums(kinetic, self._strain, dissipated, 0.0, work, x, y)
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the fine zone."""
+        return self.hybrid.zone_summary()
+
+    def pushes(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        loads, found = self.hybrid.zone.loads, np.zeros((profiles, 2))
+        np.add.at(found, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
+        return found
+
+    def pulls(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        holds, found = self.hybrid.zone.holds, np.zeros((profiles, 2))
+        own = holds.on[: self.hybrid.zone.number[HOLDS], 1]
+        np.add.at(found, (holds.what[own, PROFILE], holds.what[own, AXIS]), -holds.value[own, FORCE])
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
+        last = len(self.places) if last is None else last
+        own = np.flatnonzero((self._at_fine >= first) & (self._at_fine < last))
+        node, k = np.nonzero(self._bonds[own])
+        fine, target = self._fine[own[node]], self._fine[own[node]] + ground.ways[k]
+        if not start:
+            owner = np.where(k < half, fine, target)
+            intact = zone.bits[owner] >> (k % half).astype(np.uint64) & np.uint64(1) != 0
+            fine, target = fine[intact], target[intact]
+        some = np.flatnonzero((self._at_coarse >= first) & (self._at_coarse < last))
+        node, k = np.nonzero(self._springs[some])
+        coarse = self._coarse[some[node]]
+        ends = (self._row_of[self._beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
+        source, target = (
+            np.concatenate([self._row_of[one], other], dtype=np.int64)
+            for one, other in zip((fine, target), ends, strict=True)
+        )
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        step, node, spring = self.hybrid.broken()
+        new = np.flatnonzero(step > after)
+        source, target = (
+            self._row_of[ends].astype(np.int64)
+            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
+        )
+        return Broken(step[new].astype(np.int64), source, target)

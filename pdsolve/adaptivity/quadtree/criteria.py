@@ -1,0 +1,143 @@
+"""Which leaves split and which merge: thesis, pp. 97-103, with a floor below which nothing is worth a finer grid.
+
+A node is flagged if its energy density is above a share of the plate's largest (thesis: 60 %), or its most stretched
+bond above a share of the critical stretch. Everything within the horizon of a flagged node is split, while that horizon
+is still the old one. Leaves that touch differ by one level at most. Four leaves merge that have been calm for several
+looks, far from flagged nodes and from broken bonds, which could cross what their parent sees and they do not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material_constants import C11, critical_stretch
+from pdmesh.model.neighbours import ROUND_OFF
+from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.bonds.assembly import Bonds
+
+FAR = 2.0  # horizons of their parent from flagged nodes: where leaves may merge
+
+
+class Look(NamedTuple):
+    """What is known of n leaves when it is looked at them."""
+
+    cells: Cells
+    place: NDArray[np.float64]  # (n, 2) m
+    horizon: NDArray[np.float64]  # (n,) m
+    height: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
+    hurt: NDArray[np.bool_]  # (n,) whether a bond has broken
+
+
+def criticals(tree: Tree) -> NDArray[np.float64]:
+    """The energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
+
+    That of a finer cell is higher, as the square of its critical stretch is.
+    """
+    model, found = tree.model, np.zeros(tree.count)
+    for number, material in enumerate(model.materials):
+        own = model.material_of == number
+        stretch = critical_stretch(material, model.horizons[own])
+        found[own] = C11[material.plane] * material.E / 2 * stretch**2
+    return found
+
+
+def heights(
+    tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Energy densities `energy` (n,), J/m^3, over the largest of nodes that carry no condition; 0 below the floor.
+
+    The largest counts as no more than the ceiling: else one node that is crushed would hide the tip of a crack.
+    """
+    wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root]
+    own = critical[cells.root] * 2.0**cells.level
+    largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * own)
+    counts = free & (energy > wanted.floor * own) & (energy > 0)
+    return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
+
+
+def stretches(
+    tree: Tree, cells: Cells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements,
+    m. Bonds that do not break count as not stretched."""
+    source = np.repeat(np.arange(len(cells.root)), np.diff(bonds.start))
+    y = bonds.xi + u[bonds.neighbour] - u[source]
+    stretch = np.hypot(*y.T) / np.hypot(*bonds.xi.T) - 1
+    found = np.zeros(len(cells.root))
+    np.maximum.at(found, source, np.where(broken == 0, stretch / bonds.limit, 0.0))
+    return np.where(tree.pinned[cells.root], 0.0, found)
+
+
+def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
+    """Which leaves (n,) split."""
+    flagged = look.height > threshold
+    wanted = tree.splits(look.cells)
+    wanted[wanted] = _within(look.place[wanted], look, flagged, 1.0)
+    return _balanced(tree, look, wanted)
+
+
+def _within(
+    place: NDArray[np.float64], look: Look, flagged: NDArray[np.bool_], times: float, reach: float | None = None
+) -> NDArray[np.bool_]:
+    """Which places (k, 2) are within so many horizons of flagged nodes, their own or of one `reach`, m."""
+    found = np.zeros(len(place), dtype=bool)
+    for level in np.unique(look.cells.level[flagged]):
+        own = flagged & (look.cells.level == level)
+        horizon = look.horizon[own][0] if reach is None else reach
+        if len(place):
+            away, _ = tree_of(look.place[own]).query(place, distance_upper_bound=2 * times * horizon)
+            found |= away <= times * horizon * (1 + ROUND_OFF)
+    return found
+
+
+def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which cells (k,) touch one of the leaves `others` (n,), be it at a corner."""
+    place, half, found = (
+        tree.place(cells),
+        tree.spacing / 2.0 ** (cells.level + 1),
+        np.zeros(len(cells.root), dtype=bool),
+    )
+    for at in np.unique(look.cells.level[others]) if len(place) else ():
+        own = others & (look.cells.level == at)
+        away, _ = tree_of(look.place[own]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
+        found |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
+    return found
+
+
+def _balanced(tree: Tree, look: Look, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With these leaves also the coarser ones that they touch; without those that touch one that cannot be split."""
+    level, can, found = look.cells.level, tree.splits(look.cells), wanted.copy()
+    for at in range(tree.levels - 1, 0, -1):
+        coarser = np.flatnonzero(can & (level < at))
+        found[coarser] |= _touches(tree, look.cells.taken(coarser), look, found & (level == at))
+    for at in range(1, tree.levels):
+        finer = np.flatnonzero(found & (level == at))
+        found[finer] = ~_touches(tree, look.cells.taken(finer), look, ~found & (level < at))
+    return found
+
+
+def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float) -> Cells:
+    """The cells whose quarters merge into them, all of which are there and `calm` (n,)."""
+    cells = look.cells
+    some = calm & (cells.level > 0) & ~splits
+    parents = cells.taken(some).parent()
+    key = tree.ids(parents)
+    _, first, count = np.unique(key, return_index=True, return_counts=True)
+    parents = parents.taken(first)
+    there = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
+    parents = parents.taken(count == there)
+    horizon = tree.model.settings.horizon.ratio * tree.spacing / 2.0**parents.level
+    keep = np.ones(len(parents.root), dtype=bool)
+    place, flagged = tree.place(parents), look.height > threshold
+    for at in np.unique(parents.level):
+        own = parents.level == at
+        reach = float(horizon[own][0])
+        keep[own] &= ~_within(place[own], look, flagged, FAR, reach)
+        keep[own] &= ~_within(place[own], look, look.hurt, 1.0, reach + tree.spacing / 2.0**at)
+        finer = look.cells.level + splits > at + 1
+        keep[own] &= ~_touches(tree, parents.taken(own), look, finer)
+    return parents.taken(keep)

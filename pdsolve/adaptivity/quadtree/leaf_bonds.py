@@ -1,0 +1,84 @@
+"""The bonds of leaves, all of them or what has changed: pairs of nodes that stay are not looked at again.
+
+The bits are the same either way, so that a run that goes on does so as one left alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.neighbours import ROUND_OFF, Pairs, chosen
+from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer
+from pdsolve.bonds.assembly import Assembly, ByPairs, Paired
+from pdsolve.model import Model
+
+
+class Filled(NamedTuple):
+    """The bonds of n nodes, and what they are made from."""
+
+    assembly: Assembly
+    found: Paired  # all pairs, each looked at by itself
+    lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
+
+
+def filled(rule: ByPairs) -> Filled:
+    """All bonds of a model."""
+    rows = np.arange(len(rule.area))
+    found = rule.looked(rule.neighbours.pairs(rows))
+    return _filled(rule, found, rule.lack(rows, found))
+
+
+def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) -> Filled:
+    """All bonds of a model, of which the nodes that stay had some `before`: only the others are filled anew."""
+    stays = transfer.stays
+    asked = _near(model, ~stays)
+    pairs = rule.neighbours.pairs(asked)
+    fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
+    row = np.full(len(before.lack), -1)
+    row[transfer.before[stays, 0]] = np.flatnonzero(stays)
+    found = _joined(before.found, row, fresh, len(stays))
+    lack = np.zeros((len(stays), *before.lack.shape[1:]))
+    lack[stays] = before.lack[transfer.before[stays, 0]]
+    changed = np.zeros(len(stays), dtype=bool)
+    changed[asked] = True
+    some = np.flatnonzero(changed[found.pairs.source])
+    lack[asked] = rule.lack(asked, _taken(found, some))
+    return _filled(rule, found, lack)
+
+
+def _joined(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
+    """The pairs before of nodes that are rows now, and fresh ones, in order."""
+    source, target = row[before.pairs.source], row[before.pairs.target]
+    kept = np.flatnonzero((source >= 0) & (target >= 0))
+    old = _taken(before, kept)
+    old = old._replace(pairs=Pairs(source[kept], target[kept], old.pairs.length))
+    columns: list[Any] = list(map(np.concatenate, zip(_columns(old), _columns(fresh), strict=True)))
+    both = Paired(Pairs(*columns[:3]), *columns[3:])
+    return _taken(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
+
+
+def _taken(found: Paired, which: NDArray[np.int64]) -> Paired:
+    """Some of the pairs."""
+    columns: list[Any] = [column[which] for column in _columns(found)]
+    return Paired(Pairs(*columns[:3]), *columns[3:])
+
+
+def _columns(found: Paired) -> tuple[Any, ...]:
+    return (*found.pairs, *found[1:])
+
+
+def _near(model: Model, new: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Rows of new nodes, and of all that may see one."""
+    position, delta = model.grid.position, model.grid.delta
+    reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
+    away, _ = tree_of(position[new]).query(position, distance_upper_bound=2 * reach)
+    return np.flatnonzero(away <= reach)
+
+
+def _filled(rule: ByPairs, found: Paired, lack: NDArray[np.float64]) -> Filled:
+    part = rule.part(np.arange(len(rule.area)), found, lack)
+    return Filled(Assembly(part.bonds, rule.area, part.family), found, lack)

@@ -1,0 +1,69 @@
+"""What becomes of leaves of which some split and others merge."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.quadtree.tree import Cells, Tree, joined
+
+Rows = NDArray[np.int64]
+SAME = 1e-9  # of a spacing: a centre of mass this near to the middle is there
+
+
+class Transfer(NamedTuple):
+    """Where m leaves come from, of n that were there before."""
+
+    before: Rows  # (m, 4) rows that each comes from: itself, the whole, or its four quarters
+    parts: NDArray[np.float64]  # (m, 4) of those, shares of its mass; 0 where there is none
+    split: NDArray[np.bool_]  # (m,) quarters of what was whole
+    merged: NDArray[np.bool_]  # (m,) whole, of what was quarters
+    away: NDArray[np.float64]  # (m, 2) from the place of that mass before to its own, m; 0 of those that stay
+    apart: NDArray[np.float64]  # (m, 2) of quarters: from their common centre of mass, m
+
+    @property
+    def stays(self) -> NDArray[np.bool_]:
+        """Whether each node (m,) is the same as before."""
+        return ~self.split & ~self.merged
+
+
+def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, Transfer]:
+    """The leaves after these (n,) have split, and those that are quarters of `merged` have merged."""
+    ids = tree.ids(cells)
+    by_id = np.argsort(ids)
+
+    def rows(some: Cells) -> Rows:
+        return np.asarray(by_id[np.searchsorted(ids, tree.ids(some), sorter=by_id).clip(max=len(ids) - 1)])
+
+    share = tree.areas(merged.quarters()).reshape(-1, 4)
+    share /= share.sum(axis=1, keepdims=True)
+    from_quarters = np.where(share > 0, rows(merged.quarters()).reshape(-1, 4), 0)
+    stays = ~splits
+    stays[from_quarters[share > 0]] = False
+    quarters = tree.exact(cells.taken(splits).quarters())
+    alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parent())])
+    new = joined(cells.taken(stays), quarters, merged)
+    before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
+    parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
+    counts = [len(one.root) for one in (cells.taken(stays), quarters, merged)]
+    kind = np.repeat([0, 1, 2], counts)
+    order = tree.order(new)
+    new, before, parts, kind = new.taken(order), before[order], parts[order], kind[order]
+    way = tree.spacing * (tree.offset(new) - (parts[..., None] * tree.offset(cells)[before]).sum(axis=1))
+    way[kind == 0] = 0.0
+    way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
+    return new, Transfer(before, parts, kind == 1, kind == 2, way, _apart(tree, new, before[:, 0], kind == 1, way))
+
+
+def _apart(
+    tree: Tree, new: Cells, whole: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """From the centre of mass (m, 2) of quarters to each, m, where `whole` (m,) are the rows they come from."""
+    found, area = np.zeros_like(away), tree.areas(new.taken(split))
+    _, group = np.unique(whole[split], return_inverse=True)
+    for axis in (0, 1):
+        mean = np.bincount(group, area * away[split, axis]) / np.bincount(group, area)
+        found[split, axis] = away[split, axis] - mean[group]
+    return found

@@ -1,0 +1,127 @@
+"""The bonds of the leaves there are, and what is remembered besides."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.adaptivity.quadtree.leaf_bonds import Filled
+from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws import law_of
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.protocol import Kept
+
+ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
+# Of the sure step of the grid that is there, over the times its cells are halved: what is left at borders between
+# sizes, where a node's few large neighbours pull more
+SURE = {"conservative": 0.9, "thesis": 0.6}
+
+
+class Memory(NamedTuple):
+    """What is remembered of n leaves."""
+
+    calm: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
+    made: float  # J/m: energy that splitting and merging have made so far
+
+
+class Leaves(BondList):
+    """The operator of some leaves of a tree."""
+
+    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, symmetric: bool, threads: int) -> None:
+        """`model` is that of the leaves, `filled` are its bonds."""
+        super().__init__(law_of(model), model, filled.assembly.bonds, symmetric, "float64", threads)
+        self.tree, self.cells, self.filled = tree, cells, filled
+        self.memory = Memory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
+        area = filled.assembly.area
+        self._fine = float(area[cells.level > 0].sum() / area.sum())
+
+    @property
+    def list(self) -> Bonds:
+        """All bonds (b,), broken ones too."""
+        return self.filled.assembly.bonds
+
+    def steps(self) -> NDArray[np.int32]:
+        """The step (b,) in which each bond broke, 0 while intact."""
+        return self._steps()
+
+    def put(self, steps: NDArray[np.int32]) -> None:
+        """Let bonds be broken since these steps (b,); 0: intact."""
+        self._steps()[:] = steps
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the finer cells."""
+        return ZoneSummary(self.memory.made, self._fine, 0.0)
+
+    def keep(self) -> Kept:
+        """The memory of bonds for a checkpoint, and for how long each cell has been calm."""
+        return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.made])}
+
+
+def remembered(kept: Kept) -> Memory:
+    """The memory that `Leaves.keep` kept."""
+    return Memory(kept["calm"].copy(), float(kept["made"][0]))
+
+
+def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
+    """The cells of a model. Raises ModelError for what cannot be solved so, in one sentence."""
+    grid = model.grid
+    for place, found, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
+        if found != expected:
+            raise _refused(model, place, found, expected)
+    if (grid.delta != grid.delta[0]).any():
+        raise _refused(
+            model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
+        )
+    tree = Tree(named(model))
+    _clear(tree)
+    return tree
+
+
+def named(model: Model) -> Model:
+    """The model with boxes replaced by the ids of the nodes in them, so that nodes split later are not in any."""
+
+    def by_ids(some):  # type: ignore[no-untyped-def]
+        if some.box is None:
+            return some
+        return msgspec.structs.replace(some, nodes=tuple(model.grid.ids[model.selected(some)].tolist()), box=None)
+
+    settings = model.settings
+    conditions, regions = (tuple(map(by_ids, every)) for every in (settings.conditions, settings.regions))
+    settings = msgspec.structs.replace(settings, conditions=conditions, regions=regions)
+    return Model(model.grid, settings, model.name)
+
+
+def _clear(tree: Tree) -> None:
+    """Raises ModelError where a pre-crack passes through a node that splitting could make."""
+    cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
+    if not len(cracks):
+        return
+    import shapely
+
+    lines, cells = shapely.linestrings(cracks), tree.roots()
+    for _ in range(tree.levels):
+        cells = cells.quarters()
+        near = shapely.dwithin(shapely.points(tree.place(cells)), shapely.multilinestrings(cracks), tree.spacing)
+        cells = tree.exact(cells.taken(near))
+        place = shapely.points(tree.place(cells))
+        for number, line in enumerate(lines):
+            hit = shapely.dwithin(place, line, ON * tree.spacing)
+            if hit.any():
+                x, y = tree.place(cells.taken(hit))[0]
+                raise _refused(
+                    tree.model,
+                    f"$.notch[{number}]",
+                    f"it through ({x:.6g}, {y:.6g}) m, where splitting makes a node",
+                    "it between all nodes, as in the middle between two rows",
+                )
+
+
+def _refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+    name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
+    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is split")

@@ -1,0 +1,183 @@
+"""A tree of cells: each node of a model is a square cell, which splits into four, and these again.
+
+A cell is a root (a row of the model's grid), a level and a path: two bits for each level, whether it is the right and
+whether it is the upper one of its four. The leaves in use are in the order of their roots, those of one root in that of
+their paths, so that nodes which stay keep their order. A node's id says which cell it is: those of roots are the
+grid's own, all others follow the largest of these.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import InitialVelocity
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.visibility import plate_of
+from pdsolve.bonds.assembly import areas
+from pdsolve.model import Model
+
+WHOLE = 1e-9  # of a cell: areas this near to its square's are that
+
+
+class Cells(NamedTuple):
+    """n cells of the tree."""
+
+    root: NDArray[np.int64]  # (n,) row of the model's grid
+    level: NDArray[np.int64]  # (n,) how often it was split
+    path: NDArray[np.int64]  # (n,) from the root: two bits for each level, that of the first level is the highest
+
+    def taken(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
+        """The cells of these rows."""
+        return Cells(*(column[which] for column in self))
+
+    def parent(self) -> Cells:
+        """What each is a quarter of."""
+        return Cells(self.root, self.level - 1, self.path >> 2)
+
+    def quarters(self) -> Cells:
+        """The four (4 n,) of each, one after the other."""
+        root, level, path = (np.repeat(column, 4) for column in self)
+        return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root)))
+
+
+def joined(*several: Cells) -> Cells:
+    """Several sets of cells in one."""
+    return Cells(*(np.concatenate(column) for column in zip(*several, strict=True)))
+
+
+class Tree:
+    """All cells that the nodes of a model can be split into."""
+
+    def __init__(self, model: Model) -> None:
+        """`model` has nodes of one spacing, and no condition or region that means nodes by a box."""
+        self.model, self.levels = model, model.settings.run.split.levels
+        grid = model.grid
+        self.spacing, self.count = float(grid.delta[0]), len(grid)
+        self.area = areas(model, "cells")
+        self.pinned = np.zeros(self.count, dtype=bool)  # what carries a condition stays whole
+        for condition in model.settings.conditions:
+            if not isinstance(condition, InitialVelocity):
+                self.pinned[model.selected(condition)] = True
+        self._by_id = np.argsort(grid.ids)
+        self._first = int(grid.ids.max()) + 1
+        self._shares = self._odd_shares()
+
+    def roots(self) -> Cells:
+        """The cells of the model's own nodes."""
+        nothing = np.zeros(self.count, dtype=np.int64)
+        return Cells(np.arange(self.count), nothing, nothing)
+
+    def order(self, cells: Cells) -> NDArray[np.int64]:
+        """The order that sorts leaves."""
+        return np.lexsort((cells.path << (2 * (self.levels - cells.level)), cells.root))
+
+    def ids(self, cells: Cells) -> NDArray[np.int64]:
+        """The ids (n,) of the nodes of these cells."""
+        own = cells.root * 4**cells.level + cells.path
+        return np.where(cells.level > 0, self._begin[cells.level] + own, self.model.grid.ids[cells.root])
+
+    def cells(self, ids: NDArray[np.int64]) -> Cells:
+        """The cells of the nodes with these ids (n,)."""
+        level = np.searchsorted(self._begin, ids, side="right") - 1
+        level = np.where(ids < self._first, 0, level)
+        number = ids - self._begin[level]
+        at = np.searchsorted(self.model.grid.ids, ids, sorter=self._by_id).clip(max=self.count - 1)
+        root = np.where(level == 0, self._by_id[at], number // 4**level)
+        return Cells(root, level, np.where(level == 0, 0, number % 4**level))
+
+    @cached_property
+    def _begin(self) -> NDArray[np.int64]:
+        """The first id (levels + 1,) of each level; that of roots stands for none."""
+        sizes = self.count * 4 ** np.arange(1, self.levels + 1)
+        return np.concatenate([[self._first], self._first + np.concatenate([[0], np.cumsum(sizes)[:-1]])])
+
+    def offset(self, cells: Cells) -> NDArray[np.float64]:
+        """Where (n, 2) the middle of each is, from that of its root, in spacings."""
+        found = np.zeros((len(cells.root), 2))
+        for level in range(1, self.levels + 1):
+            digit = cells.path >> np.maximum(2 * (cells.level - level), 0)
+            for axis in (0, 1):
+                step = (2.0 * (digit >> axis & 1) - 1) / 2 ** (level + 1)
+                found[:, axis] += np.where(level <= cells.level, step, 0.0)
+        return found
+
+    def place(self, cells: Cells) -> NDArray[np.float64]:
+        """The middles (n, 2) of cells, m."""
+        return np.asarray(self.model.grid.position[cells.root] + self.spacing * self.offset(cells))
+
+    def areas(self, cells: Cells) -> NDArray[np.float64]:
+        """What (n,) of the plate each has, m^2; 0 of one that is none, as its middle is not in the plate."""
+        area = self.area[cells.root] / 4.0**cells.level
+        for level, (number, share) in self._shares.items():
+            odd = np.flatnonzero((cells.level == level) & (number[cells.root] >= 0))
+            area[odd] = self.area[cells.root[odd]] * share[number[cells.root[odd]], cells.path[odd]]
+        return area
+
+    def _odd_shares(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+        """By level, of the cells of roots that an edge cuts: a number (roots,), -1 of others, and the shares
+        (odd, 4^level) of its area."""
+        grid = self.model.grid
+        whole = np.abs(self.area / self.spacing**2 - 1) < WHOLE
+        odd, plate = np.flatnonzero(~whole), plate_of(grid, self.model.name)
+        if plate is None or not len(odd):
+            return {}
+        import shapely
+
+        number = np.full(self.count, -1)
+        number[odd] = np.arange(len(odd))
+        cells, before, found = self.roots().taken(odd), np.ones(len(odd)), {}
+        around = plate.buffer(WHOLE * self.spacing, join_style="mitre")
+        shapely.prepare(around)
+        for level in range(1, self.levels + 1):
+            cells = cells.quarters()
+            middle, half = self.place(cells), self.spacing / 2 ** (level + 1)
+            squares = shapely.box(*(middle - half).T, *(middle + half).T)
+            inside = shapely.contains_xy(around, middle)
+            part = np.where(inside, shapely.area(shapely.intersection(squares, plate)), 0.0).reshape(-1, 4)
+            total = part.sum(axis=1, keepdims=True)
+            part = part / np.where(total > 0, total, 1.0)
+            before = (before[:, None] * part).ravel()
+            found[level] = number, before.reshape(len(odd), -1)
+        return found
+
+    def exact(self, cells: Cells) -> Cells:
+        """The cells that have a share of the plate."""
+        return cells.taken(self.areas(cells) > 0)
+
+    def splits(self, cells: Cells) -> NDArray[np.bool_]:
+        """Which (n,) can be split."""
+        can = (cells.level < self.levels) & ~self.pinned[cells.root]
+        some = np.flatnonzero(can)
+        can[some] = self.areas(cells.taken(some).quarters()).reshape(-1, 4).any(axis=1)
+        return can
+
+    def model_of(self, cells: Cells) -> Model:
+        """The model whose nodes are these leaves, in order."""
+        settings, ids = self.model.settings, self.ids(cells)
+        regions = []
+        for region in settings.regions:
+            own = np.isin(cells.root, self.model.selected(region))
+            regions.append(msgspec.structs.replace(region, nodes=tuple(ids[own].tolist()), box=None))
+        now = tuple(one for one in settings.conditions if not isinstance(one, InitialVelocity))
+        settings = msgspec.structs.replace(settings, area_rule="cells", conditions=now, regions=tuple(regions))
+        return Model(self.grid_of(cells, ids), settings, self.model.name)
+
+    def grid_of(self, cells: Cells, ids: NDArray[np.int64]) -> Grid:
+        """The nodes with these ids."""
+        grid = self.model.grid
+        return dataclasses.replace(
+            grid,
+            ids=ids,
+            position=self.place(cells),
+            delta=np.asarray(self.spacing / 2.0**cells.level),
+            border=grid.border[cells.root],
+            hole_id=grid.hole_id[cells.root],
+            areas=self.areas(cells),
+            lattice=None,
+        )

@@ -1,0 +1,185 @@
+"""Bonds: what a scheme makes of a model, in one list or some rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.neighbours import Neighbours, Pairs, lengths, row_chunks
+from pdmesh.model.thesis_areas import thesis_areas
+from pdsolve.model import Model
+
+
+class Bonds(NamedTuple):
+    """Bonds ready for the kernels, those of node i at start[i]:start[i + 1]; b of them, n nodes."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    xi: NDArray[np.floating]  # (b, d) reference vector to the neighbour, m
+    stiffness: NDArray[np.floating]  # (b,) force density on i for a unit stretch, N/m^3
+    peak: NDArray[np.floating]  # (b,) stretch of the largest force; where it is the limit, the bond is brittle
+    limit: NDArray[np.floating]  # (b,) stretch at which the bond is gone; both infinite where it must not break
+    weight: NDArray[np.floating]  # (b,) of the neighbour's cell, as far as it counts, m^2
+
+
+class Counted(NamedTuple):
+    """What is known of n nodes besides their bonds."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    bonds: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+
+
+class Assembly(NamedTuple):
+    """The whole list of bonds of n nodes."""
+
+    bonds: Bonds
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+
+    @property
+    def counted(self) -> Counted:
+        """What is known of the nodes."""
+        return Counted(self.area, self.family, np.diff(self.bonds.start))
+
+
+class Part(NamedTuple):
+    """The bonds of k consecutive nodes from row `first` on; neighbours are rows of the whole grid."""
+
+    first: int
+    bonds: Bonds
+    family: NDArray[np.int64]  # (k,) as in Assembly
+
+
+class Filling(NamedTuple):
+    """How a scheme fills the bonds of a model with n nodes."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
+    strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
+    # that are as long as the pairs say; None where they do not go round cracks
+
+    def parts(self) -> Iterator[Part]:
+        """All bonds, some rows at a time."""
+        return (self.part(rows) for rows in row_chunks(len(self.area)))
+
+    def whole(self) -> Assembly:
+        """All bonds in one list."""
+        return listed(self.parts(), self.area)
+
+
+def listed(parts: Iterable[Part], area: NDArray[np.float64]) -> Assembly:
+    """All parts in one list."""
+    every = list(parts)
+    counts = np.concatenate([np.diff(part.bonds.start) for part in every])
+    columns = (np.concatenate(column) for column in zip(*(part.bonds[1:] for part in every), strict=True))
+    bonds = Bonds(np.concatenate([[0], np.cumsum(counts)]), *columns)
+    return Assembly(bonds, area, np.concatenate([part.family for part in every]))
+
+
+def in_precision(bonds: Bonds, precision: str) -> Bonds:
+    """The bonds with their numbers rounded to a precision."""
+    rounded = (np.ascontiguousarray(column, dtype=precision) for column in bonds[2:])
+    return Bonds(bonds.start, bonds.neighbour, *rounded)
+
+
+class Paired(NamedTuple):
+    """Pairs that lie in the plate, b of them, and what their bonds are like."""
+
+    pairs: Pairs
+    intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
+    stiffness: NDArray[np.float64]  # (b,) as in Bonds
+    peak: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+
+class ByPairs(Protocol):
+    """How a scheme fills the bonds of a model with n nodes from pairs, each of which is looked at by itself."""
+
+    area: NDArray[np.float64]  # (n,) m^2
+    neighbours: Neighbours
+
+    def looked(self, pairs: Pairs) -> Paired:
+        """The pairs that can be bonds, and what is known of each by itself."""
+
+    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+        """What the families of nodes lack (k, ...), in rows (k,) that increase, from all their pairs."""
+
+    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+        """The bonds of consecutive rows by all their pairs, and by what nodes (n, ...) lack."""
+
+
+def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:
+    """The pairs of these rows as bonds, less those a pre-crack cuts; those of the nodes `held` (n,) do not break.
+
+    `position` (n, d) in m.
+    """
+    pairs, intact = paired.pairs, paired.intact
+    no_fail = held[pairs.source] | held[pairs.target]
+    peak, limit = (np.where(no_fail, np.inf, bound) for bound in (paired.peak, paired.limit))
+    source, target, first = pairs.source[intact], pairs.target[intact], int(rows[0])
+    bonds = Bonds(
+        start=np.searchsorted(source, np.append(rows, rows[-1] + 1)),
+        neighbour=target.astype(np.int32),
+        xi=position[target] - position[source],
+        stiffness=paired.stiffness[intact],
+        peak=peak[intact],
+        limit=limit[intact],
+        weight=paired.weight[intact],
+    )
+    return Part(first, bonds, np.bincount(pairs.source - first, minlength=len(rows)))
+
+
+def areas(model: Model, usual: Literal["cells", "eq19"]) -> NDArray[np.float64]:
+    """Areas (n,), m^2, of a body volumes, m^3, by the model's rule, or by the `usual` one of a scheme.
+
+    Exact cells are those of the grid file; where it has none, full cells stand for them.
+    """
+    grid, rule = model.grid, model.settings.area_rule or usual
+    if rule == "eq19":
+        return thesis_areas(grid.position, grid.delta, model.horizons)
+    return grid.delta**grid.dimension if rule == "square" else grid.cells
+
+
+def ends(bonds: Bonds, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
+    return np.searchsorted(bonds.start, numbers, side="right") - 1, bonds.neighbour[numbers].astype(np.int64)
+
+
+def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there."""
+    nodes = len(bonds.start) - 1
+    key = np.repeat(np.arange(nodes), np.diff(bonds.start)) * nodes + bonds.neighbour
+    return np.searchsorted(key, source * nodes + target)
+
+
+def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> NDArray[np.float64]:
+    """A bound (n,) of what resists each node's motion, N/m^4: a step of sqrt(2 rho / it) is surely stable everywhere.
+
+    With k = stiffness / |xi| (b,) and n = xi / |xi| of the bonds as they are: sum k after S. A. Silling, E. Askari,
+    Comput. Struct. 83 (2005) 1526-1535, for any bonds. For `symmetric` ones the larger eigenvalue of sum k n n^T:
+    (n . (u_i - u_j))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2 in their energy. That makes the step the square root of 2 times
+    as long inside a square lattice, less at corrected edges, which are stiffer along themselves. True limits of
+    plates are 1.15 to 1.27 times that, and 1.66 times the bound for any bonds.
+    """
+    nodes, dimension = len(bonds.start) - 1, bonds.xi.shape[1]
+    length = lengths(bonds.xi)
+    k, n = stiffness / length, (bonds.xi / length[:, None]).T
+    row = np.repeat(np.arange(nodes), np.diff(bonds.start))
+
+    def total(terms: NDArray[np.floating]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(row, terms, minlength=nodes))
+
+    if not symmetric:
+        return total(k)
+    sums = {(a, b): total(k * n[a] * n[b]) for a in range(dimension) for b in range(a, dimension)}
+    if dimension == 2:
+        return (sums[0, 0] + sums[1, 1]) / 2 + np.hypot((sums[0, 0] - sums[1, 1]) / 2, sums[0, 1])
+    matrices = np.empty((nodes, dimension, dimension))
+    for (a, b), values in sums.items():
+        matrices[:, a, b] = matrices[:, b, a] = values
+    return np.asarray(np.linalg.eigvalsh(matrices)[:, -1])

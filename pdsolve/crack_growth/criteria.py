@@ -1,0 +1,122 @@
+"""Whether the crack at a tip grows, and whither.
+
+intensity  the hoop stress ahead that the stress intensities around the tip make, cos^2(a / 2) (K1 cos(a / 2) - 3 K2
+           sin(a / 2)) at the angle a where it is largest (F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525),
+           against the toughness, sqrt(E' G0) unless given. K1 and K2 are those of interaction integrals on a ring.
+           Where an edge or another crack leaves no room for it: sqrt(E' J) of a smaller ring, straight on.
+stress     the largest principal value of the mean stress ahead, within 1.5 horizons, against the strength.
+
+The direction is that of the largest hoop stress, of the intensities or, by stress, of the nodes ahead; or that across
+the axis of the mean stress. By stress a crack forks where the hoop stress has a second maximum nearly as large as the
+first; two maxima that are nearer to each other than cracks can be are one between them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import ParticleRules
+from pdmesh.model.domain_integrals import Ring, Sampled, integrals, kink
+from pdmesh.model.tip_fields import Elastic
+
+AHEAD = 1.5  # horizons that stress is looked at in
+BEGINS = 0.5  # horizons: nearer nodes have bonds that are cut
+SPREAD = 12.0  # degrees: what nodes are smoothed by around the tip
+WIDEST = 75.0  # degrees that a crack turns by at most, at once; pure shear makes it 70.5
+SAME = 1e-3  # relative: maxima this near to each other are as large
+APART = 45.0  # degrees between the branches of a fork, at least
+
+
+class Verdict(NamedTuple):
+    """What a tip is found to do."""
+
+    share: float  # of what lets it grow; it does from 1 on
+    angles: tuple[float, ...]  # rad from its way, to the left positive: one, or two where it forks
+    K1: float = float("nan")  # Pa m^0.5
+    K2: float = float("nan")
+
+
+def by_intensity(
+    at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
+) -> Verdict:
+    """By stress intensities, against a toughness, Pa m^0.5."""
+    found = integrals(at, tip, way, ring, plate)
+    turn = np.radians(kink(found.K1, found.K2))
+    half = turn / 2
+    hoop = np.cos(half) ** 2 * (found.K1 * np.cos(half) - 3 * found.K2 * np.sin(half))
+    share = hoop / toughness if np.isfinite(hoop) else 0.0
+    return Verdict(float(share), (float(turn),) if np.isfinite(turn) else (), found.K1, found.K2)
+
+
+def by_release(
+    at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
+) -> Verdict:
+    """By J alone, which a ring too narrow for intensities gives too, against a toughness, Pa m^0.5: straight on."""
+    found = integrals(at, tip, way, ring, plate)
+    return Verdict(float(np.sqrt(max(found.J, 0.0) * plate.effective) / toughness), (0.0,))
+
+
+def by_stress(
+    at: Sampled,
+    tip: NDArray[np.float64],
+    way: NDArray[np.float64],
+    horizon: float,
+    rules: ParticleRules,
+    forks: bool,
+) -> Verdict:
+    """By the stress of nodes ahead, against the strength of the rules; `forks`: whether the crack may."""
+    assert rules.strength is not None
+    turned = (at.position - tip) @ np.array([way, [-way[1], way[0]]]).T
+    far, angle = np.hypot(*turned.T), np.arctan2(turned[:, 1], turned[:, 0])
+    near = (far < AHEAD * horizon) & (far > BEGINS * horizon) & np.isfinite(at.stress).all(axis=1)
+    ahead = near & (turned[:, 0] > 0)
+    if not ahead.any():
+        return Verdict(0.0, ())
+    mean = at.area[ahead] @ at.stress[ahead] / at.area[ahead].sum()
+    values, vectors = np.linalg.eigh([[mean[0], mean[2]], [mean[2], mean[1]]])
+    share = float(values[1] / rules.strength)
+    if rules.direction == "principal":
+        across = np.array([-vectors[1, 1], vectors[0, 1]])
+        across = across if across @ way > 0 else -across
+        return Verdict(share, (float(np.arctan2(way[0] * across[1] - way[1] * across[0], across @ way)),))
+    profile = _hoop(at, near, far, angle, tip, horizon)
+    return Verdict(share, _maxima(profile, rules.branch if forks else np.inf))
+
+
+ANGLES = np.radians(np.arange(-WIDEST, WIDEST + 1, 1.0))
+
+
+def _hoop(
+    at: Sampled,
+    near: NDArray[np.bool_],
+    far: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    tip: NDArray[np.float64],
+    horizon: float,
+) -> NDArray[np.float64]:
+    """The hoop stress around a tip at `ANGLES`, as it would be a horizon away."""
+    out = (at.position[near] - tip) / far[near, None]
+    xx, yy, xy = at.stress[near].T
+    hoop = xx * out[:, 1] ** 2 + yy * out[:, 0] ** 2 - 2 * xy * out[:, 0] * out[:, 1]
+    hoop = hoop * np.sqrt(far[near] / horizon)
+    weight = at.area[near] * np.exp(-(((ANGLES[:, None] - angle[near]) / np.radians(SPREAD)) ** 2) / 2)
+    return np.asarray((weight @ hoop) / weight.sum(axis=1))
+
+
+def _maxima(profile: NDArray[np.float64], branch: float) -> tuple[float, ...]:
+    """The angles of the largest value and, where it is `branch` of that, of the second maximum."""
+    padded = np.concatenate([[-np.inf], profile, [-np.inf]])
+    tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
+    tops = tops[np.argsort(-profile[tops], kind="stable")]
+    first = float(ANGLES[tops[0]])
+    for other in tops[1:]:
+        if profile[tops[0]] <= 0 or profile[other] < min(branch, 1 - SAME) * profile[tops[0]]:
+            break
+        second = float(ANGLES[other])
+        if abs(second - first) < np.radians(APART) or profile[other] < branch * profile[tops[0]]:
+            return ((first + second) / 2,)
+        return min(first, second), max(first, second)
+    return (first,)

@@ -1,0 +1,254 @@
+"""Cracks that grow particle by particle ahead of their tips, and what that does to bonds.
+
+All tips are looked at in one state; those that may then grow, by one particle each. Bonds that meet a new arm are cut
+as bonds of a crack are, or become weaker where they are seen round its tip: what they held is booked as spent, and the
+motion goes on without their forces. Particles are
+all that is kept: who is a tip, and which way it points, follows from them, so that a run that goes on does the same.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.domain_integrals import Ring
+from pdmesh.model.particles import Particles, arms, grown, of_segments
+from pdmesh.model.visibility import Sight
+from pdsolve.bonds.assembly import Filling
+from pdsolve.conditions import Drive, unbreakable
+from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
+from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
+from pdsolve.crack_growth.tip_bonds import Round
+from pdsolve.crack_growth.tip_gradients import Surroundings
+from pdsolve.crack_growth.tips import Tip, tips_of
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import Broken, State
+from pdsolve.steppers.equilibrium import forces
+
+BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
+OUTER = 0.8  # of the room: where a ring ends
+CLOSE = 1.5  # horizons: a crack this near to what is ahead of it goes straight on to it
+FOLDED = 0.6  # of the length of a crack: where it is no further from a place behind, it has turned back on itself
+RISES = 1.1  # times what a tip felt when cracks began to grow at rest: they run on by themselves
+FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels its sibling's field more than its own
+
+
+class Growth:
+    """The cracks of a run and the operator whose bonds they cut."""
+
+    def __init__(self, model: Model, operator: Operator, filling: Filling, drive: Drive, every: int | None) -> None:
+        """`every`: steps between two looks; None: at rest, when told. Raises ModelError where no crack can grow."""
+        self.every, self.rules = every, model.settings.run.particles
+        self._model, self._operator, self._no_fail = model, operator, unbreakable(model)
+        self._held = np.zeros((len(filling.area), 2), dtype=bool)
+        self._held[drive.holds.node, drive.holds.axis] = True
+        self._ground, self._sight = Obstacles(model), Sight(model.grid, model.name)
+        self._near = Surroundings(model, operator, filling.area, every is None)
+        self.particles = of_segments(model.grid.cracks, self._ground.slack)
+        self._long = float(model.horizons.max() / (model.grid.delta.min() * self.rules.spacing))
+        self._round = Round(model, self._near, filling) if model.materials[0].detour is not None else None
+        self._first, self._remarks = len(self.particles.place), dict[str, str]()
+        self._began = _Began(-1, 0.0, 0)
+        tips = self.tips()
+        if not tips:
+            raise ModelError(f"{model.name}: $.notch: found no tip of a crack inside the plate, expected one to grow")
+        for tip in tips if self.rules.criterion == "intensity" else ():
+            refused = self._too_small(tip, tips)
+            if refused:
+                raise ModelError(f"{model.name}: $.notch: {refused}")
+
+    def tips(self) -> list[Tip]:
+        """The ends of cracks inside the plate, that are on no other crack."""
+        return tips_of(self.particles, self._ground)
+
+    def look(self, state: State, step: int) -> bool:
+        """Let cracks grow from a state, as of `step`; returns whether any has."""
+        before, tips = len(self.particles.place), self.tips()
+        verdicts = [self.judge(tip, tips, state) for tip in tips]
+        for tip, verdict in zip(tips, verdicts, strict=True):
+            if verdict.share >= 1:
+                self._grow(tip, verdict, step)
+        new = len(self.particles.place) - before
+        if new and self.every is None:
+            self._watch(max(verdict.share for verdict in verdicts), new, step)
+        if new:
+            self._cut(arms(self.particles)[-new:], state, step)
+        return new > 0
+
+    def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
+        """What a tip, one of all, is found to do in a state."""
+        horizon, rules = self._horizon(tip), self.rules
+        if rules.criterion == "stress":
+            sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
+            young = tip.forked and tip.length < FORK * horizon
+            found = by_stress(sampled, tip.place, self._way(tip), horizon, rules, not young)
+            return found._replace(angles=(0.0,)) if young and found.angles else found
+        room, what = self._room(tip, tips)
+        row = self._near.nearest(tip.place)
+        plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
+        toughness = rules.toughness or float(np.sqrt(plate.effective * G0))
+        if room >= LEAST * horizon:
+            ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * room))
+        elif what == ACTED_ON:
+            self._remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
+            return Verdict(0.0, ())
+        elif self._ground.ahead(tip.place, self._way(tip), CLOSE * horizon, arms(self.particles)):
+            return Verdict(1.0, (0.0,))
+        else:
+            ring = Ring(OUTER * room * BLURRED / RING, OUTER * room)
+        sampled = self._near.sampled(state, self._near.rows(tip.place, ring.outer))
+        if room >= LEAST * horizon:
+            return by_intensity(sampled, tip.place, self._way(tip), ring, plate, toughness)
+        return by_release(sampled, tip.place, self._way(tip), ring, plate, toughness)
+
+    def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
+        """Set particles ahead of a tip."""
+        rules, grid = self.rules, self._model.grid
+        way = self._way(tip)
+        length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
+        for angle in verdict.angles:
+            if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
+                found = (
+                    f"found a crack that would go on from {_at(tip.place)} after {rules.most} particles, expected no"
+                )
+                self._remark("most", f"step {step}: {found} more (run.particles.most); cracks stay as they are")
+                return
+            toward = float(np.arctan2(way[1], way[0])) + angle
+            place = self._ground.end(tip.place, toward, length, arms(self.particles))
+            if self._folds(tip, place):
+                found = f"found a crack that turns back on itself at {_at(tip.place)}, expected a path"
+                self._remark(f"folds {tip.particle}", f"step {step}: {found}; it stays there")
+                return
+            self.particles = grown(self.particles, place, tip.particle, step)
+
+    def _folds(self, tip: Tip, place: NDArray[np.float64]) -> bool:
+        """Whether a crack that goes on to a place (2,) comes back to where it was, over more than two horizons of what
+        has grown."""
+        line, at = [place], tip.particle
+        while self.particles.step[at] > 0:
+            line.append(self.particles.place[at])
+            at = int(self.particles.parent[at])
+        line.append(self.particles.place[at])
+        points = np.array(line)
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        straight = np.hypot(*(points - place).T)
+        return bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any())
+
+    def _watch(self, share: float, new: int, step: int) -> None:
+        """Say it where cracks at rest run on by themselves: the further they are, the more their tips feel."""
+        began = self._began if self._began.step == step else _Began(step, share, 0)
+        self._began = began = began._replace(particles=began.particles + new)
+        if began.particles > self._long and share > RISES * began.share:
+            found = f"found cracks that run on under the same load: after {began.particles} particles a tip feels"
+            found += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
+            expected = "expected growth that load steps can follow; their path from there on is not known at rest"
+            self._remark("runs", f"load step {step}: {found}, {expected}")
+
+    def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
+        """Cut the bonds that meet new arms (k, 4)."""
+        operator, near, model = self._operator, self._near, self._model
+        reach = 1.5 * float(model.horizons.max()) + float(np.hypot(*(new[:, 2:] - new[:, :2]).T).max())
+        rows = np.unique(np.concatenate([near.rows((arm[:2] + arm[2:]) / 2, reach) for arm in new]))
+        numbers = near.bonds(rows)
+        pairs = near.pairs(numbers)
+        cut = numbers[self._sight.parted(pairs, new) & ~(self._no_fail[pairs.source] | self._no_fail[pairs.target])]
+        share = None
+        if self._round is not None:
+            share = self._round.share(arms(self.particles))
+            cut = np.flatnonzero(near.intact & (share == 0))  # those that the way round is too far for now, too
+        if not len(cut) and share is None:
+            return
+        held, pulled = operator.energies(state)[0], forces(operator, state)
+        gone = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
+        broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), gone, strict=True)))
+        operator.back(operator.keep(), broken)
+        near.intact[cut] = False
+        self._reweigh(share)
+        state.dissipated[:] += held - operator.energies(state)[0]
+        if self.every is not None:  # the next half step goes without the forces that are lost
+            lost = (forces(operator, state) - pulled) / model.rho[:, None]
+            lost[:, :2][self._held] = 0
+            state.second[:] += lost.astype(state.second.dtype)
+
+    def _reweigh(self, share: NDArray[np.float64] | None) -> None:
+        """Let bonds go on with a share (b,) of what they weighed, all of it where they are not intact."""
+        if share is not None:
+            assert isinstance(self._operator, BondList)
+            self._operator.reweigh(np.where(self._near.intact & (share > 0), share, 1.0))
+
+    def keep(self) -> dict[str, NDArray[Any]]:
+        """The particles, for a checkpoint."""
+        remarks = np.frombuffer(json.dumps(self._remarks).encode(), dtype=np.uint8)
+        columns = {name: column.copy() for name, column in self.particles._asdict().items()}
+        return {f"particle_{name}": column for name, column in {**columns, "remarks": remarks}.items()}
+
+    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+        """Go back to what was kept, and to these broken bonds."""
+        place, normal, parent, step = (kept[f"particle_{name}"] for name in Particles._fields)
+        self._remarks = json.loads(np.asarray(kept["particle_remarks"], dtype=np.uint8).tobytes())
+        self.particles = Particles(place.reshape(-1, 2), normal.reshape(-1, 2), parent, step)
+        near, nodes = self._near, len(self._near.start) - 1
+        near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
+        if self._round is not None:
+            self._reweigh(self._round.share(arms(self.particles)))
+
+    def rows(self, after: int) -> list[tuple[float, ...]]:
+        """The particles since a step as rows of results."""
+        place, normal, parent, step = self.particles
+        numbers = np.flatnonzero(step > after)
+        columns = numbers, step[numbers], parent[numbers], *place[numbers].T, *normal[numbers].T
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def _horizon(self, tip: Tip) -> float:
+        """The horizon of the node nearest to a tip, m."""
+        return float(self._model.horizons[self._near.nearest(tip.place)])
+
+    def _way(self, tip: Tip) -> NDArray[np.float64]:
+        """The unit vector (2,) a tip points along, from where the ring around it begins, or from a horizon behind."""
+        return tip.way((BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip))
+
+    def _room(self, tip: Tip, tips: list[Tip]) -> tuple[float, str]:
+        other = [np.tile(one.place, 2) for one in tips if one is not tip]
+        every = arms(self.particles)
+        gaps = every.reshape(-1, 2, 1, 2) - tip.back
+        own = (np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=2) <= self._ground.slack).all(axis=1)
+        return self._ground.room(tip.place, np.vstack([every[~own], *other]) if other else every[~own])
+
+    def _too_small(self, tip: Tip, tips: list[Tip]) -> str:
+        """Why a tip has no room for a ring, "" if it has."""
+        radius, what = self._room(tip, tips)
+        least = LEAST * self._horizon(tip)
+        if radius >= least:
+            return ""
+        return f"found {what} {radius:.3g} m from the tip at {_at(tip.place)}, expected room of {least:.3g} m"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was found on the way that a path should be read with."""
+        return list(self._remarks.values())
+
+    def _remark(self, key: str, words: str) -> None:
+        """Add a remark, once."""
+        if key not in self._remarks:
+            self._remarks[key] = words
+            warnings.warn(f"{self._model.name}: {words}", ModelWarning, stacklevel=2)
+
+
+class _Began(NamedTuple):
+    """How cracks began to grow in a load step."""
+
+    step: int
+    share: float  # of what lets a tip grow, the largest then
+    particles: int  # since
+
+
+def _at(place: NDArray[np.float64]) -> str:
+    x, y = place
+    return f"({x:.4g}, {y:.4g}) m"

@@ -1,0 +1,108 @@
+"""Where a crack can go: up to the edge of the plate or another crack, and past nodes; and how much room a tip has."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Absorb, InitialVelocity
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.visibility import SLACK, plate_of
+from pdsolve.model import Model
+
+CLEAR = 1e-3  # spacings: a crack passes nodes at no less
+TURNS = np.radians(0.05) * np.repeat(np.arange(200), 2) * np.tile([1, -1], 200)  # tried so as to pass them
+LEFT = 0.5  # of an arm: an edge or a crack this near ahead is gone on to
+ACTED_ON = "nodes of a load or grip"  # what a crack does not come near
+COVERED = 0.75  # spacings from the nearest node, in a plate without an outline
+
+
+class Obstacles:
+    """A plate that cracks are grown in."""
+
+    def __init__(self, model: Model) -> None:
+        grid = model.grid
+        self._position, self._delta, self._tree = grid.position, grid.delta, tree_of(grid.position)
+        self.slack = SLACK * float(grid.delta.min())
+        shape = plate_of(grid, model.name)
+        self._shape, self._edge = shape, None if shape is None else shape.boundary
+        acting = [c for c in model.settings.conditions if not isinstance(c, InitialVelocity | Absorb)]
+        self._acted_on = np.unique(np.concatenate([np.zeros(0, np.int64), *(model.selected(c) for c in acting)]))
+
+    def inside(self, place: NDArray[np.float64], way: NDArray[np.float64]) -> bool:
+        """Whether a tip that comes along a unit vector is inside the plate, and not on its edge."""
+        if self._edge is None:
+            ahead = place + way * self._delta[self._tree.query(place)[1]] / 2
+            distance, near = self._tree.query(ahead)
+            return bool(distance <= COVERED * self._delta[near])
+        point = shapely.Point(place)
+        return bool(shapely.intersects(self._shape, point) and self._edge.distance(point) > 2 * self.slack)
+
+    def end(
+        self, start: NDArray[np.float64], angle: float, length: float, arms: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Where an arm ends that goes from a place (2,) at an angle, rad, for so many metres; `arms` (k, 4) are those
+        there are."""
+        other = arms[distance(start, arms) > self.slack]
+        for turn in TURNS:
+            way = np.array([np.cos(angle + turn), np.sin(angle + turn)])
+            place = self._stop(start, way, length, other)
+            if self._clears(start, place):
+                return place
+        return place
+
+    def ahead(
+        self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, arms: NDArray[np.float64]
+    ) -> bool:
+        """Whether a crack that goes along a unit vector comes to an edge or to one of the `arms` (k, 4) within a reach,
+        m."""
+        far = self._met(start, way, reach, arms[distance(start, arms) > self.slack])
+        return len(far) > 0
+
+    def _stop(
+        self, start: NDArray[np.float64], way: NDArray[np.float64], length: float, other: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Where an arm ends that goes along a unit vector: at the first thing it meets, if that is not far beyond."""
+        far = self._met(start, way, (1 + LEFT) * length, other)
+        return np.asarray(start + (far.min() if len(far) else length) * way)
+
+    def _met(
+        self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, other: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """How far it is along a unit vector to what is met within a reach, m."""
+        long = shapely.LineString([start, start + reach * way])
+        walls = [shapely.multilinestrings(other.reshape(-1, 2, 2))] if len(other) else []
+        walls += [] if self._edge is None else [self._edge]
+        met = [shapely.get_coordinates(shapely.intersection(long, wall)) for wall in walls]
+        far = np.concatenate([np.zeros(0), *((places - start) @ way for places in met)])
+        return np.asarray(far[far > self.slack])
+
+    def _clears(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
+        """Whether no node is on an arm."""
+        middle, half = (start + end) / 2, np.hypot(*(end - start)) / 2
+        spacing = self._delta[self._tree.query(middle)[1]]
+        near = self._tree.query_ball_point(middle, half + spacing)
+        points = shapely.points(self._position[near])
+        return not shapely.dwithin(shapely.LineString([start, end]), points, CLEAR * spacing).any()
+
+    def room(self, tip: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, str]:
+        """How far it is from a tip to what is not the plate and its own crack, m, and what that is; `others` (k, 4) are
+        arms of other cracks, and other tips as arms of no length."""
+        found = [(np.inf, "")]
+        if self._edge is not None:
+            found.append((float(self._edge.distance(shapely.Point(tip))), "the edge of the plate"))
+        if len(others):
+            found.append((float(distance(tip, others).min()), "another tip or crack"))
+        if len(self._acted_on):
+            places = self._position[self._acted_on]
+            found.append((float(np.hypot(*(places - tip).T).min()), ACTED_ON))
+        return min(found)
+
+
+def distance(place: NDArray[np.float64], arms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far arms (k, 4) are from a place (2,), m."""
+    start, way = arms[:, :2], arms[:, 2:] - arms[:, :2]
+    squared = (way**2).sum(axis=1)
+    share = ((place - start) * way).sum(axis=1) / np.where(squared > 0, squared, 1.0)
+    return np.asarray(np.hypot(*(start + share.clip(0, 1)[:, None] * way - place).T))

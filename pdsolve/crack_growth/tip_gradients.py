@@ -1,0 +1,70 @@
+"""What the nodes around a tip are like: gradients of their displacements, and stress, where the run is now."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.domain_integrals import Motion, Sampled
+from pdmesh.model.gradients import Stiffness, gradients_of, green, hooke
+from pdmesh.model.material_constants import poisson
+from pdmesh.model.neighbours import Pairs
+from pdmesh.model.tip_fields import Elastic
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
+
+
+class Surroundings:
+    """The bonds of a run, as far as no crack has cut them, and the fields that go with them."""
+
+    def __init__(self, model: Model, operator: Operator, area: NDArray[np.float64], rest: bool) -> None:
+        """`area` (n,) m^2; `rest`: nothing moves."""
+        self.model, self._area, self._rest = model, area, rest
+        self.source, self.target = operator.bonds(start=True)
+        self.start = np.searchsorted(self.source, np.arange(len(area) + 1))
+        self.intact = np.ones(len(self.source), dtype=bool)
+        E, nu = np.array([(material.E, poisson(material)) for material in model.materials]).T[:, model.material_of]
+        self._elastic = Stiffness(E, nu, model.materials[0].plane)
+
+    def rows(self, place: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
+        """The rows of the nodes within a radius of a place, m."""
+        return np.flatnonzero(np.hypot(*(self.model.grid.position - place).T) <= radius)
+
+    def nearest(self, place: NDArray[np.float64]) -> int:
+        """The row of the node nearest to a place."""
+        return int(np.hypot(*(self.model.grid.position - place).T).argmin())
+
+    def bonds(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The numbers (k,) of the intact bonds of these nodes, in their order."""
+        count = self.start[rows + 1] - self.start[rows]
+        numbers = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - self.start[rows], count)
+        return np.asarray(numbers[self.intact[numbers]])
+
+    def pairs(self, numbers: NDArray[np.int64]) -> Pairs:
+        """The bonds with these numbers as pairs of nodes."""
+        source, target, position = self.source[numbers], self.target[numbers], self.model.grid.position
+        return Pairs(source, target, np.hypot(*(position[target] - position[source]).T))
+
+    def plate(self, row: int) -> Elastic:
+        """What a node is made of."""
+        return Elastic(float(self._elastic.E[row]), float(self._elastic.nu[row]), self._elastic.plane)
+
+    def sampled(self, state: State, rows: NDArray[np.int64]) -> Sampled:
+        """The fields of these nodes now."""
+        numbers = self.bonds(rows)
+        start = np.searchsorted(self.source[numbers], np.append(rows, len(self.intact)))
+        families = start, self.target[numbers], rows
+        position = self.model.grid.position
+
+        def gradient(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return gradients_of(position, self._area, values[:, :2].astype(float), *families)
+
+        H = gradient(state.value)
+        strain = green(H)
+        own = Stiffness(self._elastic.E[rows], self._elastic.nu[rows], self._elastic.plane)
+        motion = None
+        if not self._rest:
+            rate, second = (values[rows, :2].astype(float) for values in (state.rate, state.second))
+            motion = Motion(float(self.model.rho[rows].mean()), rate, second, gradient(state.rate))
+        return Sampled(position[rows], self._area[rows], H, strain, hooke(strain, own)[:, :3], motion)

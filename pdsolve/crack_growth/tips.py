@@ -1,0 +1,57 @@
+"""The ends of cracks that are particles."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.particles import Particles, arms, links
+from pdsolve.crack_growth.obstacles import Obstacles, distance
+
+
+class Tip(NamedTuple):
+    """The end of a crack."""
+
+    particle: int
+    back: NDArray[np.float64]  # (m, 2) m: places from the tip back to the next fork or end
+    length: float  # m, of that way
+    forked: bool  # whether it is a fork that it comes from
+
+    @property
+    def place(self) -> NDArray[np.float64]:
+        """The place (2,) of the tip, m."""
+        return np.asarray(self.back[0])
+
+    def way(self, far: float) -> NDArray[np.float64]:
+        """The unit vector it points along, as seen from so many metres back along the crack."""
+        steps = np.hypot(*np.diff(self.back, axis=0).T)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        begin = [np.interp(min(far, along[-1]), along, column) for column in self.back.T]
+        way = self.place - np.array(begin)
+        return np.asarray(way / np.hypot(*way))
+
+
+def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
+    """The ends of cracks inside the plate, that are on no other crack."""
+    around, every = links(particles, ground.slack), arms(particles)
+    found = []
+    for number, others in enumerate(around):
+        if len(others) != 1:
+            continue
+        tip = _followed(particles, around, number)
+        if not ground.inside(tip.place, tip.way(0.5 * tip.length)):
+            continue
+        on = distance(tip.place, every) <= ground.slack
+        if on.sum() == 1:
+            found.append(tip)
+    return found
+
+
+def _followed(particles: Particles, around: list[list[int]], number: int) -> Tip:
+    line = [number, around[number][0]]
+    while len(around[line[-1]]) == 2:
+        line.append(next(other for other in around[line[-1]] if other != line[-2]))
+    back = particles.place[line]
+    return Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()), len(around[line[-1]]) > 2)

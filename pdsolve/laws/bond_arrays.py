@@ -1,0 +1,140 @@
+"""Bonds in a list and the state at a step, as loops read them, and one deformed bond."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds
+
+# Of functions that only compiled code calls: no references are counted, and divisions are numpy's
+INNER: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+INLINE = INNER | {
+    "forceinline": True
+}  # of those that see every bond: to pass a law's columns on takes longer than to use them
+
+
+class List(NamedTuple):
+    """Bonds as loops read them, those of node i at start[i]:start[i + 1]; b of them, in d dimensions."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    xi: tuple[NDArray[np.floating], ...]  # d times (b,), m; a tuple, as compilers know its length
+    length: NDArray[np.floating]  # (b,) |xi|, m
+
+
+def list_of(bonds: Bonds) -> List:
+    """Bonds (b,) as loops read them."""
+    length = np.sqrt((bonds.xi**2).sum(axis=1))
+    return List(bonds.start, bonds.neighbour, tuple(np.ascontiguousarray(x) for x in bonds.xi.T), length)
+
+
+class Left(NamedTuple):
+    """The bonds (b,) of k nodes, and what those that are left of them weigh."""
+
+    own: NDArray[np.int64]  # (b,) which of the k nodes
+    which: NDArray[np.int64]  # (b,)
+    weight: NDArray[np.float64]  # (b,) 0 where broken
+
+
+def left(bonds: List, weight: NDArray[np.floating], broken: NDArray[np.int32], rows: NDArray[np.int64]) -> Left:
+    """What is left of these nodes' (k,) bonds."""
+    counts = bonds.start[rows + 1] - bonds.start[rows]
+    which = (
+        np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
+    )
+    own = np.repeat(np.arange(len(rows)), counts)
+    return Left(own, which, np.where(broken[which] == 0, weight[which], 0.0).astype(float))
+
+
+def shapes(bonds: List, some: Left, nodes: int) -> NDArray[np.float64]:
+    """K (k, d, d) of so many nodes, from the bonds that are left."""
+    d, xi = len(bonds.xi), [x[some.which].astype(float) for x in bonds.xi]
+    K = np.empty((nodes, d, d))
+    for a in range(d):
+        for b in range(a, d):
+            K[:, a, b] = K[:, b, a] = np.bincount(some.own, some.weight * xi[a] * xi[b], minlength=nodes)
+    return K
+
+
+class Tabled(NamedTuple):
+    """What blocks want of b bonds."""
+
+    columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `nears` wants more
+    alike: tuple[int, ...]  # columns of one number here are quantities of one kind: bonds have each other's
+    shown: int  # how many numbers a node shows
+    watched: bool  # whether `nears` has to be looked at
+
+
+class Now(NamedTuple):
+    """The state at a step as loops read it; n nodes, w components of all unknowns."""
+
+    value: NDArray[Any]  # (n, w)
+    rate: NDArray[Any]  # (n, w) per s; within a step the mean since the last one
+    step: int
+    dt: float  # s since the last step, 0 at rest
+
+
+class Bond(NamedTuple):
+    """One deformed bond: reference vector, relative displacement, lengths and stretch."""
+
+    xi: tuple[Any, ...]
+    eta: tuple[Any, ...]
+    length: Any  # |xi|, m
+    q: Any
+    stretch: Any
+    elongation: Any  # |xi + eta| - |xi|, m
+    inverse: Any  # 1 / |xi + eta|, 1/m
+
+
+@njit(**INNER)
+def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
+    """Bond k, from node i to node j, at these values."""
+    xi, eta = _reference(bonds.xi, k), _difference(bonds.xi, value, i, j)
+    squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
+    for a in range(1, len(xi)):
+        squared += xi[a] * xi[a]
+        along += xi[a] * eta[a]
+    more += 2 * along
+    for a in range(1, len(xi)):
+        more += eta[a] * eta[a]
+    e, length, now = more / squared, bonds.length[k], np.sqrt(squared + more)
+    q, reach = np.sqrt(1 + e), now + length
+    once = 1 / (now * reach)  # one division for two
+    return Bond(xi, eta, length, q, e / (q + 1), more * now * once, reach * once)
+
+
+@njit(**INNER)
+def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
+    """The stretch of the bond from i to j one step ago."""
+    squared = now.dt * 0
+    for a in range(len(bond.xi)):
+        x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (now.rate[j, a] - now.rate[i, a])
+        squared += x * x
+    return np.sqrt(squared) / bond.length - 1
+
+
+def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
+    return tuple(component[k] for component in xi)
+
+
+def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: int) -> tuple[Any, ...]:
+    return tuple(value[j, : len(xi)] - value[i, : len(xi)])
+
+
+@overload(_reference, jit_options=INNER)
+def _reference_of(xi, k):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda xi, k: (xi[0][k], xi[1][k])
+    return lambda xi, k: (xi[0][k], xi[1][k], xi[2][k])
+
+
+@overload(_difference, jit_options=INNER)
+def _difference_of(xi, value, i, j):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1])
+    return lambda xi, value, i, j: (value[j, 0] - value[i, 0], value[j, 1] - value[i, 1], value[j, 2] - value[i, 2])

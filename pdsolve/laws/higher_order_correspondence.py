@@ -1,0 +1,272 @@
+"""Correspondence with gradients of higher order: that of the polynomial which fits a node's family best.
+
+With w the neighbour's cell times its influence and p monomials of xi up to some degree, over the horizon, the fit is
+c = argmin sum w |eta - c p(xi)|^2, by QR: sqrt(w) p = Q R. With the constant term the node itself is one of its
+family, with as much weight as it has for its nearest neighbour, and the polynomial does not have to pass through it.
+The gradient H is linear in eta, H = sum_r a_r t_r^T with the components
+a_r = sum sqrt(w) Q_r eta of the displacement and t_r from R^-1; so the force that goes with a stress P is
+
+    T_ij = sqrt(w) sum_r (P t_r - Z a_r) Q_r + Z w eta        f = sum T_ij - V_j / V_i T_ji
+
+where Z (`pdsolve.laws.correspondence`) holds back what the polynomial does not fit. Of first order and without the
+constant term it is the law of that file. A family that does not carry the order, as beside a crack, has the highest one
+that it carries.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds, find
+from pdsolve.laws import correspondence
+from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
+from pdsolve.laws.law import INLINE, INNER, List, list_of
+from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
+from pdsolve.laws.principal import principal
+from pdsolve.model import Model, ModelError
+
+NODE_MEMORY = ("history",)
+CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
+
+
+class Law(NamedTuple):
+    """Columns of n nodes and b bonds, in d dimensions, with p components of a fit."""
+
+    q: NDArray[np.floating]  # (b, p) Q
+    own: NDArray[np.floating]  # (n, p) Q of the node itself, with the constant term
+    t: NDArray[np.floating]  # (n, p, d) t_r, 1/m; 0 from the order on that is not carried
+    root: NDArray[np.floating]  # (b,) sqrt(w)
+    back: NDArray[np.int64]  # (b,) the bond the other way
+    control: NDArray[np.floating]  # (n,) Z
+    weight: NDArray[np.floating]  # (b,) w, m^d
+    itself: NDArray[np.floating]  # (n,) sqrt(w) of the node itself, 0 without the constant term
+    limit: NDArray[np.floating]  # (b,)
+    broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
+    solid: Solid
+    history: NDArray[np.floating]
+    horizon: NDArray[np.float64]  # (n,) m
+    failure: int
+    least: float
+    order: int
+    carried: NDArray[np.int64]  # (n,) the order that each node's family carries
+    d: int
+
+
+def columns(model: Model, bonds: Bonds) -> Law:
+    """The law of these bonds (b,) and their nodes. Raises ModelError for an order that no family carries."""
+    kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
+    source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
+    total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
+    solid, constant = solid_of(model, kind, d), first.constant_term
+    wide = len(powers(first.order, d)) + constant
+    back = find(bonds, bonds.neighbour.astype(np.int64), source)
+    itself = np.zeros(nodes)
+    if constant:
+        np.maximum.at(itself, bonds.neighbour, np.sqrt(bonds.weight))
+    law = Law(
+        q=np.zeros((len(source), wide), kind),
+        own=np.zeros((nodes, wide), kind),
+        t=np.zeros((nodes, wide, d), kind),
+        root=np.sqrt(bonds.weight),
+        back=back,
+        control=(correspondence.silling(model, total, d) if first.control == "silling" else np.zeros(nodes)).astype(
+            kind
+        ),
+        weight=bonds.weight,
+        itself=itself.astype(kind),
+        limit=bonds.limit,
+        broken=np.zeros(len(bonds.limit), np.int32),
+        solid=solid,
+        history=solid.history,
+        horizon=np.broadcast_to(model.horizons, (nodes,)).copy(),
+        failure=FAILURES.get(first.failure, NEVER),
+        least=float(bonds.limit.min(initial=np.inf)),
+        order=first.order,
+        carried=np.zeros(nodes, np.int64),
+        d=d,
+    )
+    mend(law, list_of(bonds), np.arange(nodes))
+    if nodes and law.carried.max() < first.order:
+        raise ModelError(
+            f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
+            f" families of a horizon of {model.settings.horizon.ratio:g} spacings carry"
+        )
+    return law
+
+
+def powers(order: int, d: int) -> NDArray[np.int64]:
+    """Exponents (p, d) of all monomials up to an order but the constant one, in the order of their degrees."""
+    every = np.stack(np.meshgrid(*[np.arange(order + 1)] * d, indexing="ij"), axis=-1).reshape(-1, d)
+    degree = every.sum(axis=1)
+    kept = np.flatnonzero((degree > 0) & (degree <= order))
+    return every[kept[np.lexsort((*(-every[kept].T[::-1]), degree[kept]))]]
+
+
+def fit(
+    xi: NDArray[np.float64], root: NDArray[np.float64], order: int, itself: float, horizon: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Q (k, p) and t (p, d) of a family with bonds `xi` (k, d) and roots of weights (k,), and the order it carries.
+
+    With a weight of the node `itself`, Q has its row last, and the constant term is the first of the components.
+    """
+    d, constant = xi.shape[1], itself > 0
+    e, points, roots = powers(order, d), xi / horizon, root
+    if constant:
+        points, roots = np.vstack([points, np.zeros((1, d))]), np.append(root, itself)
+    monomials = (points[:, None, :] ** e).prod(axis=2)
+    if constant:
+        monomials = np.column_stack([np.ones(len(points)), monomials])
+    degree = np.concatenate([np.zeros(int(constant), dtype=np.int64), e.sum(axis=1)])
+    wide = monomials.shape[1]
+    Q, t = np.zeros((len(points), wide)), np.zeros((wide, d))
+    for carried in range(order, 0, -1):
+        p = int((degree <= carried).sum())
+        if p > len(points):
+            continue
+        some, R = np.linalg.qr(roots[:, None] * monomials[:, :p])
+        if np.abs(np.diag(R)).min() > CARRIED * np.abs(np.diag(R)).max():
+            Q[:, :p], t[:p] = some, np.linalg.inv(R)[constant : constant + d].T / horizon
+            return Q, t, carried
+    return Q, t, 0
+
+
+def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+    """The fits of these nodes (k,) to the bonds that are left."""
+    for i in rows.tolist():
+        own = slice(bonds.start[i], bonds.start[i + 1])
+        intact = law.broken[own] == 0
+        xi = np.column_stack([x[own][intact] for x in bonds.xi]).astype(float)
+        Q, t, law.carried[i] = fit(
+            xi, law.root[own][intact].astype(float), law.order, float(law.itself[i]), law.horizon[i]
+        )
+        law.q[own] = 0
+        law.q[own][intact] = Q[: len(xi)]
+        law.own[i] = Q[len(xi)] if len(Q) > len(xi) else 0
+        law.t[i] = t
+
+
+def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+    """How the resistance of nodes (n,) compares, N/m^4."""
+    return np.asarray((law.solid.first + 2 * law.solid.shear) / law.horizon**2)
+
+
+def rows(law: Law, dimension: int) -> int:
+    """What pulls, a_r, H, sigma, J."""
+    return 2 * dimension * int(law.q.shape[1]) + dimension**2 + (4 if dimension == 2 else 6) + 1
+
+
+def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
+    remembers."""
+    return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
+
+
+def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        d, p = len(bond.xi), law.q.shape[1]
+        for r in range(p):
+            w = law.root[k] * law.q[k, r]
+            for a in range(d):
+                m[i, d * (p + r) + a] += w * bond.eta[a]
+
+
+def close(law, i, m):  # type: ignore[no-untyped-def]
+    d, p = law.d, law.q.shape[1]
+    at = 2 * d * p
+    for a in range(d):
+        for b in range(d):
+            total = m[i, 0] * 0
+            for r in range(p):
+                total += m[i, d * (p + r) + a] * law.t[i, r, b]
+            m[i, at + d * a + b] = total
+    P = correspondence.answer(law, i, m, at)
+    z = law.control[i]
+    for r in range(p):
+        for a in range(d):
+            total = -z * m[i, d * (p + r) + a]
+            for b in range(d):
+                total += P[3 * a + b] * law.t[i, r, b]
+            m[i, d * r + a] = total
+
+
+@njit(**INLINE)
+def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
+    """Component a of the force density of bond k on node i, N/m^3."""
+    d, f, other = len(bond.xi), m[i, 0] * 0, law.back[k]
+    g = m[i, 0] * 0
+    for r in range(law.q.shape[1]):
+        f += m[i, d * r + a] * law.q[k, r]
+        g += m[j, d * r + a] * law.q[other, r]
+    w, v = law.weight[k], law.weight[other]
+    z = w * (law.control[i] + law.control[j]) * bond.eta[a]
+    return law.root[k] * f + z - w / v * law.root[other] * g
+
+
+def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        for a in range(len(bond.xi)):
+            f[a] += _component(law, bond, m, i, j, k, a)
+
+
+def alert(law, i, m):  # type: ignore[no-untyped-def]
+    if law.failure == STRESS:
+        return principal(law, m, i, i, _stresses(law)) > law.least
+    return law.failure != NEVER
+
+
+def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return False
+    if law.failure == STRESS:
+        return principal(law, m, i, j, _stresses(law)) > law.limit[k]
+    if bond.stretch <= 0:
+        return False
+    if law.failure == STRETCH:
+        return bond.stretch > law.limit[k]
+    along = bond.stretch * 0
+    for a in range(len(bond.xi)):
+        along += _component(law, bond, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
+    return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
+
+
+@njit(**INNER)
+def _stresses(law):  # type: ignore[no-untyped-def]
+    """Where stresses are between the passes."""
+    return 2 * law.d * law.q.shape[1] + law.d * law.d
+
+
+def remember(law, now, i, m):  # type: ignore[no-untyped-def]
+    keep(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
+
+
+def hold(law, i, m):  # type: ignore[no-untyped-def]
+    held, spent = holds(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
+    if law.itself[i] > 0:
+        for a in range(law.d):
+            missed = _missed(law, m, i, law.own[i], law.itself[i], held * 0, a)
+            held += law.control[i] * missed * missed / 2
+    return held, spent
+
+
+@njit(**INNER)
+def _missed(law, m, i, q, root, eta, a):  # type: ignore[no-untyped-def]
+    """sqrt(w) times a component of what the polynomial of node i misses."""
+    d, p = law.d, law.q.shape[1]
+    rest = root * eta
+    for r in range(p):
+        rest -= q[r] * m[i, d * (p + r) + a]
+    return rest
+
+
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    held = bond.stretch * 0
+    for a in range(len(bond.xi)):
+        missed = _missed(law, m, i, law.q[k], law.root[k], bond.eta[a], a)
+        held += missed * missed
+    return law.control[i] * held / 2, 0.0

@@ -1,0 +1,186 @@
+"""Kernels that are compiled once and kept on disk, in a folder of the user's own.
+
+numba itself looks at a kernel's own file, not at those of the functions compiled into it: with other sizes of arrays in
+them, the old kernel would write where it must not. And it keeps compiled code, which is run as it is found, wherever
+the environment or the current folder say. So kernels are kept where `pdmesh.trust` says, under a name made of the
+sources they are made of and of the libraries that compile them: two checkouts with the same sources share them. What
+one process compiles another waits for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+    _SourceFileBackedLocatorMixin,
+)
+
+from pdmesh import trust
+from pdsolve.numerics import kernel_sources
+
+KEPT, DAY, UNUSED = 8, 86_400.0, 60 * 86_400.0  # states of the sources; s
+LIBRARIES = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
+WAIT, PAUSE = 300.0, 0.05  # s: for another process that compiles the same kernel, at most; between two looks
+
+if sys.platform == "win32":
+
+    def _lock(handle: int, wait: float) -> None:
+        """Two processes that compile at the same time may lose an entry, and compile it again."""
+else:
+    import fcntl
+
+    def _lock(handle: int, wait: float) -> None:
+        """Lock a file; raises BlockingIOError after so many seconds."""
+        until = time.monotonic() + wait
+        while True:
+            try:
+                return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    raise
+            time.sleep(PAUSE)
+
+
+def cached_njit(**options: Any) -> Callable[[Any], Any]:
+    """A decorator as `numba.njit`, whose functions are compiled by the first process that needs them."""
+
+    def decorate(function: Any) -> Any:
+        made = numba.njit(**options)(function)
+        if made is not function:  # it is, where numba is told to compile nothing
+            made._cache = _Cache(function)
+        return made
+
+    return decorate
+
+
+@cache
+def folder_of(file: str) -> Path:
+    """Where the kernels of a file are kept; those of its older states, which nothing has used for long, go."""
+    libraries = hashlib.sha256("\n".join(LIBRARIES).encode()).hexdigest()
+    name = kernel_sources.name_of(Path(file).resolve())
+    found = trust.private_folder().path / f"{name}-{libraries[:8]}-{kernel_sources.digest_of(file)[:24]}"
+    with suppress(OSError):
+        is_new = not found.exists()
+        found.mkdir(exist_ok=True)
+        os.utime(found)
+        if is_new:
+            _clear(found)
+    return found
+
+
+def is_kept() -> bool:
+    """Whether any kernel of these sources has been compiled and kept."""
+    return any(any(folder_of(file).glob("*.nbi")) for file in kernel_sources.with_kernels())
+
+
+def _clear(own: Path) -> None:
+    """Remove the folders beside this one that are out of use: of this file all but a few, of others the very old."""
+    now, name = time.time(), own.name.rpartition("-")[0]
+    others = sorted(((other.stat().st_mtime, other) for other in own.parent.iterdir()), reverse=True)
+    same = [other for _, other in others if other.name.rpartition("-")[0] == name]
+    for used, other in others:
+        unused = now - used > (DAY if other in same[KEPT:] else UNUSED)
+        if unused and other != own and other.is_dir():
+            shutil.rmtree(other, ignore_errors=True)
+
+
+class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
+    """Where the kernels of a file are kept."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._lineno = file, function.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return str(folder_of(self._py_file))
+
+    def get_source_stamp(self) -> str:
+        return ""  # the folder's name says which sources
+
+
+class _Entries(IndexDataCacheFile):
+    """What is kept of a kernel: what is damaged is compiled anew, what cannot be kept is compiled each time."""
+
+    def load(self, key: Any) -> Any:
+        try:
+            return super().load(key)
+        except Exception:  # of any kind: pickle's
+            return None
+
+    def save(self, key: Any, data: Any) -> None:
+        with suppress(OSError), self.alone():  # another would take the same name for another signature
+            super().save(key, data)
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:
+            return {}
+
+    @contextmanager
+    def alone(self, of: str = "", wait: float = 10.0) -> Iterator[None]:
+        """No other process does the same meanwhile, unless it waited so long (s)."""
+        handle = os.open(f"{self._index_path}{of}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            with suppress(OSError):  # it took too long, or the file system has no locks
+                _lock(handle, wait)
+            yield
+        finally:
+            os.close(handle)
+
+
+class _Kept(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class _Cache(FunctionCache):
+    """The kernels of a function. Who compiles a signature holds its lock from looking for it until it is kept."""
+
+    _impl_class = _Kept
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = _Entries(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
+        self._compiling: dict[str, ExitStack] = {}
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            with suppress(OSError):
+                held = ExitStack()
+                held.enter_context(self._cache_file.alone(f".{_short(sig)}", WAIT))
+                self._compiling[str(sig)] = held
+                found = super().load_overload(sig, target_context)  # another process may have kept it meanwhile
+        if found is not None:
+            self._release(sig)
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        finally:
+            self._release(sig)
+
+    def _release(self, sig: Any) -> None:
+        if (held := self._compiling.pop(str(sig), None)) is not None:
+            held.close()
+
+
+def _short(sig: Any) -> str:
+    return hashlib.sha256(str(sig).encode()).hexdigest()[:16]

@@ -1,0 +1,89 @@
+"""Which sources a compiled kernel is made of, so that a change of any other does not compile it again.
+
+A kernel is made of its own file and of the files that this one imports, at any remove; and of the laws, whose functions
+are bound by the types of arguments and imported by nobody.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+from pdmesh import trust
+
+FOLDERS = ("pdsolve", "pdmesh/model")  # what kernels are made of is in here
+LAWS = "pdsolve.laws."
+PUBLIC = "pdsolve"  # the package's own file imports nothing before it is asked
+IMPORT = re.compile(r"^\s*from ((?:pdsolve|pdmesh)[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+KERNEL = re.compile(r"^from \S+ import .*\bcached_njit\b", re.MULTILINE)
+OVERLOAD = re.compile(r"^\s*@overload\(", re.MULTILINE)
+
+
+@cache
+def digest_of(file: str) -> str:
+    """The digest (64 hex digits) of all sources that the kernels of a file are made of.
+
+    A file outside the packages may import any of them: all of them count, and its own text.
+    """
+    sources, path = _sources(), Path(file).resolve()
+    name = name_of(path)
+    names = _closure([name, *_laws()]) if name in sources else frozenset(sources)
+    found = hashlib.sha256() if name in sources else hashlib.sha256(path.read_bytes())
+    for one in sorted(names):
+        found.update(f"{one} {_digest(sources[one])}\n".encode())
+    return found.hexdigest()
+
+
+def name_of(path: Path) -> str:
+    """The dotted name of a file of the packages; of any other, its name alone."""
+    if not path.is_relative_to(trust.HOME):
+        return path.stem
+    parts = path.relative_to(trust.HOME).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def with_kernels() -> Iterator[str]:
+    """The files of the packages that have kernels."""
+    for name, text in _sources().items():
+        if KERNEL.search(text):
+            yield str(trust.HOME.joinpath(*name.split(".")).with_suffix(".py"))
+
+
+@cache
+def _digest(text: str) -> str:
+    """The digest of a source, which most kernels share: it is computed once."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def _sources() -> dict[str, str]:
+    """The texts of all files that kernels may be made of, by their dotted names."""
+    paths = (path for folder in FOLDERS for path in sorted((trust.HOME / folder).rglob("*.py")))
+    return {name_of(path): path.read_text(encoding="utf-8") for path in paths}
+
+
+@cache
+def _laws() -> tuple[str, ...]:
+    return tuple(name for name, text in _sources().items() if name.startswith(LAWS) or OVERLOAD.search(text))
+
+
+@cache
+def _imports(name: str) -> frozenset[str]:
+    """The files that a file imports from."""
+    found = set()
+    for module, words in IMPORT.findall(_sources()[name]):
+        found |= {module, *(f"{module}.{word}" for word in re.findall(r"\w+", words))}
+    return frozenset(found & _sources().keys() - {PUBLIC})
+
+
+def _closure(names: Iterable[str]) -> frozenset[str]:
+    """These files and all that they import, at any remove."""
+    found: set[str] = set()
+    left = set(names)
+    while left:
+        found |= left
+        left = {other for name in left for other in _imports(name)} - found
+    return frozenset(found)

@@ -1,0 +1,267 @@
+"""Any law over a list of bonds, one by one: the reference, in the plane and in space, in one pass or more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
+from pdsolve.laws.law import Now, bind, in_tuples, list_of
+from pdsolve.model import Model
+from pdsolve.numerics.threads import share
+from pdsolve.operators import bond_list_loops as loops
+from pdsolve.operators.family_stiffness_bound import resistance
+from pdsolve.operators.protocol import Kept
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class BondList:
+    """The bonds of n nodes under one law; see `Operator`."""
+
+    name = "listed"
+
+    def __init__(
+        self,
+        law: ModuleType,
+        model: Model,
+        exact: Bonds,
+        symmetric: bool,
+        precision: str = "float64",
+        threads: int = 1,
+    ) -> None:
+        """The law of the model for bonds in double precision, to be summed in this `precision`."""
+        bind(law)
+        self._loops = (loops.say_rows, loops.exchange_rows) if in_tuples(law) else (loops.gather_rows, loops.pull_rows)
+        bonds = in_precision(exact, precision)
+        self.symmetric, self._threads = symmetric, threads
+        self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
+        dimension, unknowns = bonds.xi.shape[1], getattr(law, "unknowns", None)
+        self.unknowns: tuple[Unknown, ...] = unknowns(dimension) if unknowns else (Unknown("u", dimension, 2),)
+        self._stiffest = self._bound(law, model, exact)
+        self.law, self._bonds, self._model = law, bonds, model
+        self._take(law.columns(model, bonds), bonds)
+        self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
+
+    def _take(self, columns: Any, bonds: Bonds) -> None:
+        """Go on with these columns of these bonds."""
+        self.columns, self._list = columns, list_of(bonds)
+
+    def _bound(self, law: ModuleType, model: Model, exact: Bonds) -> NDArray[np.float64]:
+        """What resists each node's motion at rest, bonds in double precision."""
+        columns = law.columns(model, exact)
+        if not hasattr(law, "rows"):
+            return stiffness_bound(exact, law.springs(columns, exact), self.symmetric)
+        self.law = law
+        self._take(columns, exact)
+        width = sum(unknown.width for unknown in self.unknowns)
+
+        def pulls(value: NDArray[np.float64]) -> NDArray[np.float64]:
+            out = np.zeros_like(value)
+            now = Now(value, np.zeros_like(value), 0, 0.0)
+            self._pull(now, self._between(now), out)
+            return out
+
+        return resistance(pulls, law.scale(columns, exact), exact, width)
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
+        now = Now(state.value, state.rate, step, dt)
+        between = self._between(now)
+        if not between.shape[1]:
+            self._share(loops.add_rows, now, between, out, state.dissipated)
+            return
+        torn = self._torn(now, between) if step > 0 and hasattr(self.columns, "broken") else None
+        if torn is not None:
+            before = np.zeros_like(out)
+            self._pull(now, between, before)
+            between = self._fail(now, between, torn, state.dissipated)
+        if step > 0 and self._remembered_by_nodes():
+            self._share(loops.remember_rows, now, between)
+        pulls = out if torn is None else np.zeros_like(out)
+        self._pull(now, between, pulls)
+        if torn is not None:  # the last half step already went without the forces that are lost
+            state.dissipated[:] += dt / 2 * ((before - pulls) * state.rate).sum(axis=1)
+            out += pulls
+
+    def _torn(self, now: Now, between: NDArray[Any]) -> NDArray[np.int64] | None:
+        """The nodes (k,) whose bonds fail now, if any; the bonds are marked."""
+        near, torn = self._near(now, between), np.zeros(self._nodes, dtype=np.bool_)
+        if near.any():
+            self._share(loops.fail_rows, now, between, near, self._failing, torn)
+        return np.flatnonzero(torn) if torn.any() else None
+
+    def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
+        """The nodes (n,) whose bonds have to be looked at."""
+        near = np.zeros(self._nodes, dtype=np.bool_)
+        self._share(loops.alert_rows, between, near)
+        return near
+
+    def _fail(
+        self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
+    ) -> NDArray[Any]:
+        """Let the marked bonds of these nodes (k,) fail, and book what nodes do not hold any more; what is then between
+        the passes."""
+        start, touched = self._list.start, rows
+        bonds = np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
+        spread = hasattr(self.law, "spread") and self.law.spread(self.columns)
+        if spread:
+            near = np.zeros(self._nodes, dtype=np.bool_)
+            near[rows] = True
+            near[self._list.neighbour[np.concatenate([np.arange(start[i], start[i + 1]) for i in rows])]] = True
+            touched = np.flatnonzero(near)
+        held, spent = np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, touched, now, between, held, spent)
+        before = held[touched]
+        self.columns.broken[bonds] = now.step
+        self._failing[bonds] = False
+        self._lose(bonds, rows)
+        if spread:
+            between = self._between(now)
+        else:
+            self._share_some(self._loops[0], rows, now, between)
+        self._share_some(loops.energy_rows, touched, now, between, held, spent)
+        dissipated[touched] += before - held[touched]
+        return between
+
+    def remember(self, state: State) -> None:
+        """Let nodes remember a state at rest as one they went through; no bond breaks."""
+        if self._remembered_by_nodes():
+            now = Now(state.value, state.rate, 0, 0.0)
+            self._share(loops.remember_rows, now, self._between(now))
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
+        now, held, spent = Now(state.value, state.rate, 0, 0.0), np.empty(self._nodes), np.empty(self._nodes)
+        self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
+        return held, spent
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """The stored fields (n,) of nodes beside the displacements, by the names of result columns, in SI units."""
+        if not hasattr(self.law, "fields"):
+            return {}
+        between = self._between(Now(state.value, state.rate, 0, 0.0))
+        found: dict[str, NDArray[np.float64]] = self.law.fields(self.columns, state.value, between)
+        return found
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
+        return self._stiffest
+
+    def tangent(self, state: State) -> csr_array:
+        """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
+        from pdsolve.operators import tangent  # SciPy takes as long to import as numba, and few runs ask
+
+        def pulls(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+            now, out = Now(value, value, 0, 0.0), np.zeros_like(value)
+            self._pull(now, self._between(now), out)
+            return out
+
+        value = state.value.astype(np.complex128)
+        if hasattr(self.law, "rows"):
+            return tangent.of_passes(self._list, pulls, value, 3 if hasattr(self.law, "spread") else 2)
+        return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        begin, end = self._list.start[[first, self._nodes if last is None else last]]
+        return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | start))
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        step = self._steps()
+        which = np.flatnonzero(step > after)
+        return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
+
+    def keep(self) -> Kept:
+        """The memory of bonds for a checkpoint, keyed by the rows of their nodes."""
+        kept: dict[str, NDArray[Any]] = {}
+        for name in self._remembered():
+            column = getattr(self.columns, name)
+            which = np.flatnonzero(column)
+            source, target = ends(self._bonds, which)
+            kept |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
+        return kept | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        memory = {name: (kept[name], kept[f"{name}_source"], kept[f"{name}_target"]) for name in self._remembered()}
+        for name, (values, source, target) in {"broken": broken, **memory}.items():
+            column = getattr(self.columns, name, None)
+            if column is not None:
+                column[:] = 0
+                column[find(self._bonds, source, target)] = values
+        for name in self._remembered_by_nodes():
+            column = getattr(self.columns, name)
+            column[:] = kept[name].reshape(column.shape)
+        self._lose(np.flatnonzero(self._steps()), self._every)
+
+    def reweigh(self, share: NDArray[np.float64]) -> None:
+        """Go on with a share (b,) of what each bond weighed at the start, or of its stiffness; who has broken and what
+        else is remembered stays."""
+        names = *self._remembered(), *self._remembered_by_nodes(), "broken"
+        kept = {name: getattr(self.columns, name).copy() for name in names if hasattr(self.columns, name)}
+        share = share.astype(self._bonds.xi.dtype)
+        bonds = self._bonds._replace(weight=self._bonds.weight * share, stiffness=self._bonds.stiffness * share)
+        self._take(self.law.columns(self._model, bonds), bonds)
+        for name, values in kept.items():
+            getattr(self.columns, name)[:] = values
+        self._lose(np.flatnonzero(self._steps()), self._every)
+
+    def bytes(self) -> int:
+        """The memory of all arrays, bytes."""
+        arrays = *self._bonds, *self._list.xi, self._list.length, *self.columns
+        return sum(getattr(array, "nbytes", 0) for array in arrays)
+
+    def place(self, state: State) -> State:
+        """The state in arrays of this operator's own layout, to go on with."""
+        return state
+
+    def _remembered(self) -> tuple[str, ...]:
+        """Names of the columns that change, but for who is broken."""
+        return getattr(self.law, "MEMORY", ())
+
+    def _remembered_by_nodes(self) -> tuple[str, ...]:
+        """The names of the columns of nodes that the law changes, and that are there."""
+        return tuple(name for name in getattr(self.law, "NODE_MEMORY", ()) if getattr(self.columns, name).size)
+
+    def _steps(self) -> NDArray[np.int32]:
+        """The step (b,) in which each bond broke, 0 while intact."""
+        return getattr(self.columns, "broken", np.zeros(len(self._list.neighbour), dtype=np.int32))
+
+    def _between(self, now: Now) -> NDArray[Any]:
+        """What nodes have between the passes."""
+        law, dimension = self.law, len(self._list.xi)
+        wide = law.rows(self.columns, dimension) if hasattr(law, "rows") else 0
+        between = np.empty((self._nodes, wide), dtype=now.value.dtype)
+        if wide:
+            self._share_some(self._loops[0], self._every, now, between)
+        if hasattr(law, "spread") and law.spread(self.columns):
+            more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
+            self._share(loops.gather_rows_again, now, between, more)
+            self._share(loops.close_rows_again, between, more)
+        return between
+
+    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+        """Add what bonds pull with, by what nodes have between the passes."""
+        self._share(self._loops[1], now, between, out)
+
+    def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Go on without these bonds (b,), which are those of the nodes (k,) that have failed."""
+        if hasattr(self.law, "mend"):
+            self.law.mend(self.columns, self._list, rows)
+
+    def _share(self, loop: Callable[..., None], *arrays: Any) -> None:
+        share(lambda first, last: loop(self._list, self.columns, *arrays, first, last), self._nodes, self._threads)
+
+    def _share_some(self, loop: Callable[..., None], rows: NDArray[np.int64], *arrays: Any) -> None:
+        share(lambda first, last: loop(self._list, self.columns, *arrays, rows, first, last), len(rows), self._threads)

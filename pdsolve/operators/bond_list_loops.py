@@ -1,0 +1,179 @@
+"""The loops over bonds of `BondList`: rows of nodes, one after the other, for any law.
+
+A row is summed by one thread in the order of its neighbours: the result does not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pdsolve.laws.law import (
+    age,
+    alert,
+    close,
+    close_again,
+    deformed,
+    energy,
+    exchange,
+    fails,
+    gather,
+    gather_again,
+    hold,
+    nothing,
+    numbers,
+    pull,
+    remember,
+    say,
+    shows,
+)
+from pdsolve.laws.small_tensors import blank, summed
+from pdsolve.numerics.jit_cache import cached_njit
+
+KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
+
+@cached_njit(**KERNEL)
+def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+    """Fill some rows of m."""
+    for at in range(first, last):
+        i = rows[at]
+        m[i] = 0
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            gather(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
+        close(law, i, m)
+
+
+@cached_njit(**KERNEL)
+def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+    """Fill some rows of m, for a law that says its passes in tuples."""
+    start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
+    like = blank(bonds.xi, none)
+    for at in range(first, last):
+        row = rows[at]
+        i = np.uint64(row)
+        sums = nothing(law, like, none)
+        for place in range(start[i], start[i + 1]):
+            k = np.uint64(place)
+            if broken[k] == 0:
+                j = np.uint64(neighbour[k])
+                sums = say(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
+        for a in range(len(sums)):
+            m[row, a] = sums[a]
+        close(law, row, m)
+
+
+@cached_njit(**KERNEL)
+def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
+    """Close rows whose sums are in m."""
+    for i in range(first, last):
+        close(law, i, m)
+
+
+@cached_njit(**KERNEL)
+def exchange_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+    """Add what bonds pull with to the rows of `out`, for a law that says its passes in tuples."""
+    start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
+    like = blank(bonds.xi, none)
+    for row in range(first, last):
+        i = np.uint64(row)
+        f, here = like, shows(law, like, m, i)
+        for place in range(start[i], start[i + 1]):
+            k = np.uint64(place)
+            if broken[k] == 0:
+                j = np.uint64(neighbour[k])
+                bond, there = deformed(bonds, value, i, j, k), shows(law, like, m, j)
+                f = summed(f, exchange(law, bond, numbers(law, i, j, k), here, there))
+        for a in range(len(f)):
+            out[i, a] += f[a]
+
+
+@cached_njit(**KERNEL)
+def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
+    """Fill the rows `first` to `last` - 1 of `more`, once those of m are filled."""
+    for i in range(first, last):
+        more[i] = 0
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            gather_again(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m, more)
+
+
+@cached_njit(**KERNEL)
+def close_rows_again(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
+    """Close the rows for the last pass."""
+    for i in range(first, last):
+        close_again(law, i, m, more)
+
+
+@cached_njit(**KERNEL)
+def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
+    """Add to the rows of `out` and `spent` what bonds pull with, and spend."""
+    f = np.empty(out.shape[1], dtype=out.dtype)
+    for i in range(first, last):
+        f[:] = 0
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            bond = deformed(bonds, now.value, i, j, k)
+            spent[i] += age(law, bond, now, m, i, j, k)
+            pull(law, bond, now, m, i, j, k, f)
+        for a in range(len(f)):
+            out[i, a] += f[a]
+
+
+@cached_njit(**KERNEL)
+def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+    """Add what bonds that do not age pull with to the rows of `out`.
+
+    Values may be complex, which gives derivatives without cancellation.
+    """
+    f = np.empty(out.shape[1], dtype=out.dtype)
+    for i in range(first, last):
+        f[:] = 0
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            pull(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
+        for a in range(len(f)):
+            out[i, a] += f[a]
+
+
+@cached_njit(**KERNEL)
+def energy_rows(bonds, law, now, m, held, spent, rows, first, last):  # type: ignore[no-untyped-def]
+    """Fill some rows with what nodes and their bonds hold, and have spent on what can not be got back."""
+    for at in range(first, last):
+        i = rows[at]
+        held[i], spent[i] = hold(law, i, m)
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            own = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
+            held[i] += own[0]
+            spent[i] += own[1]
+
+
+@cached_njit(**KERNEL)
+def alert_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
+    """Mark in `near` the nodes one of whose bonds may fail."""
+    for i in range(first, last):
+        if alert(law, i, m):
+            near[i] = True
+            for k in range(bonds.start[i], bonds.start[i + 1]):
+                near[bonds.neighbour[k]] = True
+
+
+@cached_njit(**KERNEL)
+def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ignore[no-untyped-def]
+    """Mark the bonds of nodes that are `near` as `failing` where they do, and the nodes as `torn`."""
+    for i in range(first, last):
+        if near[i]:
+            for k in range(bonds.start[i], bonds.start[i + 1]):
+                j = bonds.neighbour[k]
+                if fails(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k):
+                    failing[k] = torn[i] = True
+
+
+@cached_njit(**KERNEL)
+def remember_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
+    """Let the nodes `first` to `last` - 1 remember."""
+    for i in range(first, last):
+        remember(law, now, i, m)

@@ -1,0 +1,181 @@
+"""State-based laws on lattices, fast: the passes over families in blocks, all that is seldom asked for by the list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.law import Now, Tabled
+from pdsolve.model import Model
+from pdsolve.numerics.threads import share
+from pdsolve.operators import bond_list_loops as loops
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice import layout
+from pdsolve.operators.simd_lattice.distinct import Distinct
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Placed, aligned
+from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, gather_blocks, watch_blocks
+from pdsolve.state import Broken, State
+
+
+def placed(law: ModuleType, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
+    """Where bonds of the plane are in blocks; None if the law cannot be summed so, or nodes are no lattice."""
+    if not hasattr(law, "tabled") or not len(bonds.neighbour):
+        return None
+    tables, nodes = layout.Tables(), len(bonds.start) - 1
+    found = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
+    return None if found is None or layout.sparse(found, len(bonds.neighbour)) else (found, tables)
+
+
+class Families(BondList):
+    """The bonds of n nodes on lattices under a law that says its passes in tuples; see `Operator`."""
+
+    name = "blocks"
+
+    def __init__(
+        self,
+        law: ModuleType,
+        model: Model,
+        exact: Bonds,
+        symmetric: bool,
+        precision: str,
+        threads: int,
+        placed: tuple[Placed, layout.Tables],
+    ) -> None:
+        """Arguments are those of `BondList`, and the bonds `placed` in slots."""
+        self._ready = False
+        super().__init__(law, model, exact, symmetric, precision, threads)
+        kind = np.dtype(precision).type
+        where, tables = placed
+        count = len(where.counts)
+        room = LANES * count
+        self._tabled = law.tabled(self.columns, self._bonds)
+        self._lane_of = np.empty(len(exact.neighbour), dtype=np.int64)
+        some = np.flatnonzero(where.lane.ravel() >= 0)
+        self._lane_of[where.lane.ravel()[some]] = some
+        kinds, rows, of_slot = _shared(where.lane, self._tabled)
+        self._whole, self._used = of_slot, len(rows)
+        self.slots = Slots(
+            start=np.concatenate([[0], np.cumsum(where.counts)]),
+            slots=np.column_stack([where.way, where.vector, of_slot]).astype(np.int32),
+            ids=where.ids,
+            vectors=aligned(layout.reference_table(tables).astype(kind)),
+            kinds=kinds.astype(kind),
+            rows=aligned(rows.astype(kind), len(of_slot)),
+        )
+        self._u, self._v, self._a = aligned(np.zeros((6, room), dtype=kind)).reshape(3, 2, room)
+        self._dissipated, self._work = np.zeros((2, self._nodes))
+        wide = law.rows(self.columns, 2)
+        self._m, self._f = aligned(np.zeros((wide, room), dtype=kind)), aligned(np.zeros((2, room), dtype=kind))
+        own = law.standing(self.columns, self._every)
+        idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
+        self._own = aligned(np.hstack([own, idle]).astype(kind))
+        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own)
+        self._by_lanes = law.by_lanes(self.columns)
+        self._ready = True
+
+    def place(self, state: State) -> State:
+        """The state in arrays of this operator's own layout, to go on with."""
+        u, v, a = (array[:, : self._nodes].T for array in (self._u, self._v, self._a))
+        own = State(u, v, a, self._dissipated, self._work, state.damped)
+        for values, here in zip(state, own, strict=True):
+            if values.ctypes.data != here.ctypes.data:
+                here[:] = values
+        return own
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        self.slots.slots[:, KIND] = self._whole
+        super().back(kept, broken)
+
+    def bytes(self) -> int:
+        """The memory of all arrays, bytes, but for the rows that slots get as their bonds break."""
+        arrays = *self.slots, self._u, self._v, self._a, self._m, self._f, self._own, self._lane_of, self._whole
+        later = self.slots.rows[self._used :].nbytes
+        return super().bytes() + sum(array.nbytes for array in arrays) - later
+
+    def _between(self, now: Now) -> NDArray[Any]:
+        if not self._takes(now):
+            return super()._between(now)
+        u = self._displacements(now)
+        self._share_blocks(gather_blocks, u, self._own, self._m, self._likes, self._by_lanes)
+        between = self._m[:, : self._nodes].T
+        if not self._by_lanes:
+            self._share(loops.close_rows, between)
+        return between
+
+    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+        if not self._takes(now):
+            return super()._pull(now, between, out)
+        self._share_blocks(exchange_blocks, self._displacements(now), self._m, self._f, self._likes)
+        out += self._f[:, : self._nodes].T
+        return None
+
+    def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
+        if not self._tabled.watched:
+            return super()._near(now, between)
+        near = np.zeros(self._m.shape[1], dtype=np.bool_)
+        self._share_blocks(watch_blocks, self._displacements(now), self._m, near, self._likes)
+        return near[: self._nodes]
+
+    def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        super()._lose(bonds, rows)
+        slot, lane = np.divmod(self._lane_of[bonds], LANES)
+        kind, table = self.slots.slots[:, KIND], self.slots.rows
+        for torn in np.unique(slot).tolist():
+            own = self._used + torn
+            if kind[torn] != -1 - own:
+                old = kind[torn]
+                table[own] = self.slots.kinds[old][:, None] if old >= 0 else table[-1 - old]
+                kind[torn] = -1 - own
+        table[self._used + slot, :, lane] = 0
+        self._own[:, rows] = self.law.standing(self.columns, rows)
+
+    def _takes(self, now: Now) -> bool:
+        """Whether it is a state to be summed in blocks."""
+        return self._ready and now.value.dtype == self._u.dtype
+
+    def _displacements(self, now: Now) -> NDArray[np.floating]:
+        """Displacements (2, m) of a state, which may be another than the one that is placed."""
+        if now.value.ctypes.data == self._u.ctypes.data:
+            return self._u
+        u = np.zeros_like(self._u)
+        u[:, : self._nodes] = now.value.T
+        return u
+
+    def _share_blocks(self, loop: Callable[..., None], *arrays: Any) -> None:
+        count = len(self.slots.start) - 1
+        share(lambda first, last: loop(self.slots, self.columns, *arrays, first, last), count, self._threads)
+
+
+def _shared(
+    lane: NDArray[np.int32], tabled: Tabled
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
+    """Numbers (., c) that all lanes of a slot share, numbers (., c, 64) of lanes that do not, and which of them each of
+    the slots (s, 64) has, as in `Slots`."""
+    columns = [column.astype(float) for column in tabled.columns]
+    kinds = [Distinct(SAME_STIFFNESS) for _ in columns]
+    for kind, column in zip(tabled.alike, columns, strict=True):
+        kinds[kind].numbers(column)
+    number = np.zeros(len(columns[0]), dtype=np.int64)
+    for at, column in enumerate(columns):  # one number for all that a bond has
+        distinct = kinds[tabled.alike[at]]
+        one = distinct.numbers(column).astype(np.int64)
+        columns[at] = distinct.values[one]
+        number = np.unique(number * len(distinct.values) + one, return_inverse=True)[1].ravel()
+    last = int(number.max(initial=-1))
+    values = np.zeros((last + 2, len(columns)))  # the last of them for lanes without a bond
+    for c, column in enumerate(columns):
+        values[number, c] = column
+    found = np.where(lane >= 0, number[lane], last + 1)
+    mixed = (found != found[:, :1]).any(axis=1)
+    own, which = np.unique(found[mixed], axis=0, return_inverse=True)
+    of_slot = found[:, 0].astype(np.int32)
+    of_slot[mixed] = -1 - which.ravel()
+    return values, values[own].transpose(0, 2, 1).copy(), of_slot

@@ -1,0 +1,180 @@
+"""Writing vector code: values of a few lanes, as many as stay in registers, in LLVM's own words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import binding, ir
+from numba import types
+from numba.core import cgutils
+
+from pdsolve.operators.simd_lattice.pull import coefficients
+
+ROW = 16  # lanes whose neighbours are looked for together
+
+INT, _ID, _BYTE = ir.IntType(64), ir.IntType(32), ir.IntType(8).as_pointer()
+
+
+def has_wide_vectors() -> bool:
+    """Whether what is compiled for has vectors of 64 bytes, and 32 registers for them."""
+    features = numba.config.CPU_FEATURES
+    if features is None:
+        features = binding.get_host_cpu_features().flatten() if numba.config.CPU_NAME in (None, "host") else ""
+    return "+avx512f" in features
+
+
+def across(bytes_each: int) -> int:
+    """How many lanes are summed at once: so many that their places and sums stay in registers."""
+    return ROW if has_wide_vectors() or bytes_each == 4 else ROW // 2
+
+
+class Code:
+    """What vector code is written with: values of `count` lanes, in as many vectors as that takes."""
+
+    def __init__(self, context: Any, builder: ir.IRBuilder, kind: Any) -> None:
+        single = kind == types.float32
+        self.builder, self._context = builder, context
+        self.size, self.element = (4, ir.FloatType()) if single else (8, ir.DoubleType())
+        self._round = np.float32 if single else np.float64
+        self.count = across(self.size)
+        self.width = min(self.count, (64 if has_wide_vectors() else 32) // self.size)
+        self.vector = ir.VectorType(self.element, self.width)
+        self.coefficients = coefficients("float32" if single else "float64")
+
+    def data(self, kind: Any, array: Any, axis: int = 0) -> Any:
+        """Where a component of an array begins."""
+        made = self._context.make_array(kind)(self._context, self.builder, array)
+        if axis == 0:
+            return made.data
+        begin = self.builder.gep(self.builder.bitcast(made.data, _BYTE), [self.builder.extract_value(made.strides, 0)])
+        return self.builder.bitcast(begin, made.data.type)
+
+    def load(self, data: Any, at: Any) -> list[Any]:
+        """The lanes from `at` on."""
+        found = []
+        for first in range(0, self.count, self.width):
+            place = self.builder.gep(data, [self.builder.add(at, INT(first))])
+            value = self.builder.load(self.builder.bitcast(place, self.vector.as_pointer()))
+            value.align = self.size
+            found.append(value)
+        return found
+
+    def store(self, values: list[Any], data: Any, at: Any) -> None:
+        """Keep lanes from `at` on."""
+        for first, value in zip(range(0, self.count, self.width), values, strict=True):
+            place = self.builder.gep(data, [self.builder.add(at, INT(first))])
+            done = self.builder.store(value, self.builder.bitcast(place, self.vector.as_pointer()))
+            done.align = self.size
+
+    def gather(self, data: Any, ids: Any, at: Any) -> list[Any]:
+        """What the lanes' neighbours have that are listed from `at` on."""
+        found = []
+        for first in range(0, self.count, self.width):
+            value = ir.Constant(self.vector, ir.Undefined)
+            for lane in range(self.width):
+                j = self.integer(ids, self.builder.add(at, INT(first + lane)))
+                one = self.builder.load(self.builder.gep(data, [j]))
+                value = self.builder.insert_element(value, one, _ID(lane))
+            found.append(value)
+        return found
+
+    def bits(self, data: Any, at: Any, lane: Any) -> list[Any]:
+        """Which lanes from `lane` on have their bit set, in an element of an array of uint16."""
+        word, found = self.builder.load(self.builder.gep(data, [at])), []
+        for first in range(0, self.count, self.width):
+            away = self.builder.trunc(self.builder.add(lane, INT(first)), word.type)
+            some = self.builder.trunc(self.builder.lshr(word, away), ir.IntType(self.width))
+            found.append(self.builder.bitcast(some, ir.VectorType(ir.IntType(1), self.width)))
+        return found
+
+    def integer(self, data: Any, at: Any) -> Any:
+        """An element of an array of int32."""
+        return self.builder.sext(self.builder.load(self.builder.gep(data, [at])), INT)
+
+    def same(self, scalar: Any) -> list[Any]:
+        """A number in all lanes."""
+        if isinstance(scalar, float):
+            value = ir.Constant(self.vector, [float(self._round(scalar))] * self.width)
+        else:
+            nothing = ir.Constant(self.vector, ir.Undefined)
+            one = self.builder.insert_element(nothing, scalar, _ID(0))
+            value = self.builder.shuffle_vector(
+                one, nothing, ir.Constant(ir.VectorType(_ID, self.width), [0] * self.width)
+            )
+        return [value] * (self.count // self.width)
+
+    def each(self, function: Callable[..., Any], *values: list[Any]) -> list[Any]:
+        """A function of one vector, of all."""
+        return [function(*vectors) for vectors in zip(*values, strict=True)]
+
+    def add(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """a + b in each lane."""
+        return self.each(self.builder.fadd, a, b)
+
+    def sub(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """a - b in each lane."""
+        return self.each(self.builder.fsub, a, b)
+
+    def mul(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """a b in each lane."""
+        return self.each(self.builder.fmul, a, b)
+
+    def fma(self, a: list[Any], b: list[Any], c: list[Any]) -> list[Any]:
+        """a b + c, rounded once where the processor can."""
+        return self._call("fmuladd", a, b, c)
+
+    def magnitude(self, a: list[Any]) -> list[Any]:
+        """|a| in each lane."""
+        return self._call("fabs", a)
+
+    def root(self, a: list[Any]) -> list[Any]:
+        """The square root of a."""
+        return self._call("sqrt", a)
+
+    def least(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """The smaller of a and b."""
+        return self._call("minnum", a, b)
+
+    def most(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """The larger of a and b."""
+        return self._call("maxnum", a, b)
+
+    def _call(self, name: str, *values: list[Any]) -> list[Any]:
+        kind = ir.FunctionType(self.vector, (self.vector,) * len(values))
+        name = f"llvm.{name}.v{self.width}f{8 * self.size}"
+        function = cgutils.get_or_insert_function(self.builder.module, kind, name)
+        return self.each(lambda *vectors: self.builder.call(function, vectors), *values)
+
+    def above(self, a: list[Any], b: list[Any]) -> list[Any]:
+        """Whether a > b, or either is no number."""
+        return self.each(lambda one, other: self.builder.fcmp_unordered(">", one, other), a, b)
+
+    def choose(self, which: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
+        """a where it is true, else b."""
+        return self.each(self.builder.select, which, a, b)
+
+    def some(self, which: list[Any]) -> Any:
+        """Whether it is true in any lane."""
+        either = which[0]
+        for other in which[1:]:
+            either = self.builder.or_(either, other)
+        bits = ir.IntType(self.width)
+        return self.builder.icmp_unsigned("!=", self.builder.bitcast(either, bits), bits(0))
+
+    def polynomial(self, factors: tuple[float, ...], e: list[Any]) -> list[Any]:
+        """A polynomial with these coefficients in each lane, by Horner's rule."""
+        value = self.same(factors[-1])
+        for factor in factors[-2::-1]:
+            value = self.fma(value, e, self.same(factor))
+        return value
+
+    def merge(self, incoming: list[tuple[list[Any], Any]]) -> list[Any]:
+        """Values that come from one of several blocks of code."""
+        found = [self.builder.phi(self.vector) for _ in incoming[0][0]]
+        for values, block in incoming:
+            for phi, value in zip(found, values, strict=True):
+                phi.add_incoming(value, block)
+        return found

@@ -1,0 +1,328 @@
+"""From bonds to the blocks of the fast kernel, some rows at a time.
+
+Bonds of a lattice that should be equal differ by round-off, as positions do. Here components of reference vectors,
+and stiffnesses, that differ by less than computing them does are made one; limits are equal to the last bit.
+
+A bond's number is that of its lane: 64 times its slot, plus the lane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.laws.bilinear import intact_share
+from pdsolve.operators.simd_lattice.distinct import Distinct
+from pdsolve.operators.simd_lattice.kernel import END, LANES, LIMITS, Blocks
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.pull import NARROW
+from pdsolve.operators.simd_lattice.vectors import BOUND, FAR, FIELDS, PULL, VECTOR
+
+SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
+SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
+NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
+MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
+SIDES = 1024  # room for them with both signs
+LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
+_intact_share = getattr(intact_share, "py_func", intact_share)  # for whole arrays
+LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
+
+
+class _Rows(NamedTuple):
+    """Numbers of some slots' lanes: the first of each slot, and all of those that have several."""
+
+    first: NDArray[np.int32]  # (s,)
+    mixed: NDArray[np.bool_]  # (s,)
+    own: NDArray[np.int32]  # (., 64) of the mixed ones
+
+
+class _Slots(NamedTuple):
+    """The slots of a part, s of them."""
+
+    counts: NDArray[np.int64]  # (blocks,) slots of a block
+    vector: NDArray[np.int32]  # (s,)
+    mask: NDArray[np.uint64]  # (s,)
+    way: NDArray[np.int64]  # (s, 4) or FAR + row of `ids`
+    ids: NDArray[np.int32]  # (., 16)
+    pull: _Rows
+    bound: _Rows
+
+
+class Tables:
+    """What slots of all parts share."""
+
+    def __init__(self) -> None:
+        self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
+        self.peaks, self.limits, self.bounds = Distinct(0.0), Distinct(0.0), Distinct(0.0)
+        self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components
+        self.keys = np.zeros(0, dtype=np.int64)  # components by number
+
+    def xi(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Both components of each reference vector."""
+        value = self.components.values
+        signed = np.stack([value, -value], axis=1).ravel()
+        return signed[self.keys // SIDES], signed[self.keys % SIDES]
+
+
+def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
+    """The bonds of `nodes` nodes in blocks of precision `kind`; None if they are no lattice.
+
+    `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64.
+    """
+    tables, slots, bonds = Tables(), [], 0
+    room = -(-nodes // LANES) * LANES
+    for part in parts:
+        found = _slots_of(part.bonds, part.first, room, tables)
+        if found is None:
+            return None
+        slots.append(found)
+        bonds += len(part.bonds.neighbour)
+    counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
+    if not bonds or bonds < LEAST_FILLED * LANES * len(mask):
+        return None
+    way, scattered = [], 0
+    for part in slots:
+        way.append(np.where(part.way >= FAR, part.way + scattered, part.way))
+        scattered += len(part.ids)
+    pull, pulls = _shared([part.pull for part in slots])
+    bound, bounds = _shared([part.bound for part in slots])
+    number = tables.bounds.values.astype(np.int64)
+    peak = np.append(tables.peaks.values[number // SIDES**2], np.inf)[bounds]
+    limit = np.append(tables.limits.values[number % SIDES**2], np.inf)[bounds]
+    edge = peak * (peak + 2)
+    near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
+    return Blocks(
+        start=np.concatenate([[0], np.cumsum(counts)]),
+        slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
+        ids=np.concatenate([part.ids for part in slots]),
+        vectors=aligned(reference_table(tables).astype(kind)),
+        stiffness=aligned(np.append(tables.pulls.values, 0.0)[pulls].astype(kind), len(mask)),
+        near=aligned(near.astype(kind), len(mask)),
+        edge=aligned(edge.astype(kind), len(mask)),
+        peak=peak.astype(kind),
+        limit=limit.astype(kind),
+        whole=pull,
+        mask=mask,
+        softened=np.zeros(len(counts), dtype=np.bool_),
+        scratch=aligned(np.zeros((threads, END), dtype=kind)),
+    )
+
+
+def reference_table(tables: Tables) -> NDArray[np.float64]:
+    """Each reference vector as the kernel wants it."""
+    x, y = tables.xi()
+    inverse = 1 / (x * x + y * y)
+    table = np.zeros((len(x), FIELDS))
+    table[:, :5] = np.column_stack([x, y, 2 * x * inverse, 2 * y * inverse, inverse])
+    table[:, 5:7] = np.column_stack([np.hypot(x, y), np.sqrt(inverse)])
+    return table
+
+
+class Placed(NamedTuple):
+    """Where the bonds of a part are: s slots."""
+
+    counts: NDArray[np.int64]  # (blocks,) slots of a block
+    vector: NDArray[np.int32]  # (s,)
+    way: NDArray[np.int64]  # (s, 4) or FAR + row of `ids`
+    ids: NDArray[np.int32]  # (., 16)
+    lane: NDArray[np.int32]  # (s, 64) the bond in each lane, or -1
+
+
+def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | None:
+    """The slots of the bonds of the rows from `first` on, a multiple of 64; None if the nodes are no lattice."""
+    placed = place(bonds, first, room, tables)
+    if placed is None:
+        return None
+    x, y = tables.xi()
+    length, there = np.hypot(x, y), placed.lane >= 0
+    vector = np.empty(len(bonds.xi), dtype=np.int32)
+    vector[placed.lane[there]] = np.repeat(placed.vector, there.sum(axis=1))
+    pulls = tables.pulls.numbers(bonds.stiffness / length[vector])
+    bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
+    return _Slots(
+        counts=placed.counts,
+        vector=placed.vector,
+        mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
+        way=placed.way,
+        ids=placed.ids,
+        pull=_rows(pulls, placed.lane, there),
+        bound=_rows(tables.bounds.numbers(bounds), placed.lane, there),
+    )
+
+
+def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
+    """Where the bonds of the rows from `first` on, a multiple of 64, are; None if the nodes are no lattice."""
+    size = np.abs(bonds.xi).ravel()
+    component = tables.components.numbers(size)
+    if len(tables.components.values) > MOST_COMPONENTS:
+        return None
+    sides = 2 * component + (bonds.xi.ravel() < 0)
+    off = float(np.abs(size - tables.components.values[component]).max(initial=0.0))
+    shortest = float(np.hypot(*bonds.xi.T).min(initial=np.inf))
+    tables.pulls.loosen(NOISE * off / shortest)
+    vector = _vectors(sides.reshape(-1, 2).astype(np.int64), tables)
+    count = len(bonds.start) - 1
+    row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
+    blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
+    slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
+    lane = np.full((len(keys), LANES), -1, dtype=np.int32)
+    lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
+    nodes = first + keys // vectors * LANES
+    way, _ = _ways(bonds.neighbour, lane, nodes, room)
+    order = np.lexsort(((way >= FAR).any(axis=1), nodes))  # the quick loop then goes as far as it can
+    keys, lane = keys[order], lane[order]
+    way, ids = _ways(bonds.neighbour, lane, nodes, room)
+    counts = np.bincount(keys // vectors, minlength=blocks)
+    return Placed(counts, (keys % vectors).astype(np.int32), way, ids, lane)
+
+
+def sparse(placed: Placed, bonds: int) -> bool:
+    """Whether so few lanes have a bond that the nodes are no lattice."""
+    return bonds < LEAST_FILLED * placed.lane.size
+
+
+def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
+    """The numbers (b,) of reference vectors, from the numbers (b, 2) of their signed components."""
+    key = sides[:, 0] * SIDES + sides[:, 1]
+    new = np.unique(key[tables.vectors[key] < 0])
+    tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
+    tables.keys = np.append(tables.keys, new)
+    return np.asarray(tables.vectors[key])
+
+
+def _ways(
+    neighbour: NDArray[np.int32], lane: NDArray[np.int32], first: NDArray[np.int64], room: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The ways (s, 4) of rows whose neighbours are consecutive, and the 16 neighbours of those that are not.
+
+    `lane` (s, 64) are the bonds of slots, whose blocks begin with the nodes `first` (s,) of `room`.
+    """
+    to = neighbour[lane].astype(np.int64) if len(neighbour) else lane.astype(np.int64)
+    to, there = to.reshape(-1, ROW), (lane >= 0).reshape(-1, ROW)
+    own = (first[:, None] + ROW * np.arange(LANES // ROW)).ravel()
+    way = to - own[:, None] - np.arange(ROW)
+    low = np.where(there, way, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+    high = np.where(there, way, np.iinfo(np.int64).min).max(axis=1, initial=np.iinfo(np.int64).min)
+    low[~there.any(axis=1)] = high[~there.any(axis=1)] = 0  # what such a row finds there does not matter
+    scattered = (low != high) | (own + low < 0) | (own + low > room - ROW)
+    low[scattered] = FAR + np.arange(np.count_nonzero(scattered))
+    return low.reshape(-1, LANES // ROW), np.where(there, to, 0)[scattered].astype(np.int32)
+
+
+def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
+    """The numbers of the bonds (b,), slot by slot; LAST in lanes without a bond."""
+    if not len(numbers):
+        return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
+    number = np.where(there, numbers[lane], np.int32(LAST))
+    mixed = (number != number[:, :1]).any(axis=1)
+    return _Rows(number[:, 0], mixed, number[mixed])
+
+
+def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The row of each slot (s,), and for each row the numbers of its lanes (., 64)."""
+    first, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
+    row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
+    row[~mixed] = np.searchsorted(uniform, first[~mixed])
+    own, which = np.unique(own, axis=0, return_inverse=True)
+    row[mixed] = len(uniform) + which.ravel()
+    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), own])
+
+
+def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
+    """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
+    some = np.flatnonzero(mask)
+    row, lane = np.divmod(np.flatnonzero(_bits(mask[some])), LANES)
+    return np.asarray(LANES * (first + some[row]) + lane)
+
+
+def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
+    slot, lane = np.divmod(numbers, LANES)
+    source = (np.searchsorted(blocks.start, slot, side="right") - 1) * LANES + lane
+    way = blocks.slots[slot, lane // ROW].astype(np.int64)
+    target, listed = source + way, way >= FAR
+    target[listed] = blocks.ids[way[listed] - FAR, lane[listed] % ROW]
+    return source, target
+
+
+def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reference vectors (k, 2), m, and force densities for a unit stretch (k,), N/m^3, that bonds have left."""
+    slot, lane = np.divmod(numbers, LANES)
+    table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
+    return table[:, :2], blocks.stiffness[blocks.slots[slot, PULL], lane] / np.sqrt(table[:, 4])
+
+
+def find(
+    blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there in the masks `whole`."""
+    room = LANES * (len(blocks.start) - 1)
+    block = np.unique(source // LANES)
+    slots = [np.arange(blocks.start[b], blocks.start[b + 1]) for b in block]
+    slot = np.concatenate([np.zeros(0, dtype=np.int64), *slots])
+    at = there(whole[slot])
+    numbers = slot[at // LANES] * LANES + at % LANES
+    one, other = ends(blocks, numbers)
+    key = one * room + other
+    order = np.argsort(key)
+    return numbers[order[np.searchsorted(key, source * room + target, sorter=order)]]
+
+
+def revive(
+    blocks: Blocks,
+    intact: NDArray[np.uint64],
+    broken: NDArray[np.int32],
+    worst: NDArray[np.floating],
+    edge: NDArray[np.floating],
+) -> None:
+    """Make stiffnesses, edges and masks those of a state (s, 64): where bonds are `broken`, their `worst` stretches and
+    the `edge` of those that have one; `intact` (s,) were the masks of the whole plate."""
+    whole = _bits(intact)
+    gone, soft = whole & (broken != 0), np.broadcast_to(worst > 0, whole.shape) if len(worst) else np.zeros_like(whole)
+    blocks.mask[:] = np.packbits(whole & ~gone, axis=1, bitorder="little").view(np.uint64)[:, 0]
+    blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
+    torn = np.flatnonzero((gone | soft).any(axis=1))
+    pull, bound = (len(table) - len(intact) + torn for table in (blocks.stiffness, blocks.edge))
+    law, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
+    stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[law], blocks.edge[law]
+    if len(worst):
+        columns = worst[torn][soft], blocks.peak[law][soft], blocks.limit[law][soft]
+        stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]
+        edges[soft] = edge[torn][soft]
+        near[soft] = np.minimum(edges[soft], NARROW)
+    stiffness[gone], near[gone], edges[gone] = 0, np.inf, np.inf
+    blocks.stiffness[pull], blocks.near[bound], blocks.edge[bound] = stiffness, near, edges
+    blocks.slots[torn, PULL], blocks.slots[torn, BOUND] = pull, bound
+    block = np.searchsorted(blocks.start, torn, side="right") - 1
+    blocks.softened[:] = False
+    blocks.softened[block[soft.any(axis=1)]] = True
+
+
+def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
+    """A copy that begins at a multiple of 64 bytes: vectors that cross a cache line cost twice.
+
+    With room for `more` rows, which take no memory until they are written to.
+    """
+    shape = (len(values) + more, *values.shape[1:])
+    wanted = values.itemsize * int(np.prod(shape))
+    room = np.empty(wanted + 64, dtype=np.uint8)
+    at = -room.ctypes.data % 64
+    copy = room[at : at + wanted].view(values.dtype).reshape(shape)
+    copy[: len(values)] = values
+    return copy
+
+
+def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """The bits (s, 64) of masks (s,)."""
+    return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+
+
+def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Numbers of the keys, all below `most`, and the keys they stand for."""
+    seen = np.zeros(most, dtype=bool)
+    seen[keys] = True
+    number = np.cumsum(seen, dtype=np.int32) - np.int32(1)
+    return number[keys], np.flatnonzero(seen)

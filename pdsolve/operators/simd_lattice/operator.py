@@ -1,0 +1,140 @@
+"""The fast kernel as an operator: pair laws on lattices, its numbers and arrays its own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice import layout
+from pdsolve.operators.simd_lattice.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.simd_lattice.vectors import BOUND
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class SimdLattice:
+    """The bonds of n nodes on lattices under the brittle or the bilinear law; see `Operator`."""
+
+    name = "blocks"
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
+
+    def __init__(self, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
+        """`stiffest` (n,), N/m^4, bounds the stiffness of nodes; `softens`: whether any bond softens before it
+        breaks."""
+        self.blocks, self.symmetric = blocks, symmetric
+        self._stiffest, self._whole = stiffest, blocks.mask.copy()
+        none = np.zeros(0, dtype=np.int64)
+        self._looked_at, self._broken = self._whole, Broken(none, none, none)  # what is known to be broken
+        room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
+        kind = blocks.scratch.dtype
+        self.tracks = Tracks(
+            u=aligned(np.zeros((3, 2, room), dtype=kind)),
+            v=aligned(np.zeros((2, room), dtype=kind)),
+            a=aligned(np.zeros((2, room), dtype=kind)),
+            dissipated=aligned(np.zeros(room)),
+            work=aligned(np.zeros(room)),
+            broken=np.zeros(lanes, dtype=np.int32),
+            worst=np.zeros(lanes if softens else (0, LANES), dtype=kind),
+        )
+
+    def place(self, state: State) -> State:
+        """The state in arrays of this operator's own layout, to go on with."""
+        nodes, tracks = len(self._stiffest), self.tracks
+        u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
+        own = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
+        for values, here in zip(state, own, strict=True):
+            if values.ctypes.data != here.ctypes.data:
+                here[:] = values
+        return own
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
+        own = self.place(state)
+        before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
+        sum_blocks(self.blocks, self.tracks, before, out, step)
+        state.dissipated[:] = own.dissipated
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
+        self.place(state)
+        held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
+        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], held, spent)
+        return held[: len(self._stiffest)], spent[: len(self._stiffest)]
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """No fields: a pair law stores none beside the displacements."""
+        return {}
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
+        return self._stiffest
+
+    def tangent(self, state: State) -> csr_array:
+        """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
+        from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
+
+        numbers = layout.there(self.blocks.mask)
+        xi, pull = layout.springs(self.blocks, numbers)
+        return of_springs(*self._ends(numbers), xi, pull, state.value)
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        last = len(self._stiffest) if last is None else last
+        slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
+        mask = self._whole if start else self.blocks.mask
+        source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
+        own = np.flatnonzero((source >= first) & (source < last))
+        own = own[np.lexsort((target[own], source[own]))]
+        return source[own], target[own]
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        new = layout.there(self._looked_at & ~self.blocks.mask)
+        if len(new):
+            found = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
+            self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, found, strict=True)))
+            self._looked_at = self.blocks.mask.copy()
+        if after == 0:
+            return self._broken
+        later = self._broken.step > after
+        return Broken(*(column[later] for column in self._broken))
+
+    def keep(self) -> Kept:
+        """The memory of bonds for a checkpoint, keyed by the rows of their nodes."""
+        worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
+        softened = np.flatnonzero(worst)
+        slot, lane = np.divmod(softened, LANES)
+        source, target = self._ends(softened)
+        edge = self.blocks.edge[rows[slot], lane]
+        return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
+        steps[:] = worst[:] = 0
+        steps[self._find(broken.source, broken.target)] = broken.step
+        softened = self._find(kept["worst_source"], kept["worst_target"])
+        worst[softened], edge.ravel()[softened] = kept["worst"], kept["worst_edge"]
+        self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
+        layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
+
+    def bytes(self) -> int:
+        """The memory of all arrays, bytes, but for the rows that slots get as their bonds break."""
+        blocks = self.blocks
+        later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
+        return sum(array.nbytes for array in (*blocks, *self.tracks)) - later
+
+    def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return layout.ends(self.blocks, numbers)
+
+    def _find(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+        return layout.find(self.blocks, self._whole, source, target)

@@ -1,0 +1,271 @@
+"""Lanes as numbers of compiled code: what a law says of one bond, said of as many at once as stay in registers.
+
+A function that adds and multiplies, divides and takes roots does not see whether it is given numbers or lanes of them.
+In compiled code alone; arrays are (rows, m), rows one after the other.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import PrimitiveModel
+from numba.core.datamodel.registry import register_default
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, overload
+
+from pdsolve.operators.simd_lattice.lanes import INT, across
+
+_ID = ir.IntType(32)
+CONTRACTED = ("contract",)  # a product and a sum may be rounded once
+
+
+class Lanes(types.Type):
+    """Some numbers of one kind, side by side."""
+
+    def __init__(self, kind: Any) -> None:
+        self.kind, self.count = kind, across(kind.bitwidth // 8)
+        super().__init__(name=f"Lanes({kind}, {self.count})")
+
+
+@register_default(Lanes)
+class _Model(PrimitiveModel):
+    """A vector, which compilers divide into those that a processor has."""
+
+    def __init__(self, manager: Any, fe_type: Lanes) -> None:
+        element = ir.FloatType() if fe_type.kind == types.float32 else ir.DoubleType()
+        super().__init__(manager, fe_type, ir.VectorType(element, fe_type.count))
+
+
+def _vector(context: Any, lanes: Lanes) -> Any:
+    return context.get_value_type(lanes)
+
+
+def _same(builder: Any, vector: Any, scalar: Any) -> Any:
+    """A number in all lanes."""
+    nothing = ir.Constant(vector, ir.Undefined)
+    one = builder.insert_element(nothing, scalar, _ID(0))
+    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_ID, vector.count), [0] * vector.count))
+
+
+def _infer(function: Any) -> None:
+    """Let a function of two numbers take lanes for either of them."""
+
+    @infer_global(function)
+    class _Both(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lanes = next((kind for kind in args if isinstance(kind, Lanes)), None)
+            if lanes is None or len(args) != 2 or kws:
+                return None
+            own = (kind if isinstance(kind, Lanes) else lanes.kind for kind in args)
+            return signature(lanes, *own)
+
+
+def _lower(function: Any, instruction: str) -> None:
+    def both(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = _vector(context, signature.return_type)
+        wide = [
+            value if isinstance(kind, Lanes) else _same(builder, vector, value)
+            for kind, value in zip(signature.args, values, strict=True)
+        ]
+        return getattr(builder, instruction)(*wide, flags=CONTRACTED)
+
+    for kinds in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes)):
+        lower_builtin(function, *kinds)(both)
+
+
+for _functions, _instruction in (
+    ((operator.add, operator.iadd), "fadd"),
+    ((operator.sub, operator.isub), "fsub"),
+    ((operator.mul, operator.imul), "fmul"),
+    ((operator.truediv, operator.itruediv), "fdiv"),
+):
+    for _function in _functions:
+        _infer(_function)
+        _lower(_function, _instruction)
+
+
+@infer_global(operator.neg)
+class _Negative(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
+
+
+@lower_builtin(operator.neg, Lanes)
+def _negated(context, builder, signature, values):  # type: ignore[no-untyped-def]
+    return builder.fneg(values[0])
+
+
+@intrinsic
+def root(typingctx, lanes):  # type: ignore[no-untyped-def]
+    """The square root of each lane."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = _vector(context, lanes)
+        name = f"llvm.sqrt.v{lanes.count}f{lanes.kind.bitwidth}"
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, (vector,)), name)
+        return builder.call(function, values)
+
+    return lanes(lanes), generate
+
+
+@overload(np.sqrt)
+def _root(lanes):  # type: ignore[no-untyped-def]
+    return (lambda lanes: root(lanes)) if isinstance(lanes, Lanes) else None
+
+
+@intrinsic
+def same(typingctx, array, number):  # type: ignore[no-untyped-def]
+    """A number in all lanes of the kind that an array's are."""
+    lanes = Lanes(array.dtype)
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        one = context.cast(builder, values[1], number, array.dtype)
+        return _same(builder, _vector(context, lanes), one)
+
+    return lanes(array, number), generate
+
+
+@intrinsic
+def unless_none(typingctx, weight, one, other):  # type: ignore[no-untyped-def]
+    """`one` in lanes that have a weight, `other` in those that have none."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        none = ir.Constant(values[0].type, [0.0] * values[0].type.count)
+        return builder.select(builder.fcmp_unordered("!=", values[0], none), values[1], values[2])
+
+    return one(weight, one, other), generate
+
+
+@intrinsic
+def larger(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """a in lanes where it is more than b, else b."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return builder.select(builder.fcmp_ordered(">", *values), *values)
+
+    return a(a, b), generate
+
+
+@intrinsic
+def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """A bit for each lane, from the lowest on: whether a > b."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        which = builder.fcmp_ordered(">", *values)
+        return builder.zext(builder.bitcast(which, ir.IntType(a.count)), INT)
+
+    return types.int64(a, b), generate
+
+
+def _row(context: Any, builder: Any, kind: Any, array: Any, row: int) -> Any:
+    """Where a row of an array begins."""
+    made = context.make_array(kind)(context, builder, array)
+    stride = builder.extract_value(made.strides, 0)
+    begin = builder.gep(
+        builder.bitcast(made.data, cgutils.voidptr_t), [builder.mul(stride, ir.Constant(stride.type, row))]
+    )
+    return builder.bitcast(begin, made.data.type)
+
+
+def _place(builder: Any, row: Any, at: Any, vector: Any) -> Any:
+    return builder.bitcast(builder.gep(row, [at]), vector.as_pointer())
+
+
+@intrinsic
+def beside(typingctx, array, like, at):  # type: ignore[no-untyped-def]
+    """The lanes from `at` on of as many rows of an array as a tuple has entries."""
+    lanes = Lanes(array.dtype)
+    found = types.UniTuple(lanes, len(like))
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector, made = _vector(context, lanes), []
+        for number in range(len(like)):
+            row = _row(context, builder, array, values[0], number)
+            value = builder.load(_place(builder, row, values[2], vector))
+            value.align = array.dtype.bitwidth // 8
+            made.append(value)
+        return context.make_tuple(builder, found, made)
+
+    return found(array, like, types.int64), generate
+
+
+@intrinsic
+def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
+    """The lanes of nodes whose numbers are in `ids` (., 16), from its element `at` on; a row of the array each."""
+    lanes = Lanes(array.dtype)
+    found = types.UniTuple(lanes, len(like))
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = _vector(context, lanes)
+        numbers = context.make_array(ids)(context, builder, values[2]).data
+        nodes = [
+            builder.sext(builder.load(builder.gep(numbers, [builder.add(values[3], INT(lane))])), INT)
+            for lane in range(lanes.count)
+        ]
+        made = []
+        for number in range(len(like)):
+            row, value = _row(context, builder, array, values[0], number), ir.Constant(vector, ir.Undefined)
+            for lane, node in enumerate(nodes):
+                value = builder.insert_element(value, builder.load(builder.gep(row, [node])), _ID(lane))
+            made.append(value)
+        return context.make_tuple(builder, found, made)
+
+    return found(array, like, ids, types.int64), generate
+
+
+@intrinsic
+def keep(typingctx, values, array, at):  # type: ignore[no-untyped-def]
+    """Put a tuple of lanes into the first rows of an array, from `at` on."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        for number, value in enumerate(cgutils.unpack_tuple(builder, arguments[0])):
+            row = _row(context, builder, array, arguments[1], number)
+            done = builder.store(value, _place(builder, row, arguments[2], value.type))
+            done.align = array.dtype.bitwidth // 8
+        return context.get_dummy_value()
+
+    return types.void(values, array, types.int64), generate
+
+
+@intrinsic
+def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
+    """The numbers of a row of an array (., c), each in all lanes: as many as a tuple has entries."""
+    lanes = Lanes(array.dtype)
+    found = types.UniTuple(lanes, len(like))
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = _vector(context, lanes)
+        made = context.make_array(array)(context, builder, values[0])
+        begin = builder.mul(values[2], builder.extract_value(made.shape, 1))
+        numbers = [builder.load(builder.gep(made.data, [builder.add(begin, INT(c))])) for c in range(len(like))]
+        return context.make_tuple(builder, found, [_same(builder, vector, number) for number in numbers])
+
+    return found(array, like, types.int64), generate
+
+
+@intrinsic
+def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
+    """The lanes from `lane` on of entry `row` of an array (., c, 64): as many rows as a tuple has entries."""
+    lanes = Lanes(array.dtype)
+    found = types.UniTuple(lanes, len(like))
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = _vector(context, lanes)
+        made = context.make_array(array)(context, builder, values[0])
+        wide = builder.extract_value(made.shape, 2)
+        begin = builder.mul(builder.mul(values[2], builder.extract_value(made.shape, 1)), wide)
+        begin, made_of = builder.add(begin, values[3]), []
+        for c in range(len(like)):
+            at = builder.add(begin, builder.mul(wide, INT(c)))
+            value = builder.load(_place(builder, made.data, at, vector))
+            value.align = array.dtype.bitwidth // 8
+            made_of.append(value)
+        return context.make_tuple(builder, found, made_of)
+
+    return found(array, like, types.int64, types.int64), generate

@@ -1,0 +1,128 @@
+"""Two passes over families in blocks, for laws that say theirs in tuples: what nodes gather, then what bonds pull.
+
+Blocks, slots and lanes as in `kernel`. What a bond has besides its reference vector is the same in all lanes of most
+slots, a row of `kinds`; a slot at an edge or with a broken bond has a row of `rows`, 0 where there is no bond. Sums
+stay in registers. As f_ij is made of sums over both ends and of vectors that have but their signs changed, it is -f_ji
+to the bit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.laws.law import Bond, exchange, finish, nears, nothing, say
+from pdsolve.laws.small_tensors import blank, summed
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER, LANES, across
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.packed import (
+    beside,
+    keep,
+    listed,
+    repeated,
+    same,
+    stacked,
+    unless_none,
+    which_above,
+)
+from pdsolve.operators.simd_lattice.vectors import FAR, VECTOR
+
+KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
+SAFE = 1e-6  # nearer to its limit than this share, a bond is looked at by itself
+PLANE = (0, 0)
+
+
+class Slots(NamedTuple):
+    """Bonds in blocks: s slots, c numbers a bond."""
+
+    start: NDArray[np.int64]  # (blocks + 1,) slots of a block
+    slots: NDArray[np.int32]  # (s, 6) ways of the four rows, as in `kernel.Blocks`, row of `vectors`, kind
+    ids: NDArray[np.int32]  # (., 16) neighbours
+    vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, |xi|, 1 / |xi|
+    kinds: NDArray[np.floating]  # (., c)
+    rows: NDArray[np.floating]  # (., c, 64)
+
+
+@njit(forceinline=True, **INNER)
+def _numbers(slots, slot, like, lane):  # type: ignore[no-untyped-def]
+    """What the bonds of some lanes have."""
+    kind = np.int64(slots.slots[slot, KIND])
+    if kind >= 0:
+        return repeated(slots.kinds, like, kind)
+    return stacked(slots.rows, like, -1 - kind, lane)
+
+
+@njit(forceinline=True, **INNER)
+def _there(slots, slot, array, like, at, lane):  # type: ignore[no-untyped-def]
+    """What the neighbours of some lanes, whose first node is `at`, have in the first rows of an array."""
+    way = np.int64(slots.slots[slot, lane // ROW])
+    if way < FAR:
+        return beside(array, like, at + way)
+    return listed(array, like, slots.ids, (way - FAR) * ROW + lane % ROW)
+
+
+@njit(forceinline=True, **INNER)
+def _bond(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+    """The deformed bonds of some lanes; those that are none are as at rest."""
+    v = slots.vectors[slots.slots[slot, VECTOR]]
+    there = _there(slots, slot, u, PLANE, at, lane)
+    x, y = unless_none(c[0], there[0] - own[0], there[0] * 0.0), unless_none(c[0], there[1] - own[1], there[1] * 0.0)
+    e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
+    q = np.sqrt(1.0 + e)
+    reach = q + 1.0
+    once = 1.0 / (q * reach)
+    stretch = e * q * once
+    return Bond((v[0], v[1]), (x, y), v[5], q, stretch, v[5] * stretch, v[6] * (reach * once))
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
+    """Fill m (w, n) in some blocks with what nodes have between the passes, or, not `by_lanes`, with their sums."""
+    none = same(u, 0.0)
+    for b in range(first, last):
+        for lane in range(0, LANES, across(u)):
+            at = b * LANES + lane
+            here, sums = beside(u, PLANE, at), nothing(law, PLANE, none)
+            for slot in range(slots.start[b], slots.start[b + 1]):
+                c = _numbers(slots, slot, likes[0], lane)
+                sums = say(law, _bond(slots, slot, c, u, here, at, lane), c, sums)
+            if by_lanes:
+                keep(finish(law, sums, beside(own, likes[2], at)), m, at)
+            else:
+                keep(sums, m, at)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no-untyped-def]
+    """Fill f (2, n) in the same blocks with force densities, N/m^3."""
+    none = same(u, 0.0)
+    for b in range(first, last):
+        for lane in range(0, LANES, across(u)):
+            at = b * LANES + lane
+            here, shown, pull = beside(u, PLANE, at), beside(m, likes[1], at), blank(PLANE, none)
+            for slot in range(slots.start[b], slots.start[b + 1]):
+                c = _numbers(slots, slot, likes[0], lane)
+                there = _there(slots, slot, m, likes[1], at, lane)
+                pull = summed(pull, exchange(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there))
+            keep(pull, f, at)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no-untyped-def]
+    """Mark the nodes in `near` (n,) one of whose lanes has a bond that is over its limit, or nearly."""
+    for b in range(first, last):
+        for lane in range(0, LANES, across(u)):
+            at = b * LANES + lane
+            here, shown = beside(u, PLANE, at), beside(m, likes[1], at)
+            for slot in range(slots.start[b], slots.start[b + 1]):
+                c = _numbers(slots, slot, likes[0], lane)
+                there = _there(slots, slot, m, likes[1], at, lane)
+                found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there)
+                if which_above(found, limit * (1.0 - SAFE)) != 0:
+                    for k in range(across(u)):
+                        near[at + k] = True
+                    break

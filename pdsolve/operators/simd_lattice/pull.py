@@ -1,0 +1,44 @@
+"""What a bond pulls with, without a root and a division.
+
+The force of a bond is w e g(e) (xi + eta) with e = (2 xi.eta + eta.eta) / xi.xi, its stiffness over its length w, and
+
+    g(e) = 1 / (1 + e + sqrt(1 + e))
+
+which is free of cancellation. Polynomials stand for g that are as exact as a root and a division are: of degree 5
+where |e| is at most `NARROW`, which is all that most bonds of brittle materials ever see, and of degree 10 up to
+`WIDE` (in single precision 2 and 4). They interpolate g at Chebyshev's points.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal, localcontext
+from functools import cache
+from math import cos, pi
+
+NARROW, WIDE = 1 / 256, 1 / 16  # of |e|
+DEGREES = {"float64": (5, 10), "float32": (2, 4)}
+DIGITS = 50
+
+
+@cache
+def coefficients(precision: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The coefficients of 1, e, e^2 ... of the force polynomials for |e| up to NARROW and up to WIDE."""
+    narrow, wide = DEGREES[precision]
+    return _interpolated(NARROW, narrow), _interpolated(WIDE, wide)
+
+
+def _interpolated(reach: float, degree: int) -> tuple[float, ...]:
+    """The polynomial through g at degree + 1 points, by Newton's differences."""
+    with localcontext() as context:
+        context.prec = DIGITS
+        points = [Decimal(reach * cos(pi * (2 * k + 1) / (2 * degree + 2))) for k in range(degree + 1)]
+        differences = [1 / (1 + e + (1 + e).sqrt()) for e in points]
+        for order in range(1, degree + 1):
+            for k in range(degree, order - 1, -1):
+                differences[k] = (differences[k] - differences[k - 1]) / (points[k] - points[k - order])
+        found = [Decimal(0)]
+        for difference, point in zip(reversed(differences), reversed(points), strict=True):
+            shifted = [Decimal(0), *found]
+            found = [high - point * low for high, low in zip(shifted, [*found, Decimal(0)], strict=True)]
+            found[0] += difference
+        return tuple(float(value) for value in found[: degree + 1])

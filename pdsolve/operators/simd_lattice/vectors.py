@@ -1,0 +1,278 @@
+"""The innermost loops as vector code: a few lanes over the slots of a block, their sums kept in registers.
+
+numba's own loops over lanes look at every slot whether arrays overlap and keep sums in memory; written as LLVM's
+vectors the same sum takes half of the time. Each lane is computed alike, to the same bits, however wide a processor's
+vectors are.
+
+    u, after       (2, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
+    slots, ids, vectors, stiffness, near, edge     of `kernel.Blocks`                 sums of forces, x then y, then e
+    lane           of the block, the first of `across` that are summed; own   its node
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
+from pdsolve.operators.simd_lattice.pull import NARROW, WIDE
+
+FIELDS = 8  # of a slot
+VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows
+FY, E = ROW, 2 * ROW  # where the sums along y, and e, begin in s
+SCRATCH = 3 * ROW
+FAR = 1 << 30  # more than any way between two nodes
+SELDOM = (1, 1000)  # weights of a branch that is seldom taken, and of its other
+
+
+class _Bonds:
+    """The bonds of some lanes of a block, slot by slot."""
+
+    def __init__(self, code: Code, kinds: Any, values: Any) -> None:
+        """`values` are those of the arguments of `add_slots`, of these `kinds`."""
+        self._code = code
+        arrays = zip(kinds[:7], values[:7], strict=True)
+        self.u = [code.data(kinds[0], values[0], axis) for axis in (0, 1)]
+        _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge = (
+            code.data(kind, array) for kind, array in arrays
+        )
+        self._node, self._lane = values[-3:-1]
+        self._row = code.builder.sdiv(self._lane, INT(ROW))
+        self.own = [code.load(component, self._node) for component in self.u]
+
+    def way(self, slot: Any) -> Any:
+        """From a node of the row to its neighbour; or FAR + row of ids."""
+        return self._field(slot, self._row)
+
+    def reference(self, slot: Any) -> list[list[Any]]:
+        """xi and 2 xi / xi.xi, both components, and 1 / xi.xi."""
+        code, at = self._code, self._code.builder.mul(self._field(slot, INT(VECTOR)), INT(FIELDS))
+        return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(5)]
+
+    def beside(self, way: Any) -> list[list[Any]]:
+        """Displacements of neighbours that are consecutive."""
+        at = self._code.builder.add(self._node, way)
+        return [self._code.load(component, at) for component in self.u]
+
+    def listed(self, way: Any) -> list[list[Any]]:
+        """Displacements of neighbours that are not."""
+        builder = self._code.builder
+        row = builder.mul(builder.sub(way, INT(FAR)), INT(ROW))
+        at = builder.add(row, builder.srem(self._lane, INT(ROW)))
+        return [self._code.gather(component, self.ids, at) for component in self.u]
+
+    def deformed(self, reference: list[list[Any]], there: list[list[Any]]) -> tuple[list[Any], list[Any], list[Any]]:
+        """Both components of eta, and e."""
+        code, (_, _, x2, y2, inverse) = self._code, reference
+        eta_x, eta_y = (code.sub(far, near) for far, near in zip(there, self.own, strict=True))
+        along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
+        return eta_x, eta_y, code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
+
+    def found(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
+        """The reference of a slot whose neighbours may be anywhere, eta, and e, which is 0 without a bond."""
+        code, builder, blocks = self._code, self._code.builder, loop.blocks
+        way, reference = self.way(loop.slot), self.reference(loop.slot)
+        builder.cbranch(builder.icmp_signed(">=", way, INT(FAR)), blocks["listed"], blocks["beside"])
+        loop.go_on("beside")
+        beside = self.beside(way)
+        builder.branch(blocks["found"])
+        loop.go_on("listed")
+        listed = self.listed(way)
+        builder.branch(blocks["found"])
+        loop.go_on("found")
+        pairs = zip(beside, listed, strict=True)
+        there = [code.merge([(a, blocks["beside"]), (b, blocks["listed"])]) for a, b in pairs]
+        eta_x, eta_y, e = self.deformed(reference, there)
+        nothing = code.each(lambda row: builder.fcmp_unordered("==", row, code.same(np.inf)[0]), self.near(loop.slot))
+        return reference, eta_x, eta_y, code.choose(nothing, code.same(0.0), e)
+
+    def stiffness(self, slot: Any) -> list[Any]:
+        """w of each lane, 0 without a bond."""
+        return self._code.load(self._stiffness, self._lane_of(self._field(slot, INT(PULL))))
+
+    def near(self, slot: Any) -> list[Any]:
+        """Up to which |e| a lane needs no care, infinite without a bond."""
+        return self._code.load(self._near, self._lane_of(self._field(slot, INT(BOUND))))
+
+    def edge(self, slot: Any) -> list[Any]:
+        """Above which e something happens to a bond."""
+        return self._code.load(self._edge, self._lane_of(self._field(slot, INT(BOUND))))
+
+    def pulled(
+        self,
+        slot: Any,
+        reference: list[list[Any]],
+        eta: Sequence[list[Any]],
+        e: list[Any],
+        g: list[Any],
+        sums: list[list[Any]],
+    ) -> list[list[Any]]:
+        """The sums, the slot's forces added."""
+        code = self._code
+        pull = code.mul(code.mul(self.stiffness(slot), e), g)
+        return [
+            code.fma(pull, code.add(xi, along), total)
+            for xi, along, total in zip(reference[:2], eta, sums, strict=True)
+        ]
+
+    def _field(self, slot: Any, number: Any) -> Any:
+        builder = self._code.builder
+        return self._code.integer(self._slots, builder.add(builder.mul(slot, INT(FIELDS)), number))
+
+    def _lane_of(self, row: Any) -> Any:
+        builder = self._code.builder
+        return builder.add(builder.mul(row, INT(4 * ROW)), self._lane)
+
+    def _element(self, data: Any, at: Any) -> Any:
+        return self._code.builder.load(self._code.builder.gep(data, [at]))
+
+
+def _signature(u: Any, slots: Any, ids: Any, vectors: Any, stiffness: Any, near: Any, edge: Any, s: Any) -> Any:
+    numbers = (types.int64,) * 4
+    return types.int64(u, slots, ids, vectors, stiffness, near, edge, *numbers, s)
+
+
+class _Loop:
+    """A loop over slots that leaves at the first one it cannot add."""
+
+    def __init__(self, code: Code, bonds: _Bonds, values: Any, kept: Any, names: tuple[str, ...]) -> None:
+        """`values` are the arguments of `add_slots`; the blocks of code called so are there to be filled."""
+        builder = code.builder
+        began, function = builder.block, builder.function
+        self._code, self._kept = code, kept
+        self.blocks = {name: function.append_basic_block(name) for name in ("head", "look", *names, "add", "leave")}
+        sums = [code.load(kept, INT(at)) for at in (0, FY)]
+        builder.branch(self.blocks["head"])
+        self.go_on("head")
+        self.slot = builder.phi(INT)
+        self.slot.add_incoming(values[7], began)
+        self.sums = [code.merge([(total, began)]) for total in sums]
+        builder.cbranch(builder.icmp_signed("<", self.slot, values[8]), self.blocks["look"], self.blocks["leave"])
+        self.go_on("look")
+
+    def go_on(self, name: str) -> None:
+        """What follows is in this block of code."""
+        self._code.builder.position_at_end(self.blocks[name])
+
+    def unless(self, condition: Any, name: str) -> None:
+        """Leave if it holds, which is seldom, else go on there."""
+        branch = self._code.builder.cbranch(condition, self.blocks["leave"], self.blocks[name])
+        branch.set_weights(SELDOM)
+        self.go_on(name)
+
+    def end(self, after: list[list[Any]]) -> Any:
+        """On to the next slot with these sums; returns the slot that the loop leaves at."""
+        builder, add = self._code.builder, self.blocks["add"]
+        self.slot.add_incoming(builder.add(self.slot, INT(1)), add)
+        for phis, totals in zip(self.sums, after, strict=True):
+            for phi, total in zip(phis, totals, strict=True):
+                phi.add_incoming(total, add)
+        builder.branch(self.blocks["head"])
+        self.go_on("leave")
+        for total, at in zip(self.sums, (0, FY), strict=True):
+            self._code.store(total, self._kept, INT(at))
+        return self.slot
+
+
+@intrinsic
+def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    """Add the forces of the slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
+
+    Returns the first slot whose neighbours are not consecutive or that has an |e| above `near`, or `last`.
+    """
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        code = Code(context, builder, u.dtype)
+        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
+        loop = _Loop(code, bonds, values, kept, ("beside",))
+        way = bonds.way(loop.slot)
+        loop.unless(builder.icmp_signed(">=", way, INT(FAR)), "beside")
+        reference = bonds.reference(loop.slot)
+        *eta, e = bonds.deformed(reference, bonds.beside(way))
+        loop.unless(code.some(code.above(code.magnitude(e), bonds.near(loop.slot))), "add")
+        g = code.polynomial(code.coefficients[0], e)
+        return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
+
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+
+
+@intrinsic
+def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    """Add the forces of the slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE.
+
+    Returns the first slot with an |e| beyond, or an e above `edge`, and those of its lanes in s; or `last`.
+    """
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        code = Code(context, builder, u.dtype)
+        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
+        loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found", "strange", "usual", "wide"))
+        slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+        size = code.magnitude(e)
+        known = code.least(bonds.edge(slot), code.same(WIDE))
+        strange = code.each(builder.or_, code.above(e, known), code.above(size, code.same(WIDE)))
+        builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
+        loop.go_on("strange")
+        code.store(e, kept, INT(E))
+        builder.branch(loop.blocks["leave"])
+        loop.go_on("usual")
+        narrow, beyond = code.polynomial(code.coefficients[0], e), code.above(size, code.same(NARROW))
+        builder.cbranch(code.some(beyond), loop.blocks["wide"], loop.blocks["add"])
+        loop.go_on("wide")
+        wide = code.choose(beyond, code.polynomial(code.coefficients[1], e), narrow)
+        builder.branch(loop.blocks["add"])
+        loop.go_on("add")
+        g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
+        return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums))
+
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+
+
+@intrinsic
+def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    """Add the forces of all slots `first` to `last` - 1 to the sums in s, whatever their stretches."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        code = Code(context, builder, u.dtype)
+        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
+        loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found"))
+        slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+        builder.branch(loop.blocks["add"])
+        loop.go_on("add")
+        size, one = code.magnitude(e), code.same(1.0)
+        narrow, wide = (code.polynomial(factors, e) for factors in code.coefficients)
+        g = code.choose(code.above(size, code.same(NARROW)), wide, narrow)
+        q2 = code.add(one, e)
+        exact = code.each(builder.fdiv, one, code.add(q2, code.root(q2)))
+        g = code.choose(code.above(size, code.same(WIDE)), exact, g)
+        return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums))
+
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+
+
+@intrinsic
+def kick_and_drift(typingctx, u, after, v, lightness, dt, half, own, s):  # type: ignore[no-untyped-def]
+    """From the sums in s, the last half of a step and the first of the next for the nodes from `own` on.
+
+    To the same bits as one by one: kick and drift are two roundings, and never contracted. `lightness` (m,) is 1 / rho.
+    """
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        code = Code(context, builder, u.dtype)
+        step, half_a_step = code.same(values[4]), code.same(values[5])
+        at, kept = values[6], code.data(s, values[7])
+        light = code.load(code.data(lightness, values[3]), at)
+        for axis, first in enumerate((0, FY)):
+            speeds = code.data(v, values[2], axis)
+            kick = code.mul(half_a_step, code.mul(code.load(kept, INT(first)), light))
+            speed = code.add(code.add(code.load(speeds, at), kick), kick)
+            code.store(speed, speeds, at)
+            place = code.add(code.load(code.data(u, values[0], axis), at), code.mul(step, speed))
+            code.store(place, code.data(after, values[1], axis), at)
+        return context.get_dummy_value()
+
+    return types.void(u, after, v, lightness, u.dtype, u.dtype, types.int64, s), generate

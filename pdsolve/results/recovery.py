@@ -1,0 +1,110 @@
+"""In what state a database of results is, after whatever has happened to the run that wrote it."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from enum import Enum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pdsolve.results.errors import EmptyError, ResultsError, explained
+from pdsolve.results.lock import holder
+from pdsolve.results.opening import Log, log_of, read_only
+from pdsolve.results.reader import Results
+
+
+class Kind(Enum):
+    """What can be done with a database: its value says what it is, and what goes on with it."""
+
+    NONE = "no file: a run begins"
+    RUNNING = "a run is writing to it: wait for its end, or stop it"
+    EMPTY = "nothing in it, its run was stopped before the first frame: solve it anew"
+    UNBEGUN = "no checkpoint yet, its run was stopped before the first frame: --resume begins anew"
+    STOPPED = "its run was stopped: --resume goes on from its last checkpoint"
+    FAILED = "its run ended badly: solve it anew with other settings"
+    FINISHED = "its run is finished"
+
+
+BADLY = ("unstable", "unsettled")  # how a run ends that would do so again
+
+
+class State(NamedTuple):
+    """The state of a database."""
+
+    kind: Kind
+    meta: Mapping[str, Any] = {}  # what the run says of itself; empty where there is nothing to read
+    step: int | None = None  # of the last checkpoint
+    frame: int | None = None  # the step of the last frame
+    holder: str = ""  # the run that is writing to it, as "process 12 on host"
+    log: Log = Log()
+
+    @property
+    def words(self) -> str:
+        """The state in a line, without the name of the file."""
+        said = str(self.kind.value)
+        if self.kind is Kind.RUNNING:
+            return f"{said} ({self.holder})"
+        return f"{said}, at step {self.step}" if self.kind is Kind.STOPPED else said
+
+    @property
+    def warning(self) -> str | None:
+        """What cannot be read of a database whose log was damaged; None where there is nothing to say."""
+        if not self.log.lost:
+            return None
+        until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
+        how = "it is to be solved anew" if self.kind is Kind.EMPTY else "pdsolve --resume solves what came later again"
+        return (
+            f"found its log ({self.log.read + self.log.lost} transactions) damaged after {self.log.read}, expected a"
+            f" whole one; {until} can be read, {how}"
+        )
+
+
+def state_of(path: Path) -> State:
+    """The state of the database at `path`; a journal that a killed run has left is rolled back.
+
+    A file that nobody holds may be held the next moment: who writes to it asks for its lock (`writing_to`), and gets
+    a BusyError then. Raises ResultsError for a file that is no database of ours, and for one that is damaged.
+    """
+    held = holder(path)
+    if held is not None:
+        return State(Kind.RUNNING, holder=held)
+    if not os.path.lexists(path):
+        _expect_no_log(path)
+        return State(Kind.NONE)
+    try:
+        with Results.open(path) as results, explained(path):
+            return _read(results, path)
+    except EmptyError:
+        with explained(path), closing(read_only(path)) as connection:
+            return State(Kind.EMPTY, log=log_of(connection, path))
+
+
+def _read(results: Results, path: Path) -> State:
+    meta, connection = results.meta(), results.connection
+    log = log_of(connection, path)
+    step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
+    status = meta.get("status")
+    kind = Kind.UNBEGUN if step is None else Kind.STOPPED
+    if status == "finished":
+        kind = Kind.FINISHED
+    elif status in BADLY:
+        kind = Kind.FAILED
+    return State(kind, meta, step, frame, log=log)
+
+
+def _last(connection: sqlite3.Connection, table: str) -> int | None:
+    ((step,),) = connection.execute(f"SELECT max(step) FROM {table}")
+    return None if step is None else int(step)
+
+
+def _expect_no_log(path: Path) -> None:
+    """Raises ResultsError where a database is gone whose log is there: its run was killed, and it was renamed."""
+    log = Path(f"{os.path.realpath(path)}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise ResultsError(
+            f"{path}: found {log.name} without its database, expected both (was it renamed? rename the log alike;"
+            " otherwise remove it)"
+        )

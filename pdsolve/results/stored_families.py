@@ -1,0 +1,50 @@
+"""The bonds of all nodes as they were written, checked while they are inflated."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.results.schema import CHUNK, Nodes
+from pdsolve.results.tables import Tables
+from pdsolve.results.validation import wrong_chunk
+
+TABLE = "family_chunk"
+
+
+def written_families(tables: Tables, nodes: Nodes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How many bonds each node that ever was (n,) had at its birth, and the rows (b,) of its neighbours, one node after
+    the other. Raises DamagedError."""
+    counts, neighbours, row = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    rows, expected = len(nodes.ids), nodes.family - nodes.cut
+    for first, *_, bonds, further in tables.all(TABLE):
+        count = _inflated(tables, bonds, CHUNK)
+        follows = first == (row if tables.epochs else row // CHUNK)
+        wrong = None if follows else "found chunks that do not follow each other, expected them in their order"
+        tables.expect(TABLE, wrong or wrong_chunk(row, count, rows))
+        if count.any() and not np.array_equal(count, expected[row : row + len(count)]):  # of diffusion none is written
+            tables.impossible(TABLE, "found other numbers of bonds than in the table node")
+        total = int(count.sum())
+        ahead = _inflated(tables, further, total)
+        if len(ahead) != total:
+            tables.impossible(TABLE, f"found {len(ahead)} neighbours or more, expected {total}")
+        neighbour = np.repeat(np.arange(row, row + len(count)), count) + ahead
+        if ((neighbour < 0) | (neighbour >= rows)).any():
+            tables.impossible(TABLE, f"found neighbours that do not exist, expected some of {rows} nodes")
+        neighbours.append(neighbour)
+        counts.append(count)
+        row += len(count)
+    if row != rows:
+        tables.impossible(TABLE, f"found bonds of {row} nodes, expected those of {rows}")
+    return np.concatenate(counts), np.concatenate(neighbours)
+
+
+def _inflated(tables: Tables, packed: bytes, most: int) -> NDArray[np.int64]:
+    """Whole numbers, at most so many and one more: what is deflated may be far larger than the file."""
+    try:
+        data = zlib.decompressobj().decompress(packed, 4 * (most + 1))
+    except zlib.error as error:
+        tables.impossible(TABLE, f"found bonds that cannot be read ({error}), expected deflated ones")
+    return np.frombuffer(data[: len(data) // 4 * 4], dtype="<i4").astype(np.int64)

@@ -1,0 +1,214 @@
+"""What the tables of a database may hold, besides what their checksums say: a file may be of anyone's making.
+
+Each function returns what is wrong, as "found ..., expected ...", or nothing.
+"""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import LARGEST, MOST
+from pdmesh.model.timed_selection import MOST_STEPS
+from pdsolve.results.checksums import Row
+from pdsolve.results.schema import CHUNK, Breaks, Nodes, statements
+
+TYPES: Mapping[str, tuple[type, ...]] = {  # of a column in SQL: what its values are in Python
+    "INTEGER": (int,),
+    "REAL": (float, int, type(None)),  # there is no NaN in SQL
+    "TEXT": (str,),
+    "BLOB": (bytes,),
+    "": (str, float, int, bytes, type(None)),
+}
+LARGEST_INT = 2**62  # what ids may be
+NUMBERS = {  # of meta: the bounds of what must be a number, the first of them left out
+    "time_step": (0.0, MOST),
+    "stable_time_step": (0.0, float("inf")),
+    "initial_energy": (-1e100, 1e100),
+    "wall_time": (-1.0, 1e15),
+    "dimension": (1, 3),
+}
+WORDS = ("program", "provenance", "units", "mode", "precision", "kernel", "status", "created", "summary", "model")
+CHECKPOINTED = ("<f4", "<f8", "<i4", "<i8", "<u4", "<u8", "|i1", "|u1", "|b1", "<i2", "<u2")  # types of arrays
+
+
+def table_columns(connection: sqlite3.Connection, table: str) -> list[tuple[str, str, int]]:
+    """Name, type and kind (0: ordinary) of the columns of a table."""
+    with closing(connection.execute(f"PRAGMA table_xinfo({table})")) as rows:
+        return [(row[1], row[2], row[6]) for row in rows]
+
+
+def wrong_schema(connection: sqlite3.Connection, current: bool) -> str | None:
+    """What is in ``sqlite_master`` and not ours, or otherwise; of files of older versions (not `current`) the columns
+    are looked at alone, which may be fewer."""
+    with closing(connection.execute("SELECT type, name, tbl_name, sql, rootpage FROM sqlite_master")) as rows:
+        found = rows.fetchall()
+    ours = [_master(2), _master(3)]
+    for kind, name, table, sql, _ in found:
+        if kind == "index" and sql is None and str(name).startswith("sqlite_autoindex_") and table in ours[0]:
+            continue
+        if (kind, name) not in [("table", known) for known in ours[0] if known != VIEW] + [("view", VIEW)]:
+            return f"found the {kind} {str(name)[:80]!r}, expected those of pdsolve alone (keep yours in another file)"
+        if current and not any(plain(sql) == one[name] for one in ours):
+            return f"found another {kind} {name}, expected that of pdsolve"
+        if not current and kind == "table":
+            known = [*_known_columns()[name], *OLDER.get(name, ())]
+            if any(column not in known for column in table_columns(connection, name)) or "VIRTUAL" in sql[:20].upper():
+                return f"found another table {name}, expected that of pdsolve"
+    names = [name for kind, name, *_ in found if kind != "index"]
+    missing = [name for name in ours[0] if name not in names] if current else []
+    if missing:
+        return f"found no {missing[0]}, expected those of pdsolve"
+    twice = [name for name in names if names.count(name) > 1]
+    return f"found {twice[0]} twice, expected it once" if twice else None
+
+
+VIEW = "node_state"
+OLDER = {"family_chunk": [("chunk", "INTEGER", 0)]}  # columns that older versions have written
+
+
+def plain(sql: str) -> str:
+    """SQL without comments and blanks that mean nothing."""
+    return " ".join(re.sub(r"--[^\n]*", "", sql).split())
+
+
+@cache
+def _master(dimension: int) -> dict[str, str]:
+    """The SQL of our tables and our view, by name."""
+    with closing(sqlite3.connect(":memory:")) as connection:
+        for statement in statements(dimension):
+            connection.execute(statement)
+        made = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+    return {name: plain(sql) for name, sql in made}
+
+
+@cache
+def _known_columns() -> dict[str, list[tuple[str, str, int]]]:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        for statement in statements():
+            connection.execute(statement)
+        return {name: table_columns(connection, name) for name in _master(2)}
+
+
+def checked_rows(rows: Iterable[Row], columns: Sequence[tuple[str, str, int]]) -> Iterator[Row | str]:
+    """The rows of a table as they are; what is wrong with one in place of it."""
+    kinds = [TYPES.get(kind, ()) for _, kind, _ in columns]
+    for row in rows:
+        at = next((at for at, value in enumerate(row) if type(value) not in kinds[at]), None)
+        if at is not None:
+            yield f"found a {type(row[at]).__name__} as {columns[at][0]}, expected {columns[at][1] or 'a value'}"
+            continue
+        large = next((at for at, value in enumerate(row) if type(value) in (float, int) and not _bearable(value)), None)
+        yield row if large is None else f"found {columns[large][0]} of {row[large]:g}, expected at most 1e100"
+
+
+def _bearable(value: float) -> bool:
+    return -1e100 <= value <= 1e100  # false of NaN, which is none in SQL
+
+
+def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
+    """What is wrong with all nodes that ever were (n,), rows of the table and births (n,)."""
+    count = len(row)
+    if not np.array_equal(row, np.arange(count)):
+        return "found rows that are not numbered from 0 on, expected them one after the other"
+    for name, bad in (
+        ("a place", ~(np.abs(nodes.position) <= LARGEST).all(axis=1)),
+        ("a spacing", ~((nodes.delta > 0) & (nodes.delta <= LARGEST))),
+        ("an area", ~((nodes.area > 0) & (nodes.area <= MOST))),
+        ("an id", np.abs(nodes.ids) > LARGEST_INT),
+        ("a count of bonds", (nodes.cut < 0) | (nodes.family < nodes.cut) | (nodes.family > MOST_STEPS)),
+        ("a birth", (birth < 0) | (birth > MOST_STEPS)),
+    ):
+        if bad.any():
+            return f"found {name} of node {nodes.ids[bad.argmax()]} that cannot be, expected finite positive numbers"
+    if count > 1 and not (np.diff(nodes.ids) > 0).all():
+        order = np.lexsort((birth, nodes.ids))
+        same = (np.diff(nodes.ids[order]) == 0) & (np.diff(birth[order]) == 0)
+        if same.any():
+            return f"found node {nodes.ids[order[same.argmax()]]} twice, expected an id to be one node's at a time"
+    return None
+
+
+def wrong_deaths(step: NDArray[np.int64], row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
+    """What is wrong with the steps and rows of deaths (d,) among nodes of these births (n,)."""
+    if ((row < 0) | (row >= len(birth))).any() or (step <= birth[row]).any() or len(np.unique(row)) < len(row):
+        return "found a death of a node that is not there then, expected one of those born before"
+    return None
+
+
+def wrong_epochs(rows: Sequence[Row]) -> str | None:
+    """What is wrong with the rows of the table `epoch`."""
+    steps = [row[0] for row in rows]
+    rises = all(one < other for one, other in pairwise(steps))
+    if steps[:1] != [0] or not rises or not all(0 <= number <= 2**53 for row in rows for number in row):
+        return f"found epochs at steps {str(steps)[:60]}, expected rising ones from 0 on"
+    return None
+
+
+def wrong_frames(steps: NDArray[np.int64], times: NDArray[np.float64]) -> str | None:
+    """What is wrong with the steps and times (t,), s, of frames."""
+    if (np.diff(steps) <= 0).any() or ((steps < 0) | (steps > MOST_STEPS)).any():
+        return "found frames of steps that do not rise, expected them in their order"
+    if not (np.abs(times) <= MOST).all() or (np.diff(times) < 0).any():
+        return "found frames whose times do not rise, expected finite seconds in their order"
+    return None
+
+
+def wrong_breaks(breaks: Breaks, ids: NDArray[np.int64]) -> str | None:
+    """What is wrong with broken bonds (b,), of nodes that have these ids (n,)."""
+    if ((breaks.step < 0) | (breaks.step > MOST_STEPS)).any() or (np.diff(breaks.step) < 0).any():
+        return "found bonds that break at steps that do not rise, expected them in their order"
+    strange = ~np.isin(np.concatenate(breaks[1:]), ids)
+    if strange.any():
+        return f"found a bond of node {np.concatenate(breaks[1:])[strange.argmax()]}, expected nodes that there are"
+    return None
+
+
+def wrong_places(places: NDArray[np.float64]) -> str | None:
+    """What is wrong with coordinates, m."""
+    return None if (np.abs(places) <= LARGEST).all() else f"found a place beyond {LARGEST:g} m, expected metres"
+
+
+def wrong_particles(step: NDArray[np.int64], parent: NDArray[np.int64], number: NDArray[np.int64]) -> str | None:
+    """What is wrong with particles of cracks: their steps, what they grew from and their numbers (p,)."""
+    if not np.array_equal(number, np.arange(len(number))):
+        return "found particles that are not numbered from 0 on, expected them one after the other"
+    if ((step < 0) | (step > MOST_STEPS) | (parent < -1) | (parent >= number)).any():
+        return "found a particle that grew from a later one, expected an earlier one or -1"
+    return None
+
+
+def wrong_meta(key: object, value: object) -> str | None:
+    """What is wrong with a row of the table `meta`."""
+    if key in WORDS and not isinstance(value, str):
+        return f"found {str(value)[:40]!r} as {key}, expected text"
+    if key in NUMBERS:
+        low, high = NUMBERS[str(key)]
+        if not isinstance(value, float | int) or not low < value <= high:
+            return f"found {str(value)[:40]!r} as {key}, expected a number above {low:g}, at most {high:g}"
+    return None
+
+
+def wrong_checkpoint(rows: Sequence[Row]) -> str | None:
+    """What is wrong with the rows (name, step, type, crc or nothing, data) of a checkpoint."""
+    for name, step, kind, *_, data in rows:
+        if step != rows[0][1] or not 0 <= step <= MOST_STEPS:
+            return f"found step {step} of '{name[:40]}', expected one step for all"
+        if kind not in CHECKPOINTED or len(data) % np.dtype(kind).itemsize:
+            return f"found '{name[:40]}' of {len(data)} bytes of {kind[:20]!r}, expected an array of numbers"
+    return None
+
+
+def wrong_chunk(first: int, bonds: Any, rows: int) -> str | None:
+    """What is wrong with how many bonds (n,) the nodes from the row `first` on have, of so many in all."""
+    if not len(bonds) or len(bonds) > CHUNK or first + len(bonds) > rows or (bonds < 0).any() or (bonds >= rows).any():
+        return f"found bonds of {len(bonds)} nodes from row {first} on, expected those of {rows} rows"
+    return None

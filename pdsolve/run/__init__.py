@@ -1,0 +1,1 @@
+"""A run: what is prepared, marched, recorded and measured, from a model to its results."""

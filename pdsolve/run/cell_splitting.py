@@ -1,0 +1,154 @@
+"""Runs whose cells split where energy is, and merge behind it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.quadtree import criteria
+from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited, sources
+from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
+from pdsolve.adaptivity.quadtree.leaf_bonds import filled, refilled
+from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
+from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
+from pdsolve.adaptivity.quadtree.tree import Cells
+from pdsolve.conditions import put_loads
+from pdsolve.errors import UnstableError
+from pdsolve.operators.protocol import Kept
+from pdsolve.run.node_changes import Adapt, Change
+from pdsolve.run.system import Prepared, System, assembled, stable
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
+
+
+class Splitting:
+    """What changes the nodes of a run; all it remembers is in the operator."""
+
+    def __init__(self, system: System) -> None:
+        """`system` is that of the start."""
+        self.tree = leaves(system).tree
+        self.settings = self.tree.model.settings.run.split
+        self.every = self.settings.every
+        self._critical = criteria.criticals(self.tree)
+
+    def epoch(self, system: System, state: State, step: int) -> Change | None:
+        """Split and merge cells after `step`; None where all stay."""
+        own, wanted = leaves(system), self.settings
+        energy, before = own.energies(state)[0], Before(own.list, own.steps())
+        look = self._look(system, state, energy, before)
+        own.memory = own.memory._replace(calm=np.where(look.height < wanted.merge, own.memory.calm + 1, 0))
+        splits = criteria.split(self.tree, look, wanted.threshold)
+        merged = criteria.merge(self.tree, look, own.memory.calm >= wanted.hold, splits, wanted.threshold)
+        if not splits.any() and not len(merged.root):
+            return None
+        cells, transfer = transfer_of(self.tree, own.cells, splits, merged)
+        return self._changed(system, state, step, (cells, transfer), (before, energy))
+
+    def _look(self, system: System, state: State, energy: NDArray[np.float64], before: Before) -> criteria.Look:
+        """What there is to know of nodes that hold `energy` (n,), J/m^3."""
+        own, model = leaves(system), system.model
+        if self.settings.by == "energy":
+            height = criteria.heights(self.tree, own.cells, energy, self._critical)
+        else:
+            height = criteria.stretches(self.tree, own.cells, own.list, before.broken, state.value)
+        return criteria.Look(own.cells, model.grid.position, model.horizons, height, before.hurt)
+
+    def _changed(
+        self,
+        system: System,
+        state: State,
+        step: int,
+        after: tuple[Cells, Transfer],
+        past: tuple[Before, NDArray[np.float64]],
+    ) -> Change:
+        """The leaves `after` this step, with what the ones before had: bonds, and the energy (n,) they held, J/m^3."""
+        (cells, transfer), (before, held), own = after, past, leaves(system)
+        new, begun = self._cloud(system, cells, transfer)
+        operator = leaves(new)
+        broken = inherited(before, operator.list, transfer)
+        assert not healed(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
+        operator.put(broken)
+        for values, found in zip(begun, moved(state, transfer, own.list, before.broken == 0), strict=True):
+            values[:] = found
+        new.drive.held_force[:] = system.drive.held_force
+        put_loads(new.drive, step * system.time_step)
+        made = _energy(new, begun, operator.energies(begun)[0]) - _energy(system, state, held) + _pushed(new, begun)
+        calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
+        operator.memory = Memory(calm, own.memory.made + made)
+        return Change(new, begun, self._origin(system, new, transfer))
+
+    def _cloud(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
+        """The system of these leaves, at rest, which are transfer of its own, if any.
+
+        Raises UnstableError where the run's step is too long for it.
+        """
+        tree, threads = self.tree, system.threads
+        model = tree.model_of(cells)
+        rule = system.scheme.by_pairs(model)
+        found = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
+        operator = Leaves(tree, cells, model, found, system.scheme.symmetric, threads)
+        steps = system.time_step, system.bound
+        rest = assembled(model, system.options, system.scheme, operator, found.assembly.counted, steps)
+        sure = stable(operator.stiffness_bound(), model.rho)
+        if sure < system.time_step <= system.bound:
+            raise UnstableError(
+                f"{model.name}: found cells whose surely stable step is {sure:.4g} s, expected the run's,"
+                f" {system.time_step:.4g} s; give a smaller run.time_step"
+            )
+        return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
+
+    def _origin(self, system: System, new: System, transfer: Transfer) -> NDArray[np.int64]:
+        """Rows (m,) that nodes had which are there with the bonds they had; -1 of others."""
+        before, now = leaves(system).list, leaves(new).list
+        origin = np.where(transfer.stays, transfer.before[:, 0], -1)
+        gone = np.ones(len(before.start) - 1, dtype=bool)
+        gone[origin[transfer.stays]] = False
+        changed = np.zeros(len(origin), dtype=bool)
+        changed[sources(now)[~transfer.stays[now.neighbour]]] = True
+        lost = np.zeros(len(gone), dtype=bool)
+        lost[sources(before)[gone[before.neighbour]]] = True
+        same = transfer.stays & ~changed & ~lost[origin] & (system.family[origin] == new.family)
+        return np.where(same, origin, -1)
+
+    def back(self, system: System, kept: Kept) -> Prepared:
+        """The system of the cells of a checkpoint."""
+        found = self._cloud(system, self.tree.cells(kept["ids"]))
+        leaves(found.system).memory = remembered(kept)
+        return found
+
+
+def _energy(system: System, state: State, held: NDArray[np.float64]) -> float:
+    """What the motion has, J/m, of nodes that hold (n,) J/m^3: the sum that Verlet keeps from step to step.
+
+    It is less by m (dt a)^2 / 8 than that of whole steps, in which the ledger has it.
+    """
+    mass = system.model.rho * system.area
+    swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
+    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * held))
+
+
+def _pushed(system: System, state: State) -> float:
+    """What accelerations that are interpolated, and are not those of the forces, do on the next step's way, J/m.
+
+    Verlet follows them for half of a kick.
+    """
+    rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
+    still = state._replace(dissipated=np.zeros_like(state.dissipated))  # nothing breaks
+    slowed = system.model.settings.run.damping * state.rate
+    excess = rho * (state.second + slowed) - forces(system.operator, still) - drive.force
+    excess[drive.holds.node, drive.holds.axis] = 0.0
+    way = dt * (state.rate + dt / 2 * state.second)
+    return float(np.sum(system.area[:, None] * excess / 2 * way))
+
+
+def leaves(system: System) -> Leaves:
+    """The operator of such a run."""
+    assert isinstance(system.operator, Leaves)
+    return system.operator
+
+
+def changing(system: System) -> Adapt | None:
+    """What changes the nodes of a run as its model asks; None where nothing does, or the operator itself."""
+    return Splitting(system) if isinstance(system.operator, Leaves) else None

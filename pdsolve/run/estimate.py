@@ -1,0 +1,160 @@
+"""What a run of a model would take: the one estimate of `pdsolve --dry-run`, `pdmesh plan` and `pdmesh info`.
+
+Bonds and steps are those of the run. Memory and time are measured rules, `make bench-speed` says how well they hold;
+time is that of the machine they were measured on, over how fast this one multiplies.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
+from pdsolve.bonds.statistics import BondStatistics
+from pdsolve.checks import advise
+from pdsolve.diffusion import system as diffusion
+from pdsolve.laws import PAIRS, law_of
+from pdsolve.model import Model, counted
+from pdsolve.run.static_start import still
+from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
+from pdsolve.steppers.newton import FACTORED
+
+DEFAULT = Options()
+
+# Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
+# each node
+MEMORY = {"thesis": (196e6, 1700.0), "conservative": (181e6, 1700.0)}
+LISTED = 130.0  # bytes for each bond of a law that is no pair's
+SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
+# Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
+# the ledger and of a frame, each at least, and for each bond or node; of the beginning
+BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
+NODE = {"float64": 9.5e-9, "float32": 6e-9}
+LISTED_BOND = 12e-9
+SHARED = 0.5  # of more threads' work that another thread takes over
+DAMPED = 2.5  # times as long
+COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
+LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
+FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
+BEGIN, BEGIN_NODE = 0.06, 3e-6
+# At rest. Bytes: at least, of a bond, of an entry of the factors, of a bond where there are none, of one that relaxes.
+# Seconds of a load step in which nothing breaks: of a bond's part of the tangent, of an entry (and its square over
+# nodes) of the factors, of a bond and the root of nodes without; of a bond in an iteration of relaxation, which takes
+# so many times the root of nodes
+REST, REST_BOND, ENTRY, GRADIENT = 190e6, 150.0, 16.0, 700.0
+RELAXED_BOND = 150.0
+# Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
+# wide; those of a square are more, those of a strip fewer
+FILL, GROWTH = 20.4, 0.31
+TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
+RELAXED, LONG = 1.1e-9, 28.0
+# Of diffusion: s of a link and of a node in a step; bytes at least, of a link while it is prepared, of a node
+LINK, DIFFUSING_NODE = 2e-9, 2e-8
+DIFFUSING, LINK_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
+PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
+
+
+class Plan(NamedTuple):
+    """The size, memory and time that a run would take."""
+
+    nodes: int
+    bonds: int  # directed, at the start
+    steps: int
+    time_step: float  # s
+    stable_time_step: float  # s
+    memory: int  # bytes of the process at its peak
+    wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
+    at_rest: bool = False  # steps are load steps
+    in_blocks: bool = True  # summed by the kernel of pairs in the plane; False: bond by bond
+    finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
+    most: int | None = None  # nodes if all cells were to split, of which none has at the start
+
+
+def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
+    """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
+    if model.diffuses:
+        return _diffusing(model, options)
+    scheme, settings = scheme_of(model, options), model.settings
+    paired, splits = law_of(model) in PAIRS, settings.run.adapt == "split"
+    moves = settings.run.adapt in ON_ONE_LATTICE
+    most = len(model.grid) * 4**settings.run.split.levels
+    paired &= not splits  # whose cells are listed bond by bond
+    prepared = still(model, options, scheme).system if settings.run.start == "static" else None
+    if prepared is not None and not moves:
+        count, bound = prepared.count, prepared.bound
+        step = step_of(model, bound)
+    elif paired and not moves and settings.run.solver != "static":
+        survey = BondStatistics(scheme.fill(model), scheme.symmetric)
+        for _ in survey.parts():
+            pass
+        count, bound = survey.count, stable(survey.stiffness_bound, model.rho)
+        step = step_of(model, bound)
+    else:
+        system = prepare(model, options).system
+        model = system.model
+        count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
+    settings = counted(model, step).settings
+    advise(model, count, scheme.partial_cells, scheme.symmetric)
+    options = options._replace(threads=1) if moves else options
+    in_blocks = paired and model.grid.dimension == 2
+    found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
+    if splits:
+        found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
+    return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
+
+
+def _diffusing(model: Model, options: Options) -> Plan:
+    """What solving a model of diffusion would take; it is prepared for that."""
+    diffusion.expect_usual(model, options)
+    system, _ = diffusion.prepare(model, options.threads)
+    links, run, nodes = int(system.operator.count.sum()), system.model.settings.run, len(model.grid)
+    seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
+    memory = DIFFUSING + LINK_BYTES * links + DIFFUSING_NODE_BYTES * nodes
+    return Plan(nodes, links, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))
+
+
+def estimate_size(
+    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], in_blocks: bool = True
+) -> Plan:
+    """What solving so many nodes and bonds would take; `steps`, s, are that of the run and the surely stable one."""
+    run = settings.run
+    rest, load_step = resting(run, nodes, bonds)
+    if run.solver == "static":
+        return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
+    least, each = MEMORY[options.mode]
+    memory = least + each * nodes + (0 if in_blocks else LISTED * bonds)
+    threads = threads_of(options, nodes, in_blocks)
+    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if in_blocks else bonds * LISTED_BOND
+    if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
+        update *= DAMPED
+    if run.adapt == "collocation":
+        update *= COLLOCATED
+    ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
+    seconds = run.steps * update / (1 + SHARED * (threads - 1))
+    seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
+    if run.start == "static":
+        memory, seconds = max(memory, rest), seconds + load_step
+    seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
+    return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
+
+
+def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
+    """Memory of the process (bytes) and time (s on the machine measured) of a load step in which nothing breaks."""
+    if run.static.method == "relaxation":
+        return REST + RELAXED_BOND * bonds, RELAXED * LONG * bonds * nodes**0.5
+    if 2 * nodes > FACTORED:
+        return REST + GRADIENT * bonds, TANGENT * bonds + WITHOUT * bonds * nodes**0.5
+    entries = FILL * bonds * (nodes / 1000) ** GROWTH
+    return REST + REST_BOND * bonds + ENTRY * entries, TANGENT * bonds + SOLVED * entries + FACTOR * entries**2 / nodes
+
+
+def slower() -> float:
+    """How much longer this machine takes to multiply than the one measured."""
+    values, best = np.full(PRODUCTS, 0.999), float("inf")
+    for _ in range(ROUNDS):
+        began = time.perf_counter()
+        np.multiply(values, values, out=values)
+        best = min(best, time.perf_counter() - began)
+    return best / REFERENCE

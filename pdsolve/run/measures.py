@@ -1,0 +1,126 @@
+"""What can be read off a system and its state at any step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.fields import CRACKED, USUAL, usual
+from pdmesh.model.graphs import connected
+from pdsolve.run.system import System
+from pdsolve.state import Broken, State
+
+PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
+
+
+class Asked(NamedTuple):
+    """What an operator says of one state, asked once for all who want to know."""
+
+    held: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
+    spent: NDArray[np.float64]  # (n,) on softening so far, J/m^3
+    broken: Broken  # all so far
+
+
+def ask(system: System, state: State) -> Asked:
+    """The operator, at this state."""
+    return Asked(*system.operator.energies(state), system.operator.broken())
+
+
+class Ledger(NamedTuple):
+    """The books of one step: what the motion holds, has lost and was given. Energies in J/m, momentum in N s/m."""
+
+    step: int
+    time: float  # s
+    kinetic: float
+    strain: float
+    dissipated: float  # spent on softening and breaking bonds
+    work: float  # done by loads and by holding components of the motion
+    momentum_x: float
+    momentum_y: float
+    broken: int  # directed bonds broken so far
+    refinement: float = 0.0  # energy that making cells fine has made so far
+    fine_share: float = 1.0  # of the plate
+    clipped_stretch: float = 0.0  # the largest of clipped bonds so far, over that which softens or breaks one
+    momentum_z: float = 0.0
+    damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
+
+    def balance(self, initial: float, most: float = 0.0) -> float:
+        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the largest of the
+        work done, the most that ever was, and the energy at the start; 0 where energy is conserved."""
+        there = self.kinetic + self.strain + self.dissipated + self.damped
+        missing = there - self.work - self.refinement - initial
+        scale = self.put_in(initial, most)
+        return missing / scale if scale else 0.0
+
+    def put_in(self, initial: float, most: float = 0.0) -> float:
+        """What energies are compared with, J/m: the largest of these three."""
+        return max(abs(self.work), most, initial)
+
+
+def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
+    """The ledger after `step`, in double precision and in the nodes' order; `asked` of this state, if it was."""
+    strain, softened, broken = asked or ask(system, state)
+    if system.hybrid is not None:
+        sums, told = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
+        return Ledger(step, step * system.time_step, **sums, broken=len(broken.step), **told)
+    area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
+        return Ledger(
+            step,
+            step * system.time_step,
+            kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
+            strain=float(np.sum(area * strain)),
+            dissipated=float(np.sum(area * (state.dissipated + softened))),
+            work=float(np.sum(area * state.work)),
+            momentum_x=float(np.sum(rho * area * velocity[:, 0])),
+            momentum_y=float(np.sum(rho * area * velocity[:, 1])),
+            broken=system.broken_before + len(broken.step),
+            momentum_z=float(np.sum(rho * area * velocity[:, 2])) if system.model.grid.dimension == 3 else 0.0,
+            damped=float(np.sum(area * state.damped)),
+            **({} if system.zone_summary is None else system.zone_summary._asdict()),
+        )
+
+
+def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
+    """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any.
+
+    `broken` are all of them, if known.
+    """
+    family = system.family
+    broken = system.operator.broken() if broken is None else broken
+    intact = system.count - np.bincount(broken.source, minlength=len(family))
+    return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
+
+
+def fields(
+    system: System, state: State, names: Iterable[str], asked: Asked | None = None
+) -> dict[str, NDArray[np.floating]]:
+    """The fields (n,) of these names now; `asked` as in `books`."""
+    found: dict[str, NDArray[np.floating]] = {}
+    chosen, usual_ones = tuple(names), usual(system.model.grid.dimension)
+    own = {} if chosen != USUAL and set(chosen) <= set(usual_ones) else system.operator.fields(state)
+    if chosen == USUAL:
+        chosen = (*usual_ones, *own)
+    for name in chosen:
+        if name == "damage":
+            found[name] = damage(system, asked and asked.broken)
+        elif name == "energy":
+            found[name] = asked.held if asked else system.operator.energies(state)[0]
+        elif name in own:
+            found[name] = own[name]
+        else:
+            values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
+            found[name] = values[:, "xyz".index(name[1])]
+    return found
+
+
+def pieces(system: System) -> int:
+    """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
+    sound = damage(system) <= CRACKED
+    source, target = system.operator.bonds()
+    whole = sound[source] & sound[target]
+    part = connected(len(sound), source[whole], target[whole])
+    return int((np.bincount(part) > PIECE * len(sound)).sum())

@@ -1,0 +1,126 @@
+"""What a run must not do unnoticed: turn its nodes inside out, and move further than numbers know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material_constants import critical_stretch
+from pdmesh.model.neighbours import ROUND_OFF
+from pdsolve.checks import named, warn
+from pdsolve.laws import limits
+from pdsolve.model import Model
+from pdsolve.state import Broken
+
+AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
+TOGETHER = 1000  # nodes whose bonds are asked for at once
+FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
+FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
+
+
+class MotionChecks:
+    """Looks at the motion of a run now and then; says each thing once."""
+
+    def __init__(self, model: Model, bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]]) -> None:
+        """`bonds(first, last)` are the rows of the ends of bonds at the start, of the sources `first` to `last` - 1."""
+        self._model, self._said, self._vague = model, False, False
+        self._bonds = bonds
+        self._triangles: _Triangles | None = None  # not asked for while displacements are small
+        self._smallest = float(model.grid.delta.min())
+        breaking = np.full(len(model.grid), np.inf)
+        for number, material in enumerate(model.materials):
+            own = model.material_of == number
+            stretch = limits(material, critical_stretch(material, model.horizons[own])).peak
+            breaking[own] = stretch * model.grid.delta[own]
+        self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
+
+    def moved_to(self, other: MotionChecks) -> MotionChecks:
+        """`other`, which says nothing again that this one has said."""
+        other._said, other._vague = self._said, self._vague
+        return other
+
+    def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+        """Warns of bonds turned inside out, and of displacements too large for their digits.
+
+        `u` (n, d) are the displacements, m; `broken` are all bonds that are. Of bodies in space only the digits are
+        looked at.
+        """
+        flat = self._model.grid.dimension == 2
+        if flat and not self._said and np.ptp(u, axis=0).max() >= self._smallest:
+            self._crushed(u, broken, step)
+        known = float(np.finfo(u.dtype).eps * np.abs(u).max(initial=0.0))
+        if not self._vague and known > FRACTION * self._breaking:
+            self._vague = True
+            warn(
+                self._model,
+                f"step {step}: found displacements up to {np.abs(u).max():.3g} m, which {u.dtype} knows"
+                f" to {known:.2g} m, expected {FRACTION * self._breaking:.2g} m or better: {self._breaking:.2g} m break"
+                " a bond",
+            )
+
+    def _crushed(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+        position = self._model.grid.position
+        if self._triangles is None:
+            self._triangles = _triangles(position, FLAT * self._smallest**2)
+        rows, one, other, before = self._triangles
+        place = position + u
+        now = _cross(place[one] - place[rows], place[other] - place[rows])
+        turned = np.flatnonzero(before * now <= 0)
+        near = np.zeros(len(position), dtype=bool)
+        near[rows[turned]] = True
+        gone = (len(position) * broken.source + broken.target)[near[broken.source]]
+        for end in (one, other):
+            turned = turned[~np.isin(len(position) * rows[turned] + end[turned], gone, assume_unique=True)]
+        if len(turned := self._bonded(turned)):
+            self._said = True
+            names = ", ".join(named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
+            warn(
+                self._model,
+                f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
+                " compression; bonds do not keep nodes apart",
+            )
+
+    def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The triangles whose nodes were bonded at the start; others are left out."""
+        assert self._triangles is not None
+        rows, one, other, before = self._triangles
+        nodes, kept = len(self._model.grid), np.zeros_like(turned, dtype=bool)
+        for part in np.unique(rows[turned] // TOGETHER).tolist():
+            here = np.flatnonzero(rows[turned] // TOGETHER == part)
+            source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
+            keys, some = nodes * source + target, turned[here]
+            bonded = [np.isin(nodes * rows[some] + end[some], keys, assume_unique=True) for end in (one, other)]
+            kept[here] = bonded[0] & bonded[1]
+        before[turned[~kept]] = np.nan
+        return np.asarray(turned[kept])
+
+
+class _Triangles(NamedTuple):
+    """A node and two of its nearest, of each node that has two which are not in line with it; t of them."""
+
+    row: NDArray[np.int64]  # (t,)
+    one: NDArray[np.int64]  # (t,)
+    other: NDArray[np.int64]  # (t,)
+    twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
+
+
+def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
+    """The largest triangle of each node, if it is larger than `flat` (m^2) doubled."""
+    near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+    one, other = np.zeros((2, len(position)), dtype=np.int64)
+    twice = np.zeros(len(position))
+    for first, second in combinations(near.T, 2):
+        here = _cross(position[first] - position, position[second] - position)
+        larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
+        one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
+    rows = np.flatnonzero(np.abs(twice) >= flat)
+    return _Triangles(rows, one[rows], other[rows], twice[rows])
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -1,0 +1,48 @@
+"""The operator that a model's bonds are given to."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Filling, listed
+from pdsolve.bonds.statistics import BondStatistics
+from pdsolve.laws import PAIRS, law_of
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.protocol import Operator
+from pdsolve.operators.simd_lattice import families
+from pdsolve.operators.simd_lattice.layout import blocks_of
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.options import Options, threads_of
+from pdsolve.schemes.scheme import Scheme
+
+
+def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, BondStatistics]:
+    """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
+    law, kind = law_of(model), np.dtype(options.precision).type
+    blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
+    if law in PAIRS and options.kernel != "listed" and blocked:
+        survey = BondStatistics(filling, scheme.symmetric)
+        blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
+        if blocks is not None:
+            return SimdLattice(blocks, survey.stiffness_bound, scheme.symmetric, survey.softens), survey
+    survey, threads = BondStatistics(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
+    bonds = listed(survey.parts(), filling.area).bonds
+    where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
+    if where is not None:
+        of = law, model, bonds, scheme.symmetric, options.precision, threads
+        return families.Families(*of, where), survey
+    if options.kernel == "blocks":
+        raise ModelError(
+            "kernel: found blocks, expected listed: blocks need nodes on a lattice in the plane, a law that is written"
+            " for them, and compiled code"
+        )
+    return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), survey
+
+
+def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
+    """The longest step that is surely stable, s, of an operator's `stiffness_bound` (n,); infinite without bonds."""
+    largest = float((resistance / rho).max(initial=0.0))
+    return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")

@@ -1,0 +1,93 @@
+"""How far a run is: a bar in a terminal or a notebook, a line now and then elsewhere; and how it is stopped."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from pdmesh.commandline import STOPS
+from pdmesh.printing import remark
+
+if TYPE_CHECKING:
+    from pdsolve.run.simulation import Progress
+
+LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
+
+
+def in_notebook() -> bool:
+    """Whether this process is a notebook's kernel."""
+    return "ipykernel" in sys.modules
+
+
+def bar(what: str, unit: str, **more: Any) -> Any:
+    """A bar of progress (tqdm's), as a widget in notebooks that have them; None where nobody would see it."""
+    if not (sys.stderr.isatty() or in_notebook()):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a notebook without widgets: the bar is one of letters
+        from tqdm.auto import tqdm
+    return tqdm(desc=what, unit=unit, dynamic_ncols=True, leave=False, **more)
+
+
+class Watch:
+    """Shows progress and turns Ctrl-C, a notebook's stop, SIGTERM and SIGHUP into a stop with a checkpoint.
+
+        with Watch() as watch:
+            simulate(model, path, watch=watch)
+
+    A run that was stopped goes on by `resume(path, watch=watch)`.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet = quiet
+        self.signal: int | None = None  # that the run is to stop for
+        self._before: dict[int, Any] = {}
+        self._bar: Any = None
+        self._said = time.monotonic()
+
+    def __enter__(self) -> Callable[[Progress], bool]:
+        if threading.current_thread() is threading.main_thread():
+            for number in STOPS:
+                if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+                    self._before[number] = signal.signal(number, self._stop)
+        self._bar = None if self._quiet else bar("preparing (the first run compiles)", " steps")
+        return self._show
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        if self._bar is not None:
+            self._bar.close()
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        if self.signal is not None:  # asked twice: at once
+            before = self._before[number]
+            if callable(before):
+                before(number, frame)
+            raise KeyboardInterrupt
+        self.signal = number
+
+    def _show(self, progress: Progress) -> bool:
+        told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
+        if progress.fine is not None:
+            told += f", fine {progress.fine.fine_share:.1%}"
+            told += f", clipped stretch {progress.fine.clipped_stretch:.2f}" if progress.fine.clipped_stretch else ""
+        if progress.masses:
+            told = progress.masses
+        if progress.going is not None:
+            told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
+        if self._bar is not None:
+            self._bar.total = progress.steps
+            self._bar.set_description_str("solving", refresh=False)
+            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.update(progress.step - self._bar.n)
+        elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            remark(f"step {progress.step} of {progress.steps}, {told}")
+        return self.signal is not None

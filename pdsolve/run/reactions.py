@@ -1,0 +1,89 @@
+"""What each condition pushes with: the resultant of a load, the force it takes to hold nodes where they are held."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model import selection
+from pdmesh.model.document import Absorb, InitialVelocity, Selection
+from pdmesh.model.neighbours import lengths
+from pdsolve.conditions import factor_now
+from pdsolve.run.system import System
+from pdsolve.state import State
+
+
+class Grip(NamedTuple):
+    """A condition that acts throughout a run, and where."""
+
+    number: int  # in the model's list of conditions
+    kind: str
+    rows: NDArray[np.int64]  # of the grid
+
+
+class Reaction(NamedTuple):
+    """What a condition does to its nodes at a step, per unit thickness."""
+
+    step: int
+    time: float  # s
+    condition: int  # in the model's list of conditions
+    kind: str
+    force_x: float  # N/m, on the plate
+    force_y: float
+    displacement_x: float  # m, mean of its nodes
+    displacement_y: float
+    force_z: float = 0.0  # N, of a body, of which those along x and y are in N too
+    displacement_z: float = 0.0
+
+
+def grips(system: System) -> tuple[Grip, ...]:
+    """All conditions that act with forces, in the model's order, which is that of the profiles of `Drive`."""
+    return tuple(
+        Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
+        for number, condition in enumerate(system.asked.settings.conditions)
+        if not isinstance(condition, InitialVelocity | Absorb)
+    )
+
+
+def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
+    """The nodes there are now that a condition acts on; the next one where it acts between nodes."""
+    grid, asked = system.model.grid, system.asked
+    rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
+    if len(rows):
+        return rows
+    place = asked.grid.position[asked.selected(condition)].mean(axis=0)
+    return np.array([lengths(grid.position - place).argmin()])
+
+
+def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
+    """The external force of each grip after `step`.
+
+    A hold stands against what bonds and loads do to its components and gives them their acceleration. That of a held
+    displacement or velocity is taken as 0: the inertia of the held nodes alone is left out while their speed changes.
+    """
+    pulls, pushes = _forces(system, state, len(grips))
+    found = []
+    for profile, grip in enumerate(grips):
+        force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, time)) * pushes[profile]).tolist()
+        mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
+        plane = *force[:2], *mean[:2]
+        found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))
+    return found
+
+
+def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What holds (profiles, d), and what pushes at factor 1, N/m, of a body N."""
+    if system.hybrid is not None:
+        return system.hybrid.pulls(profiles), system.hybrid.pushes(profiles)
+    drive, area, rho = system.drive, system.area, system.model.rho
+    holds, loads = drive.holds, drive.loads
+    pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
+    push = area[loads.node] * loads.value
+    d = system.model.grid.dimension
+    pulls, pushes = (
+        np.bincount(d * entries.profile + entries.axis, values, minlength=d * profiles).reshape(-1, d)
+        for entries, values in ((holds, pull), (loads, push))
+    )
+    return np.asarray(pulls), np.asarray(pushes)

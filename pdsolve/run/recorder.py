@@ -1,0 +1,259 @@
+"""What a run notes on its way, in the terms of its results."""
+
+from __future__ import annotations
+
+import dataclasses
+import time as clock
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdsolve.conditions import put_loads
+from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
+from pdsolve.results.schema import taken
+from pdsolve.run.measures import Ledger, ask, books, fields
+from pdsolve.run.motion_checks import MotionChecks
+from pdsolve.run.node_changes import Change
+from pdsolve.run.physics_check import check_physics
+from pdsolve.run.reactions import Reaction, grips, reactions
+from pdsolve.run.system import System
+from pdsolve.state import Broken, State
+from pdsolve.steppers.load_steps import LoadSteps
+
+KEPT = 1.0  # s between checkpoints in full precision, with frames
+OLD = 10.0  # s, with entries of the ledger
+
+
+def nodes(system: System) -> Nodes:
+    """The nodes as results know them."""
+    grid, cut = system.model.grid, system.family - system.count
+    return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family, cut)
+
+
+def families(system: System, first: int, last: int) -> Families:
+    """Who is bonded to whom before anything has broken, for the rows `first` to `last` - 1; while a run goes on too."""
+    _, target = system.operator.bonds(first, last, start=True)
+    return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
+
+
+def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
+    """The nodes that are born after `step`, `which` (b,) of a cloud, with the bonds they have left then; `rows` (n,) as
+    in `Frame`."""
+    runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
+    nothing = np.zeros(0, dtype=np.int64)
+    ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
+    since = system.operator.broken(step)
+    own = np.isin(since.source, which)
+    ends.append((since.source[own], since.target[own]))
+    source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+    order = np.lexsort((target, source))
+    source, target = source[order], target[order]
+    count = np.bincount(source, minlength=len(system.family))[which]
+    some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
+    return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
+
+
+def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
+    """Bonds broken after a step, in order; of all that are `broken`, if known."""
+    ids, found = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
+    new = np.flatnonzero(found.step > after)
+    step, source, target = (column[new] for column in found)
+    order = np.lexsort((target, source, step))
+    return Breaks(step[order], ids[source[order]], ids[target[order]])
+
+
+def _until(step: int, broken: Broken) -> Broken:
+    """What had broken then."""
+    before = broken.step <= step
+    return Broken(*(column[before] for column in broken))
+
+
+def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
+    """Everything a later run needs to go on to the same bits, but for the broken bonds; a copy."""
+    here = {**state._asdict(), "held_force": system.drive.held_force}
+    if isinstance(system.stepper, LoadSteps):
+        here["rested"] = system.stepper.keep()
+    grown = {} if system.growth is None else system.growth.keep()
+    return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
+
+
+def cloud(system: System) -> dict[str, NDArray[Any]]:
+    """What a checkpoint has besides where nodes change: who they are, and which of their bonds are broken."""
+    broken = system.operator.broken()
+    order = np.lexsort((broken.target, broken.source, broken.step))
+    return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
+
+
+def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
+    """Go back to the state after `step`; of the bonds `broken` those until then count."""
+    for name, values in state._asdict().items():
+        values[:] = kept[name].reshape(values.shape)
+    system.drive.held_force[:] = kept["held_force"]
+    if "ids" in kept:
+        past = Broken(*(kept[f"broken_{name}"] for name in Broken._fields))
+    else:
+        ids, before = system.model.grid.ids, broken.step <= step
+        order = np.argsort(ids)
+        source, target = (order[np.searchsorted(ids, column[before], sorter=order)] for column in broken[1:])
+        past = Broken(broken.step[before], source, target)
+    system.operator.back(kept, past)
+    if isinstance(system.stepper, LoadSteps):
+        system.stepper.back(kept["rested"], past)
+    if system.growth is not None:
+        system.growth.back(kept, past)
+    put_loads(system.drive, step * system.time_step)
+
+
+class Past(NamedTuple):
+    """What was of a run that goes on, until its checkpoint."""
+
+    step: int
+    wall: float  # s spent
+    updates: int  # directed bonds times steps
+    latest: int  # step in which a bond broke last; 0: none has
+    rows: NDArray[np.int64] | None  # (n,) as in `Frame`
+    ever: int  # nodes that ever were
+    most: float = 0.0  # J/m, the largest work, given or taken
+
+
+class Recorder:
+    """What a run has noted since it last wrote: ledger entries, probes and reactions, births and deaths."""
+
+    def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
+        """`past` is None for a run that begins; `changes`: whether nodes may be born and die."""
+        self.system, self.state, self.new = system, state, past is None
+        past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
+        self._past, self._began = past, clock.perf_counter()
+        self._changes, self._rows, self._count = changes, past.rows, past.ever
+        self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
+        self._latest = past.latest  # likewise
+        self._most = past.most
+        self._ledgers: list[Ledger] = []
+        self._probes: list[tuple[float, ...]] = []
+        self._reactions: list[Reaction] = []
+        self._breaks: list[Breaks] = []  # of clouds that are no more
+        self._epochs: list[Epoch] = []
+        self._watch: MotionChecks | None = None
+        self._look_around()
+        self.written = past.step
+        self._kept = clock.perf_counter()
+        self.now = ask(system, state)
+        self.last = books(system, state, past.step, self.now)
+
+    def wall(self) -> float:
+        """Seconds spent on the run, those before an interruption counted."""
+        return self._past.wall + clock.perf_counter() - self._began
+
+    @property
+    def is_old(self) -> bool:
+        """Whether the last checkpoint is so old that another one is worth its time, between two frames too."""
+        return clock.perf_counter() - self._kept > OLD
+
+    def updates(self, step: int) -> int:
+        """Directed bonds times steps until this one."""
+        return self._updates + self.system.bonds * (step - self._since)
+
+    @property
+    def latest(self) -> int:
+        """The step in which a bond broke last, of those that were known when notes were taken; 0: none has."""
+        return int(self.now.broken.step.max(initial=self._latest))
+
+    def follow(self, step: int, change: Change) -> None:
+        """Go on with what the nodes became after `step`, or until now from then on; note who was born and who died."""
+        before, (system, self.state, origin) = self.system, change
+        stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
+        if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
+            raise ValueError(f"step {step}: found another time step or other ids of nodes that stay, expected the same")
+        broken, there = (_until(step, one.operator.broken()) for one in (before, system))
+        self._breaks.append(breaks(before, max(self.written, self._since), broken))
+        self._updates, self._since = self.updates(step), step
+        self._latest = int(broken.step.max(initial=self._latest))
+        self.system = dataclasses.replace(
+            system,
+            initial_energy=before.initial_energy,
+            broken_before=before.broken_before + len(broken.step) - len(there.step),
+        )
+        known = np.arange(self._count) if self._rows is None else self._rows
+        new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
+        rows[stay], rows[new] = known[origin[stay]], self._count + np.arange(len(new))
+        died = np.delete(known, origin[stay])
+        self._epochs.append(
+            Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
+        )
+        self._rows, self._count = rows, self._count + len(new)
+        self._looked = False
+
+    def _look_around(self) -> None:
+        """Find the conditions' and the probes' nodes in the cloud there is now."""
+        model, probes = self.system.model, self.system.model.settings.run.probes
+        self._grips = grips(self.system)
+        self._probed = (
+            tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
+        )
+        watch = MotionChecks(model, partial(self.system.operator.bonds, start=True))
+        self._watch = watch if self._watch is None else self._watch.moved_to(watch)
+        self._looked = True
+
+    def balance(self, found: Ledger) -> float:
+        """What is missing of a ledger over the most that was ever put in; see `Ledger.balance`."""
+        return found.balance(self.system.initial_energy, self._most)
+
+    def put_in(self, found: Ledger) -> float:
+        """The most energy, J/m, that was ever put in; see `Ledger.put_in`."""
+        return found.put_in(self.system.initial_energy, self._most)
+
+    def take(self, step: int) -> None:
+        """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
+        if not self._looked:
+            self._look_around()
+        system, state = self.system, self.state
+        if step != self.last.step:
+            self.now = ask(system, state)
+            self.last = books(system, state, step, self.now)
+        check_physics(system, state, self.last, self._most)
+        self._most = max(self._most, abs(self.last.work))
+        assert self._watch is not None
+        self._watch.look(state.value[:, : system.model.grid.dimension], self.now.broken, step)
+        self._ledgers.append(self.last)
+        u, v, a, d = state.value, state.rate, state.second, system.model.grid.dimension
+        for row in dict.fromkeys(self._probed):
+            plane, space = ([field[row, axes].tolist() for field in (u, v, a)] for axes in (slice(2), slice(2, d)))
+            along = [value for values in space for value in values] or [0.0] * 3
+            values = [value for values in plane for value in values]
+            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values, *along))
+        self._reactions += reactions(self._grips, system, state, step, self.last.time)
+
+    def frame(self, step: int, whole: bool, state: bool) -> Frame:
+        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
+        `state` now or when it is time."""
+        system, run = self.system, self.system.model.settings.run
+        state |= clock.perf_counter() - self._kept > KEPT
+        if state:
+            self._kept = clock.perf_counter()
+        asked = self.now if self.last.step == step else None
+        found = fields(system, self.state, run.fields, asked) if whole else {}
+        kept = checkpoint(system, self.state) if state else None
+        if kept is not None and self._changes:
+            kept |= cloud(system)
+        broken = [*self._breaks, breaks(system, max(self.written, self._since), asked and asked.broken)]
+        frame = Frame(
+            step,
+            step * system.time_step,
+            {name: values.astype("<f4") for name, values in found.items()} if whole else None,
+            Breaks(*map(np.concatenate, zip(*broken, strict=True))),
+            self._ledgers,
+            self._probes,
+            kept,
+            self._reactions,
+            self.wall(),
+            self._epochs,
+            self._rows,
+            () if system.growth is None else system.growth.rows(-1 if self.new and step == 0 else self.written),
+        )
+        self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
+        self._breaks, self._epochs = [], []
+        return frame

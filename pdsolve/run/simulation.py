@@ -1,0 +1,334 @@
+"""A run from model to results: prepare, march, write. Readable in one sitting."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import json
+import sys
+import time as clock
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pdsolve.adaptivity.hybrid.arrays import EVERY
+from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.checks import advise, advise_damped, advise_unused, closing
+from pdsolve.diffusion import run as diffusion
+from pdsolve.diffusion.system import expect_usual
+from pdsolve.errors import UnstableError
+from pdsolve.model import Model, ModelError, model_of
+from pdsolve.results import Behind, Results, ResultsError, Writer, behind, put_away, writing_to
+from pdsolve.run.cell_splitting import changing
+from pdsolve.run.measures import books, pieces
+from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
+from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
+from pdsolve.run.static_start import started
+from pdsolve.run.summary import meta, summary
+from pdsolve.run.system import Options, System, prepare
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.steppers.pace import Pace
+
+PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
+DEFAULT = Options()
+
+
+class Progress(NamedTuple):
+    """What a watcher is shown."""
+
+    step: int
+    steps: int
+    broken: int  # directed bonds, as of the last ledger
+    balance: float  # likewise
+    fine: ZoneSummary | None = None  # of a fine zone that moves
+    going: Going | None = None  # of a load step that is being solved
+    masses: str = ""  # of diffusion, in which nothing breaks: how the books stand, in words
+
+
+Watcher = Callable[[Progress], bool]  # returns whether to stop
+
+
+def simulate(
+    model: Model,
+    output: Path | None = None,
+    options: Options = DEFAULT,
+    watch: Watcher | None = None,
+    provenance: str = "",
+    adapt: Adapt | None = None,
+) -> Results:
+    """Solve a model; the results are in the file `output`, or in memory if None.
+
+    `watch` is called many times a second and stops the run by returning True; `provenance` says who asked; `adapt`
+    may change the nodes on the way.
+    No other run may be writing to that file. Raises ModelError, UnstableError (the frames so far are kept),
+    ResultsError.
+    """
+    with writing_to(output):
+        return _simulate(model, output, options, watch, provenance, adapt)
+
+
+def _simulate(
+    model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
+) -> Results:
+    if model.diffuses:
+        expect_usual(model, options, adapt is not None)
+        advise_unused(model)
+        return diffusion.simulate(model, output, options.threads, _watched(watch), provenance)
+    system, state = started(prepare(model, options))
+    advise_unused(model)
+    advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
+    return _run(system, state, output, watch, provenance, adapt)
+
+
+def _watched(watch: Watcher | None) -> diffusion.Watcher | None:
+    """The watcher, for a run of diffusion."""
+    if watch is None:
+        return None
+    return lambda step, steps, told: watch(Progress(step, steps, 0, 0.0, masses=told))
+
+
+def run(
+    system: System,
+    state: State,
+    output: Path | None = None,
+    watch: Watcher | None = None,
+    provenance: str = "",
+    adapt: Adapt | None = None,
+) -> Results:
+    """Solve a model that is prepared; the rest as in `simulate`. Raises UnstableError, ResultsError."""
+    with writing_to(output):
+        return _run(system, state, output, watch, provenance, adapt)
+
+
+def _run(
+    system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
+) -> Results:
+    adapt = adapt or changing(system)
+
+    def new() -> Writer:
+        cracks = system.model.grid.cracks
+        return Writer.create(output, nodes(system), partial(families, system), cracks, meta(system, provenance))
+
+    return _finish(Recorder(system, state, None, _changes(system, adapt)), new, output, watch, adapt)
+
+
+def _changes(system: System, adapt: Adapt | None) -> bool:
+    """Whether nodes may be born and die."""
+    return adapt is not None or system.hybrid is not None
+
+
+def resume(
+    output: Path, threads: int | None = None, watch: Watcher | None = None, adapt: Adapt | None = None
+) -> Results:
+    """Go on with the run in the file `output` from its last checkpoint, to the same bits as without a stop.
+
+    One that was stopped before its first begins anew. `adapt` is that which it began with. A run that is finished is
+    left as it is. All that is in the file is looked at before. Raises ResultsError, ModelError, UnstableError.
+    """
+    if not _is_finished(output):
+        with writing_to(output):
+            if not _is_finished(output):
+                return _resume(output, threads, watch, adapt)
+    put_away(output)
+    return Results.open(output)
+
+
+def _is_finished(output: Path) -> bool:
+    with Results.open(output) as results:
+        return results.meta().get("status") == "finished"
+
+
+def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Options:
+    """The options that a run of `model` began with, by what it says of itself; threads may be others."""
+    if model.diffuses:
+        return Options(threads=threads)
+    return Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))
+
+
+def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:
+    with Results.open(output) as results:
+        results.verify()
+        model, meta = model_of(results.model(), str(output)), results.meta()
+        options = options_of(model, meta, threads)
+        if not results.has_checkpoint():
+            results.close()
+            return _simulate(model, output, options, watch, meta["provenance"], adapt)
+        if model.diffuses:
+            return diffusion.resume(results, model, output, threads, _watched(watch))
+        known, (step, kept) = results.nodes(0), results.checkpoint()
+        if not kept.keys() >= set(State._fields):
+            raise ResultsError(
+                f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
+            )
+        system, state = prepare(model, options)
+        adapt = adapt or changing(system)
+        same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
+        if not same or not np.array_equal(known.cut, system.family - system.count):
+            raise ResultsError(
+                f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
+                f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
+            )
+        before = results.breaks().step
+        before = before[before <= step]
+        wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
+        done = results.history()
+        most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), most)
+        if _changes(system, adapt) != ("ids" in kept):
+            words = ("stay", "may change") if adapt is not None else ("may change", "stay")
+            raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
+        if _changes(system, adapt):
+            system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
+            lives = results.lives()
+            rows = lives.at(system.model.grid.ids, step)
+            if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
+                raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
+            past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
+        restore(system, state, step, kept, results.breaks())
+        broken = len(before) - len(system.operator.broken().step)
+        system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
+    notes = Recorder(system, state, past, _changes(system, adapt))
+    return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
+
+
+def _finish(
+    notes: Recorder, make: Callable[[], Writer], output: Path | None, watch: Watcher | None, adapt: Adapt | None
+) -> Results:
+    """March to the end from where the notes are; `make` gives the writer, of a new file where they are new."""
+    _give_back_memory()
+    with behind(make, notes.new) as writer:
+        try:
+            if notes.new:
+                notes.take(0)
+                writer.write(notes.frame(0, whole=True, state=True))
+            status = _march(notes, writer, watch, adapt)
+        except BaseException as error:
+            ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
+            writer.abandon(ends.get(type(error), "failed"))
+            raise
+        last = writer.done()
+        last.close(status)
+    return Results(last.connection, "results in memory") if output is None else Results.open(output)
+
+
+def _give_back_memory() -> None:
+    """Hand to the system what reading the model and making its bonds have freed: Linux's C library would keep some
+    300 bytes a node."""
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
+
+
+def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
+    """Step on to the end, from event to event; returns "finished" or "interrupted"."""
+    run, step = notes.system.model.settings.run, notes.written
+    interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
+
+    def asked() -> bool:
+        """Whether the watcher wants the run to stop."""
+        books, fine = notes.last, notes.system.zone_summary
+        return watch is not None and watch(Progress(step, run.steps, books.broken, notes.balance(books), fine))
+
+    def going(now: Going) -> None:
+        """Show how far a load step is; it is lost where the run is to stop meanwhile."""
+        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.balance(notes.last), None, now)):
+            raise KeyboardInterrupt("within a load step, which is lost")
+
+    if isinstance(notes.system.stepper, LoadSteps):
+        notes.system.stepper.watch = going
+    writer.stop = asked
+    while step < run.steps and not (interrupted or done):
+        looks = run.steps
+        if adapt is not None:
+            looks = _next(step, adapt.every)
+            change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
+            if change is not None:
+                notes.follow(step, change)
+        system = notes.system
+        looks = min(looks, _grown(notes, step, run.steps))
+        chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
+        ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
+        began = clock.perf_counter()
+        system.stepper.march(notes.state, step + 1, min(ends) + 1)
+        pace.took(min(ends) - step, clock.perf_counter() - began)
+        step = min(ends)
+        writer.look()
+        noted = step in ends[2:]
+        interrupted = asked() and (noted or _can_stop(system, step, pace.is_soon(min(ends[2:]) - step)))
+        if noted:
+            _take(notes, looked, step)
+            system, looked = notes.system, step
+            done = _is_enough(system, notes.latest, step)
+        whole = step % run.every == 0 or step == run.steps or done
+        if whole or interrupted or (noted and notes.is_old):
+            writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
+    system = notes.system
+    found = notes.last if notes.last.step == step else books(system, notes.state, step)
+    writer.done().tell({"summary": json.dumps(summary(notes, found, done))})
+    closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
+    advise_damped(system.model, found.damped, notes.put_in(found))
+    return "finished" if done or step == run.steps else "interrupted"
+
+
+def _can_stop(system: System, step: int, soon: bool) -> bool:
+    """Whether a run can stop after a step that is not noted.
+
+    A fine zone that moves is followed from one entry of the ledger to the next: raises KeyboardInterrupt unless that
+    comes `soon`.
+    """
+    if system.hybrid is not None and not soon:
+        raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
+    return system.hybrid is None
+
+
+def _grown(notes: Recorder, step: int, last: int) -> int:
+    """Let cracks grow after `step` that are to be looked at then; the step after which they are looked at next, `last`
+    where there are none."""
+    system = notes.system
+    if system.growth is None or system.growth.every is None:
+        return last
+    if step % system.growth.every == 0:
+        system.growth.look(notes.state, step + 1)
+    return _next(step, system.growth.every)
+
+
+def _take(notes: Recorder, before: int, step: int) -> None:
+    """Note what there is to note of this step, and how a fine zone has moved since the step `before`."""
+    change = zone_moved(notes.system) if notes.system.hybrid is not None else None
+    if change is not None:
+        notes.follow(before, change)
+    notes.take(step)
+
+
+def _next(step: int, interval: int) -> int:
+    return (step // interval + 1) * interval
+
+
+def _is_enough(system: System, latest: int, step: int) -> bool:
+    """Whether the run has seen what its model waits for; `latest` is the step in which a bond broke last."""
+    run = system.model.settings.run
+    if run.until == "split":
+        return pieces(system) > 1
+    if run.until == "quiet":
+        return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
+    return False
+
+
+__all__ = [
+    "ModelError",
+    "Options",
+    "Progress",
+    "ResultsError",
+    "System",
+    "UnsettledError",
+    "UnstableError",
+    "prepare",
+    "resume",
+    "simulate",
+]

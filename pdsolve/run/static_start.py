@@ -1,0 +1,47 @@
+"""Prepared starts: a run in time that begins at rest under what acts at time 0, instead of unloaded."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+
+from pdsolve.model import Model
+from pdsolve.run.system import Options, Prepared, at_rest
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.load_steps import LoadSteps
+
+
+def started(prepared: Prepared) -> Prepared:
+    """A prepared run brought to the start that its model asks for; no bond breaks on the way there.
+
+    Components whose speed or acceleration is held are held still meanwhile. Energies count from the unloaded plate.
+    Raises ModelError, UnsettledError.
+    """
+    system, state = prepared
+    model = system.model
+    run = model.settings.run
+    if run.start != "static":
+        return prepared
+    rest = still(model, system.options, system.scheme)
+    stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
+    assert isinstance(stepper, LoadSteps)
+    stepper.bring(rest.state)
+    state.value[:] = rest.state.value
+    system.drive.held_force[:] = drive.held_force
+    left = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
+    state.second[:] = np.where(stepper.held, state.second, left)
+    strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
+    return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
+
+
+def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """The model as it is to be brought to rest, in double precision. Raises ModelError."""
+    run = model.settings.run
+    rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
+    rest = msgspec.structs.replace(rest, time_step=None, steps=1)  # what acts at time 0, and no later
+    settings = msgspec.structs.replace(model.settings, run=rest)
+    double = options._replace(precision="float64")
+    return at_rest(dataclasses.replace(model, settings=settings), double, scheme, breaks=False)

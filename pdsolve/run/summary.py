@@ -1,0 +1,78 @@
+"""What a database of results says of its run: how it was made, and what it came to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pdsolve.provenance import made_by
+from pdsolve.run.measures import Ledger
+from pdsolve.run.recorder import Recorder
+from pdsolve.run.system import Stepper, System
+from pdsolve.steppers.load_steps import LoadSteps
+
+
+def meta(system: System, provenance: str) -> dict[str, Any]:
+    return {
+        **made_by(provenance, system.model.grid.dimension),
+        "mode": system.options.mode,
+        "precision": system.options.precision,
+        "threads": system.threads,
+        "kernel": system.operator.name,
+        "time_step": system.time_step,
+        "stable_time_step": system.bound,
+        "initial_energy": system.initial_energy,
+        "model": system.asked.to_json(),
+    }
+
+
+def summary(notes: Recorder, books: Ledger, stopped_early: bool) -> dict[str, Any]:
+    """What the run came to, in the end."""
+    system, wall = notes.system, notes.wall()
+    return {
+        "nodes": len(system.model.grid),
+        "bonds": system.bonds,
+        "steps": books.step,
+        "time": books.time,
+        "time_step": system.time_step,
+        "stable_time_step": system.bound if np.isfinite(system.bound) else None,
+        "mode": system.options.mode,
+        "precision": system.options.precision,
+        "threads": system.threads,
+        "kernel": system.operator.name,
+        "wall_time": wall,
+        "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
+        "broken_bonds": books.broken,
+        "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "damped", "work")},
+        "balance": notes.balance(books),
+        "stopped": system.model.settings.run.until if stopped_early else None,
+        **_grown(system),
+        **_finer(system),
+        **({"energy_unit": "J"} if system.model.grid.dimension == 3 else {}),
+        **_rested(system.stepper),
+    }
+
+
+def _grown(system: System) -> dict[str, Any]:
+    """What cracks that are particles came to, and what is to be said of it."""
+    if system.growth is None:
+        return {}
+    return {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
+
+
+def _finer(system: System) -> dict[str, Any]:
+    """What finer nodes that come and go were like."""
+    if system.zone_summary is None:
+        return {}
+    found = system.zone_summary._asdict()
+    if system.hybrid is not None:
+        return {"hybrid": found}
+    return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
+
+
+def _rested(stepper: Stepper) -> dict[str, Any]:
+    """How each load step came to rest."""
+    if not isinstance(stepper, LoadSteps):
+        return {}
+    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}

@@ -1,0 +1,339 @@
+"""A model prepared for marching: what does not change while it does."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.fields import USUAL
+from pdsolve.adaptivity.factory import Moving, moving_of
+from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.adaptivity.quadtree.leaf_bonds import filled
+from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
+from pdsolve.bonds.assembly import Counted, Filling
+from pdsolve.bonds.static_breakage import StaticBreakage
+from pdsolve.checks import refuse
+from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
+from pdsolve.crack_growth import update_interval
+from pdsolve.laws import PAIRS, law_of
+from pdsolve.model import Model, ModelError, ModelWarning, counted
+from pdsolve.numerics.threads import cores, crew
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.protocol import Operator
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.options import Options as Options
+from pdsolve.options import threads_of as threads_of
+from pdsolve.run.operator_factory import operator_of
+from pdsolve.run.operator_factory import stable as stable
+from pdsolve.schemes import SCHEMES
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.relaxation import Relaxation
+from pdsolve.steppers.static_loads import in_load_steps
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.steppers.verlet_blocks import VerletBlocks
+
+if TYPE_CHECKING:
+    from pdsolve.crack_growth.growth import Growth
+
+
+class Stepper(Protocol):
+    """A time integration of the state of a system."""
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+
+
+# Nodes of a plate with a fine zone that moves, were they all there
+WORTH_HYBRID = 25_000
+
+
+@dataclass(frozen=True)
+class System:
+    """A model prepared for marching; n nodes."""
+
+    model: Model
+    options: Options
+    scheme: Scheme
+    operator: Operator
+    stepper: Stepper
+    drive: Drive  # loads and holds; what they are now changes with time
+    area: NDArray[np.float64]  # (n,) m^2
+    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    count: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+    time_step: float  # s
+    bound: float  # surely stable time step, s
+    initial_energy: float  # J/m
+    whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
+    growth: Growth | None = None  # cracks that are particles
+    broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
+
+    @property
+    def asked(self) -> Model:
+        """The model that is solved, with all that is done to it."""
+        return self.whole or self.model
+
+    @property
+    def hybrid(self) -> Moving | None:
+        """The operator, where it is one with a fine zone and books of its own."""
+        return self.operator if isinstance(self.operator, Moving) else None
+
+    @property
+    def zone_summary(self) -> ZoneSummary | None:
+        """What there is to say of finer nodes that come and go; None where none do."""
+        return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves) else None
+
+    @property
+    def threads(self) -> int:
+        """How many share the work."""
+        return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
+
+    @property
+    def bonds(self) -> int:
+        """How many directed bonds there were at the start."""
+        return int(self.count.sum())
+
+
+class Prepared(NamedTuple):
+    """A system and its state, ready to march."""
+
+    system: System
+    state: State
+
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+        self.system.stepper.march(self.state, first, last)
+
+
+def scheme_of(model: Model, options: Options) -> Scheme:
+    """The scheme that options name. Raises ModelError for a model or options that cannot be run."""
+    if options.mode not in SCHEMES:
+        raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
+    if options.precision not in ("float64", "float32"):
+        raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
+    if options.kernel not in (None, "blocks", "listed", "hybrid", "collocation"):
+        raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
+    if options.threads is not None and not 1 <= options.threads <= cores():
+        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
+    scheme = SCHEMES[options.mode]
+    refuse(model, scheme.partial_cells)
+    update_interval.refuse(model, options.mode)
+    refuse_layers(model)
+    return scheme
+
+
+def prepare(model: Model, options: Options) -> Prepared:
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    found = _prepared(model, options)
+    system = found.system
+    whole = None if system.whole is None else counted(system.whole, system.time_step)
+    return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))
+
+
+def _prepared(model: Model, options: Options) -> Prepared:
+    scheme = scheme_of(model, options)
+    if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
+        options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
+    if model.settings.run.adapt == "split":
+        return _split(model, options, scheme)
+    if model.settings.run.adapt != "none":
+        return _moving(model, options, scheme)
+    if model.settings.run.solver == "static":
+        return at_rest(in_load_steps(model, options.precision), options, scheme)
+    return system_of(model, options, scheme)
+
+
+def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
+    threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
+    shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
+    state = shown.state()
+    system = System(
+        model=shown.model,
+        options=options._replace(threads=threads),
+        scheme=scheme,
+        operator=shown,
+        stepper=shown,
+        drive=shown.hybrid.drive,
+        area=shown.area,
+        family=shown.counts[1],
+        count=shown.counts[0],
+        time_step=float(shown.hybrid.ground.dt),
+        bound=bound,
+        initial_energy=shown.books().kinetic,
+        whole=model,
+    )
+    return Prepared(system, state)
+
+
+def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model whose cells split, none of which has. Raises ModelError for what cannot be solved so."""
+    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    cells = tree.roots()
+    now = tree.model_of(cells)
+    found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
+    bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
+    system, state = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
+    velocity = initial_velocity(model)  # of which `now` knows nothing
+    _set_off(state, velocity, damping(now), system.drive)
+    energy = float(np.sum(model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
+    return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
+
+
+def moved(system: System, shown: Moving) -> System:
+    """The system of other nodes of the same plate."""
+    count, family = shown.counts
+    return replace(
+        system,
+        model=counted(shown.model, system.time_step),
+        operator=shown,
+        stepper=shown,
+        area=shown.area,
+        family=family,
+        count=count,
+    )
+
+
+STILL = 2.0  # damping times a step: more would turn velocities round within it
+
+
+def step_of(model: Model, bound: float) -> float:
+    """The time step of a run, s; warns of one above `bound`, up to which it is surely stable. Raises ModelError."""
+    step, damped = model.settings.run.time_step or bound, model.settings.run.damping
+    if not np.isfinite(step):
+        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+    if damped * step > STILL:
+        raise ModelError(
+            f"{model.name}: $.run.damping: found {damped:g} 1/s, which stops all motion within a step of {step:.3g} s,"
+            f" expected at most {STILL / step:.3g}"
+        )
+    if step > bound:
+        warnings.warn(
+            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            ModelWarning,
+            stacklevel=3,
+        )
+    return step
+
+
+def _filling(model: Model, scheme: Scheme) -> Filling:
+    """The bonds of a model; where cracks are particles, none breaks by itself."""
+    filling = scheme.fill(model)
+    return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
+
+
+def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, every: int | None) -> Growth | None:
+    """Cracks that are particles, if they are. Raises ModelError."""
+    if model.settings.run.cracks == "bonds":
+        return None
+    from pdsolve.crack_growth.growth import Growth  # shapely takes long to import, and few runs need it
+
+    return Growth(model, operator, filling, driven, every)
+
+
+def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
+    filling = _filling(model, scheme)
+    operator, survey = operator_of(model, options, scheme, filling)
+    bound = stable(operator.stiffness_bound(), model.rho)
+    filled = Counted(filling.area, survey.family, survey.count)
+    found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    every = update_interval.every_of(model, found.system.time_step)
+    growth = _growth(model, operator, filling, found.system.drive, every)
+    return found._replace(system=replace(found.system, growth=growth))
+
+
+def assembled(
+    model: Model, options: Options, scheme: Scheme, operator: Operator, filled: Counted, steps: tuple[float, float]
+) -> Prepared:
+    """The system of a model with this operator, and its state; `steps`, s, are that of the run and the surely stable
+    one."""
+    kind, (step, bound) = np.dtype(options.precision).type, steps
+    rho = model.rho.astype(kind)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, filled.area, scheme.exact_load, kind), width)
+    velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
+    velocity[:, : model.grid.dimension] = initial_velocity(model)
+    state = State(
+        value=np.zeros((nodes, width), dtype=kind),
+        rate=np.zeros((nodes, width), dtype=kind),
+        second=initial_acceleration(driven, rho),
+        dissipated=np.zeros(nodes),
+        work=np.zeros(nodes),
+        damped=np.zeros(nodes),
+    )
+    stepper: Stepper
+    state, damped = operator.place(state), damping(model)
+    _set_off(state, velocity, damped, driven)
+    if isinstance(operator, SimdLattice) and not damped.any():
+        stepper = VerletBlocks(operator, driven, rho, step)
+        driven = stepper.drive
+    else:
+        stepper = Verlet(operator, driven, rho, step, damped)
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    _refuse_fields(model, operator, state)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
+    stepper.march(state, 1, 1)  # no step: compiles before the clock runs
+    return Prepared(system, state)
+
+
+def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
+    """Give nodes their velocities (n, w), m/s, and the accelerations of damping (n,), 1/s, but to what is held."""
+    state.rate[:] = velocity
+    slowed = damped[:, None] * velocity
+    slowed[driven.holds.node, driven.holds.axis] = 0.0
+    state.second[:] -= slowed
+
+
+def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
+    """Raises ModelError for a field of the frames that the model does not have."""
+    asked = [name for name in model.settings.run.fields if name not in USUAL]
+    there = operator.fields(state) if asked else {}
+    for name in asked:
+        if name not in there:
+            expected = ", ".join((*USUAL, *there))
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
+
+
+def widened(driven: Drive, width: int) -> Drive:
+    """Conditions on all components (n, width), none acting beyond those of the displacement."""
+    more = ((0, 0), (0, width - driven.force.shape[1]))
+    return (
+        driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
+    )
+
+
+def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
+    """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    grows = breaks and model.settings.run.cracks == "particles"
+    breaks = breaks and not grows
+    no_fail, static = StaticBreakage(scheme.fill(model)), model.settings.run.static
+    filling = no_fail.filling()
+    operator, survey = operator_of(model, options, scheme, filling)
+    area, nodes = filling.area, len(model.grid)
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
+    method: Method
+    if static.method == "relaxation":
+        method = Relaxation(operator, static.tolerance, static.iterations)
+    else:
+        free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most)
+    breakable = no_fail.breakable() if breaks and law_of(model) in PAIRS else None
+    remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
+    growth = _growth(model, operator, filling, driven, None) if grows else None
+    stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
+    step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffness_bound(), model.rho)
+    counts = survey.family, survey.count
+    numbers = step, bound, 0.0
+    found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
+    return Prepared(found, state)

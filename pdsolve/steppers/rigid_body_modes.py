@@ -1,0 +1,125 @@
+"""Bodies that nothing supports: parts of a plate that may move as they are, without a force from neighbours."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.graphs import connected
+
+Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
+
+LOOSE = 1e-9  # of the largest eigenvalue: a node whose bonds resist less than that in a direction may go there
+FIXED = 1e-6  # of the largest: supports that resist less than that do not hold a body
+BALANCED = 1e-6  # of the sum of all forces: a resultant less than that is none
+
+
+class Loose(NamedTuple):
+    """What may move, of n nodes."""
+
+    nodes: NDArray[np.bool_]  # (n,) all that may
+    said: str  # the largest of them in words: how many nodes, and where; empty where there is none
+    body: NDArray[np.int64]  # (n,) number of the body that a node belongs to
+
+
+def loose(
+    position: NDArray[np.float64],
+    ids: NDArray[np.int64],
+    bonds: Pairs,
+    held: NDArray[np.bool_],
+) -> Loose:
+    """Bodies with fewer supports than they need, and nodes whose bonds are in one line, in space in one plane.
+
+    `position` (n, d) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, d) components. A body of one
+    node has no rotation to be held, in space one in a row none about it.
+    """
+    source, target = bonds
+    nodes = len(position)
+    part = connected(nodes, source, target)
+    size = np.bincount(part)
+    missing = _unsupported(position, part, size, held)
+    swinging = _swinging(position, source, target, held) & ~missing[part]
+    found = missing[part] | swinging
+    if not found.any():
+        return Loose(found, "", part)
+    if missing.any():
+        number = int(np.flatnonzero(missing)[size[missing].argmax()])
+        own = part == number
+        what = "the whole plate" if size[number] == nodes else f"a body of {size[number]} nodes"
+        others = int(missing.sum()) - 1
+        more = f", and {others} more" if others else ""
+    else:
+        own, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
+    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) free to move{more}", part)
+
+
+def _place(position: NDArray[np.float64]) -> str:
+    """The middle of some places (k, d), in words."""
+    return f"({', '.join(f'{value:.4g}' for value in position.mean(axis=0))}) m"
+
+
+def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How places (n, d) from a middle go in a turn about each axis (n, d, 1 in the plane or 3)."""
+    if arm.shape[1] == 2:
+        return np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
+    return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+
+
+def _unsupported(
+    position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], held: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which bodies (p,) have supports that leave a motion free: along an axis, or a turn about their middle."""
+    count, d = len(size), position.shape[1]
+    middle = np.stack([np.bincount(part, column, count) / size for column in position.T], axis=1)
+    arm = position - middle[part]
+    reach = np.sqrt(np.bincount(part, (arm**2).sum(axis=1), count) / size)
+    turn = _turns(arm) / np.where(reach > 0, reach, 1.0)[part][:, None, None]
+    ways = d + turn.shape[2]
+    gram = np.zeros((count, ways, ways))
+    for axis in range(d):
+        rows = np.flatnonzero(held[:, axis])
+        resists = np.zeros((len(rows), ways))
+        resists[:, axis], resists[:, d:] = 1.0, turn[rows, axis]
+        np.add.at(gram, part[rows], resists[:, :, None] * resists[:, None, :])
+    for way in range(d, ways):  # a turn that moves nothing has nothing to be held
+        still = np.bincount(part, (turn[:, :, way - d] ** 2).sum(axis=1), count) <= LOOSE * size
+        gram[still, way, way] = 1.0
+    values = np.linalg.eigvalsh(gram)
+    return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
+
+
+def _swinging(
+    position: NDArray[np.float64], source: NDArray[np.int64], target: NDArray[np.int64], held: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which nodes (n,) have all their bonds in one line, in space in one plane, and are not held."""
+    nodes, xi = len(position), position[target] - position[source]
+    n = xi / np.sqrt((xi**2).sum(axis=1))[:, None]
+    if n.shape[1] == 3:
+        sums = np.empty((nodes, 3, 3))
+        for a, b in combinations_with_replacement(range(3), 2):
+            sums[:, a, b] = sums[:, b, a] = np.bincount(source, n[:, a] * n[:, b], minlength=nodes)
+        sums[:, range(3), range(3)] += held
+        values = np.linalg.eigvalsh(sums)
+        return np.asarray(values[:, 0] <= LOOSE * values[:, -1])
+    xx, xy, yy = (
+        np.bincount(source, terms, minlength=nodes) for terms in (n[:, 0] ** 2, n[:, 0] * n[:, 1], n[:, 1] ** 2)
+    )
+    xx, yy = xx + held[:, 0], yy + held[:, 1]
+    middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    return np.asarray(middle - half <= LOOSE * (middle + half))
+
+
+def unbalanced(position: NDArray[np.float64], force: NDArray[np.float64], found: Loose) -> str:
+    """The first loose body whose forces (n, 2), N/m, have a resultant or a moment, in words; "" if all balance."""
+    for number in np.unique(found.body[found.nodes]).tolist():
+        own = found.body == number
+        arm = position[own] - position[own].mean(axis=0)
+        push, reach = force[own], float(np.sqrt((arm**2).sum(axis=1).max()))
+        moment = float(np.abs(np.einsum("nij,ni->j", _turns(arm), push)).max())
+        most = float(np.abs(push).sum())
+        if np.abs(push.sum(axis=0)).max() > BALANCED * most or moment > BALANCED * most * reach:
+            return f"a body of {int(own.sum())} nodes around {_place(position[own])}"
+    return ""

@@ -1,0 +1,51 @@
+"""The workers of a Dask scheduler, on this machine or others. Only this module knows Dask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
+from typing import Any
+
+from pdsolve.study.description import StudyError
+from pdsolve.study.one_run import LOST, Outcome, Task, solved
+
+MISSING = "--scheduler: found no package distributed, expected it: pip install 'pdsuite[study]'"
+PATIENCE = 10.0  # s until a scheduler has answered
+
+
+def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
+    """The outcomes of tasks, as they come from the workers of the scheduler at this address.
+
+    How to prove who one is, by TLS, is taken from Dask's own settings. Raises StudyError.
+    """
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ImportError:
+        raise StudyError(MISSING) from None
+    if not tasks:
+        return
+    try:
+        client = Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as error:
+        raise StudyError(f"--scheduler {scheduler}: found none that answers ({error}), expected one") from None
+    with client:
+        futures = dict(zip(client.map(solved, tasks, pure=False), tasks, strict=True))
+        for future in as_completed(futures):
+            try:
+                outcome = _outcome(future, futures[future].number, KilledWorker)
+            except (CancelledError, OSError):
+                raise StudyError(
+                    f"--scheduler {scheduler}: found it ended, expected it to go on; begin it anew, and the same"
+                    " command goes on with the study"
+                ) from None
+            yield outcome
+            future.release()
+
+
+def _outcome(future: Any, number: int, killed: type[Exception]) -> Outcome:
+    """What a future of Dask's has come to; `killed` is what it says of a run whose workers ended."""
+    error = future.exception()
+    if error is None:
+        found: Outcome = future.result()
+        return found
+    return Outcome(number, None, LOST if isinstance(error, killed) else repr(error))

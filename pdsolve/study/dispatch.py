@@ -1,0 +1,135 @@
+"""Who works on a study: processes of this machine, or those of a Dask scheduler.
+
+The table is written here, by one process; the others solve, and write the databases of their runs to the study's
+folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from pdmesh import VERSION
+from pdmesh.drawing import file_reading
+from pdmesh.scene.shapes import SceneError
+from pdsolve.numerics.threads import cores
+from pdsolve.results import holder, remove, writing_to
+from pdsolve.study.cluster import solved_by
+from pdsolve.study.description import Study, StudyError
+from pdsolve.study.measure_columns import measures_of
+from pdsolve.study.one_run import Outcome, Task
+from pdsolve.study.recovered_runs import databases, kept
+from pdsolve.study.run_model import NAMED, check
+from pdsolve.study.table import FAILED, FINISHED, Row, Table, is_study, runs_of
+from pdsolve.study.workers import solved_here
+
+
+class Going(NamedTuple):
+    """The progress of a study."""
+
+    runs: int
+    finished: int
+    failed: int
+    last: Outcome | None = None  # None: before the first
+    held: Mapping[int, str] = {}  # before the first: who else writes to the database of a run, by its number
+
+
+class Crew(NamedTuple):
+    """The workers of a study."""
+
+    workers: int | None = None  # processes on this machine; None: as many as cores, over threads
+    threads: int = 1  # of each run
+    scheduler: str | None = None  # the address of Dask's, in place of processes of one's own
+    trust: bool = False
+
+
+ALONE = Crew()
+
+
+def solve_study(
+    study: Study,
+    output: Path,
+    crew: Crew = ALONE,
+    watch: Callable[[Going], None] | None = None,
+    again: bool = False,
+    force: bool = False,
+) -> list[Row]:
+    """Solve all runs of a study that are not solved yet; returns their rows of the table in the file `output`.
+
+    Runs that failed are left alone unless `again`; with `force` nothing is kept of what is there. `watch` is called
+    after each run. Raises StudyError, BusyError, OSError; a run that fails is none of them.
+    """
+    with writing_to(output):
+        dimension = check(study, crew.trust)
+        if force:
+            _clear(output)
+        with _table(study, output) as table:
+            there = {} if table.rows() else kept(table.runs, study)
+            numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), there)
+            rows = table.rows(numbers.values())
+            over = (FINISHED,) if again else (FINISHED, FAILED)
+            waiting = {row.number for row in rows if row.status not in over}
+            cases = [(numbers[case.key], case) for case in study.cases() if numbers[case.key] in waiting]
+            drawing = study.drawing.resolve()
+            files = {row.number: row.file.resolve() for row in rows}
+            bad = {row.number for row in rows if row.status == FAILED}
+            how = (crew.threads, crew.trust, study.digest)
+            tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
+            failed = len(bad - waiting)
+            held = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
+            going = Going(len(rows), len(rows) - len(tasks) - failed, failed, None, held)
+            _tell(watch, going)
+            for outcome in _solved(tasks, crew):
+                table.finish(*outcome)
+                ended = outcome.error is not None
+                going = Going(going.runs, going.finished + (not ended), going.failed + ended, outcome)
+                _tell(watch, going)
+            return table.rows(numbers.values())
+
+
+def _tell(watch: Callable[[Going], None] | None, going: Going) -> None:
+    if watch is not None:
+        watch(going)
+
+
+def _table(study: Study, output: Path) -> Table:
+    """The table, and a folder for the runs. Raises StudyError, ResultsError."""
+    runs = runs_of(output)
+    if not output.exists():
+        kept(runs, study)
+    table = Table.create(output, study, f"pdsolve {VERSION}")
+    runs.mkdir(exist_ok=True)
+    return table
+
+
+def _clear(output: Path) -> None:
+    """Remove a table, the runs that it names, and those in its folder. Raises StudyError where it is no table."""
+    files = set(databases(runs_of(output)))
+    if output.exists() and output.stat().st_size:
+        try:
+            with Table.open(output) as table:
+                files |= {row.file for row in table.rows()}
+        except StudyError:
+            if not is_study(output):
+                raise
+    for file in [*sorted(files), output]:
+        remove(file)
+
+
+def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
+    """Units and meanings of the drawing's parameters, where it says them."""
+    if study.drawing.suffix.lower() not in NAMED:
+        return {}
+    try:
+        found = file_reading.parameters(study.drawing, (), trust)
+    except SceneError:
+        return {}
+    return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in found}
+
+
+def _solved(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
+    """The outcomes of tasks, as they come. Raises StudyError."""
+    if crew.scheduler is not None:
+        return solved_by(tasks, crew.scheduler)
+    return solved_here(tasks, crew.workers or max(1, cores() // crew.threads))

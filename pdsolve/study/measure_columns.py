@@ -1,0 +1,70 @@
+"""What the table of a study has a column for, besides parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+OWN = ("number", "key", "status", "error", "file", "repetition")
+
+
+class Measure(NamedTuple):
+    """A number that is measured of each run."""
+
+    unit: str
+    meaning: str
+    in_space: bool = False  # whether it is one of bodies too
+
+
+MEASURES = {
+    "nodes": Measure("", "nodes", True),
+    "bonds": Measure("", "directed bonds at the start", True),
+    "steps": Measure("", "steps, or load steps", True),
+    "time": Measure("s", "time that was reached", True),
+    "time_step": Measure("s", "time step", True),
+    "wall_time": Measure("s", "time that solving took", True),
+    "broken_bonds": Measure("", "directed bonds that broke", True),
+    "kinetic": Measure("J/m", "kinetic energy at the end", True),
+    "strain": Measure("J/m", "strain energy at the end", True),
+    "dissipated": Measure("J/m", "energy that broken bonds took", True),
+    "work": Measure("J/m", "work from outside", True),
+    "balance": Measure("", "error of the balance of energy over what was put in", True),
+    "largest_displacement": Measure("m", "largest displacement of a node, in all frames", True),
+    "largest_stretch": Measure("", "largest stretch of a whole bond, in the last frame", True),
+    "first_break": Measure("s", "when the first bond broke", True),
+    "start": Measure("s", "when a crack started"),
+    "branching": Measure("s", "when a crack came to its first fork"),
+    "branching_at": Measure("m", "where that is, along its direction"),
+    "split": Measure("s", "when the plate was in two"),
+    "length": Measure("m", "length of all cracks together"),
+    "longest": Measure("m", "length of the longest branch"),
+    "speed": Measure("m/s", "mean speed of the longest branch"),
+    "branches": Measure("", "branches of cracks"),
+    "forks": Measure("", "forks of cracks"),
+    "fork_angle": Measure("degrees", "angle of the first fork, between its outer arms"),
+    "fork_x": Measure("m", "place of the first fork"),
+    "fork_y": Measure("m", "place of the first fork"),
+    "direction": Measure("degrees", "angle from the notch over the first straight stretch, the largest of all cracks"),
+    "spent": Measure("J/m^2", "energy spent over advance of cracks, the median"),
+    "pieces": Measure("", "pieces of the plate at the end"),
+}
+
+
+def measures_of(dimension: int) -> dict[str, Measure]:
+    """The measures of plates, or of bodies in space: energies in J instead of J/m, without cracks."""
+    if dimension == 2:
+        return MEASURES
+    in_space = {"J/m": "J"}
+    return {name: one._replace(unit=in_space.get(one.unit, one.unit)) for name, one in MEASURES.items() if one.in_space}
+
+
+UNITS = {  # of settings of a model
+    "material.E": "Pa", "material.rho": "kg/m^3", "material.G0": "J/m^2", "material.strength": "Pa",
+    "material.yield_stress": "Pa", "material.hardening": "Pa", "run.time_step": "s", "run.quiet": "s",
+    "run.damping": "1/s", "run.duration": "s",
+}  # fmt: skip
+
+
+def column_of(kind: str, name: str) -> str:
+    """The column of a parameter: its name, after its kind where a measure is called so. SQLite knows no case."""
+    taken = {*OWN, *MEASURES}
+    return f"{kind} {name}" if name.lower() in taken else name

@@ -1,0 +1,91 @@
+"""One run of a study, from its drawing to its measures: what a worker does."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+from pdsolve.results import BusyError, Kind, Results, ResultsError, WriteError, remove, state_of
+from pdsolve.run.simulation import resume, simulate
+from pdsolve.study.description import Case
+from pdsolve.study.recovered_runs import provenance
+from pdsolve.study.run_measures import measured
+from pdsolve.study.run_model import made, options
+
+ALONE = threading.Lock()  # a process solves one run at a time
+
+LOST = "found the process that solved it ended, expected it to go on (too little memory?)"
+PATIENCE, PAUSE = 30.0, 0.2  # s that a run waits for another process that writes to its database; s between two looks
+
+
+class Task(NamedTuple):
+    """What is to be done; a plain tuple that travels to another process, and may be another machine."""
+
+    number: int
+    drawing: Path
+    case: Case
+    output: Path
+    threads: int = 1
+    trust: bool = False
+    digest: str = ""  # of the drawing
+    again: bool = False  # it has failed before
+
+
+class Outcome(NamedTuple):
+    """How a run of the table ended."""
+
+    number: int
+    measures: dict[str, float | None] | None = None  # None: it failed
+    error: str | None = None
+
+
+def solved(task: Task) -> Outcome:
+    """Solve a run, or go on with one that was stopped, and measure it. What goes wrong is in the outcome."""
+    with ALONE, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with _results(task) as results:
+                return Outcome(task.number, measured(results))
+        except Exception as error:  # of any kind: it is this run's, the others go on
+            said = str(error) if isinstance(error, ValueError | OSError) else f"{type(error).__name__}: {error}"
+            return Outcome(task.number, None, " ".join(said.split()))
+
+
+def _results(task: Task) -> Results:
+    """The results of a run; waits for who writes to its database, such as a worker of a study that was killed."""
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return _gone_on(task)
+        except BusyError as error:
+            if time.monotonic() > until:
+                raise ResultsError(f"{error}; waited {PATIENCE:g} s (--again: goes on with it)") from None
+        time.sleep(PAUSE)
+
+
+def _gone_on(task: Task) -> Results:
+    """The results of a run, which goes on if it can and begins anew if not. Raises BusyError, and others."""
+    own = provenance(task.case.key, task.digest)
+    try:
+        state = state_of(task.output)
+    except ResultsError as error:
+        raise ResultsError(f"{error} (remove it, and --again solves it anew)") from None
+    if state.kind is Kind.RUNNING:
+        raise BusyError(f"{task.output}: found a run writing to it ({state.holder}), expected none")
+    if state.meta and state.meta.get("provenance") not in (own, f"pdsolve study: {task.case.key}"):  # an older one
+        raise ResultsError(f"{task.output}: found results of another run, expected this one's or none")
+    if state.kind in (Kind.UNBEGUN, Kind.STOPPED, Kind.FINISHED):
+        try:
+            return resume(task.output, task.threads)
+        except (BusyError, WriteError):
+            raise
+        except ResultsError as error:
+            if not task.again:
+                raise ResultsError(f"{error} (--again: solves it anew)") from None
+    if state.kind is not Kind.NONE:
+        remove(task.output)
+    how = options(task.case, task.threads)
+    return simulate(made(task.drawing, task.case, task.trust), task.output, how, provenance=own)

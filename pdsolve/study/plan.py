@@ -1,0 +1,78 @@
+"""What a study will take: the numbers behind `pdmesh plan study.toml`."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pdsolve.numerics import jit_cache
+from pdsolve.numerics.threads import cores
+from pdsolve.run.estimate import slower
+from pdsolve.study import run_model
+from pdsolve.study.description import read_study
+
+# Seconds on the machine of `pdsolve.run.estimate`: of the command and then its processes, until they solve, a third
+# of it for kernels that are read; of a run besides what its plan has, and for each of its nodes: it is built and
+# measured; of the kernels of a plate of bonds, where none are kept
+START = 4.0
+AROUND, AROUND_NODE = 0.05, 3e-5
+COMPILE = 8.0
+LISTED = 12  # different runs, in lines
+
+
+def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
+    """What solving all runs of the study at `path` takes, as if none were solved yet.
+
+    Raises StudyError, SceneError, GridError, ModelError.
+    """
+    study = read_study(path)
+    planned = run_model.planned(study, trust)
+    seconds = sum(number * one.wall_time for _, number, one in planned)
+    rate, each = slower(), [one for _, number, one in planned for _ in range(number)]
+    workers, compiling = min(cores(), len(each)), 0.0 if jit_cache.is_kept() else rate * COMPILE
+    runs = [one.wall_time + rate * (AROUND + AROUND_NODE * one.nodes) for one in each]
+    return {
+        "study": str(path),
+        "runs": sum(number for _, number, _ in planned),
+        "solve_seconds": seconds,  # one after the other, on one thread each
+        "workers": workers,
+        "compile_seconds": compiling,  # of that, once for these sources
+        "study_seconds": rate * START + compiling + by_processes(runs, workers),
+        "memory_bytes": max(one.memory for _, _, one in planned),  # of the largest
+        "different": [
+            {"values": {name: case.values.get(name) for name in study.varied}, "times": number}
+            | {"nodes": one.nodes, "bonds": one.bonds, "steps": one.steps, "time_step": one.time_step}
+            | {"memory_bytes": one.memory, "solve_seconds": one.wall_time}
+            for case, number, one in planned
+        ],
+    }
+
+
+def by_processes(runs: Sequence[float], workers: int) -> float:
+    """How long runs of so many seconds take, in their order, each by the process that is free first."""
+    busy = [0.0] * workers
+    for seconds in runs:
+        heapq.heapreplace(busy, busy[0] + seconds)
+    return max(busy)
+
+
+def study_plan_lines(result: dict[str, Any]) -> list[str]:
+    """What `plan_study` found, for a reader."""
+    workers, memory = result["workers"], result["memory_bytes"] / 1e6
+    lines = [
+        f"{result['study']}: {result['runs']} runs, {result['solve_seconds']:.3g} s to solve one after the other, about"
+        f" {result['study_seconds']:.3g} s by {workers} processes, of {memory:.3g} MB each at most"
+    ]
+    if result["compile_seconds"]:
+        lines.append(f"{result['compile_seconds']:.2g} s of that is for kernels that are compiled once")
+    for one in result["different"][:LISTED]:
+        named = ", ".join(f"{name} = {value}" for name, value in one["values"].items()) or "as drawn"
+        lines.append(
+            f"{one['times']} x {named}: {one['nodes']} nodes, {one['bonds']} bonds, {one['steps']} steps of"
+            f" {one['time_step']:.4g} s, {one['solve_seconds']:.3g} s"
+        )
+    if len(result["different"]) > LISTED:
+        lines.append(f"and {len(result['different']) - LISTED} more")
+    return lines

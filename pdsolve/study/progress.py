@@ -1,0 +1,47 @@
+"""How far a study is: one bar over all its runs, in a terminal or a notebook; a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from pdmesh.printing import remark
+from pdsolve.run.progress import LINE_EVERY, bar
+from pdsolve.study.one_run import PATIENCE
+
+if TYPE_CHECKING:
+    from pdsolve.study.dispatch import Going
+
+
+class StudyWatch:
+    """Shows how far a study is.
+
+    with StudyWatch() as watch:
+        solve_study(study, path, watch=watch)
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet, self._said = quiet, time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> StudyWatch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, going: Going) -> None:
+        done, told = going.finished + going.failed, f"{going.failed} failed"
+        for number, name in going.held.items():
+            remark(f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database")
+        if self._quiet:
+            return
+        if self._bar is None:
+            self._bar = bar("solving", " runs", total=going.runs, initial=done)
+        if self._bar is not None:
+            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.update(done - self._bar.n)
+        elif time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            remark(f"run {done} of {going.runs}, {told}")

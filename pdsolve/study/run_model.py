@@ -1,0 +1,115 @@
+"""The model of a run of a study: its drawing built, its settings laid over, disturbed."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from pathlib import Path
+from typing import Any
+
+from pdmesh.drawing import file_reading
+from pdmesh.file_kinds import MESHES
+from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
+from pdmesh.model.node_grid import Grid, grid_of
+from pdmesh.model.unused_settings import in_vain
+from pdmesh.scene.body import Body
+from pdmesh.scene.shapes import SceneError
+from pdsolve.model import Model, ModelError, overlaid
+from pdsolve.run.estimate import Plan, estimate_run
+from pdsolve.run.system import Options
+from pdsolve.study.description import Case, Study, StudyError
+from pdsolve.study.disturbed import disturbed
+
+NAMED = (".geo", ".py", ".json")  # drawings that say what parameters they have
+LOOKED_AT = 5  # runs, until one can be read
+# To lay settings over, where names alone are looked at
+ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
+
+
+def made(drawing: Path, case: Case, trust: bool = False) -> Model:
+    """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
+    grid, settings = _built(drawing, case, trust)
+    model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
+    said = in_vain(model.settings, case.model)
+    if said is not None:
+        raise ModelError(f"{drawing}: {said}")
+    if not case.repetition:
+        return model
+    step = model.settings.run.time_step or 0.0
+    if case.repeat.step and not step:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the run will warn
+            step = estimate_run(model, options(case)).time_step
+    return disturbed(model, case.repeat, case.repetition, step)
+
+
+def options(case: Case, threads: int = 1) -> Options:
+    """How a run is solved."""
+    given: dict[str, Any] = dict(case.options)
+    return Options(**given, threads=threads)
+
+
+def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
+    """The first case of each distinct run (disturbances aside), how many cases share it, and its plan.
+
+    Raises StudyError, SceneError, GridError, ModelError.
+    """
+    check(study, trust)
+    alike: dict[str, list[Case]] = {}
+    for case in study.cases():
+        alike.setdefault(dataclasses.replace(case, repetition=0).key, []).append(case)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the solver warns when it solves
+        return [
+            (cases[0], len(cases), estimate_run(made(study.drawing, cases[0], trust), options(cases[0])))
+            for cases in alike.values()
+        ]
+
+
+def check(study: Study, trust: bool = False) -> int:
+    """The dimension, 2 or 3, of the study's plates or bodies.
+
+    Raises StudyError for a parameter that neither drawing nor model uses, and for a program as drawing without `trust`.
+    """
+    if not trust and study.drawing.suffix.lower() == ".py":
+        raise StudyError(f"{study.path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
+    cases = study.cases()
+    for case in {tuple(case.values): case for case in cases}.values():
+        try:
+            if case.drawing and study.drawing.suffix.lower() in NAMED:
+                file_reading.parameters(study.drawing, case.assignments("drawing"), trust)
+            overlaid(ANY, Path("model"), None, case.assignments("model"))
+        except (SceneError, GridError, ModelError) as error:
+            raise StudyError(f"{study.path}: {error}") from None
+    for case in cases[:LOOKED_AT]:
+        try:
+            return _dimension(study.drawing, case, trust)
+        except (SceneError, GridError, OSError):
+            continue  # what is wrong is said of each run
+    return 2
+
+
+def _dimension(drawing: Path, case: Case, trust: bool) -> int:
+    """The dimension of the plate or body of a drawing. Raises StudyError for diffusion, SceneError or GridError."""
+    if drawing.suffix.lower() in MESHES:
+        return 2
+    if drawing.suffix.lower() == ".json" and not case.drawing:
+        document = read_file(drawing)
+        dimension, diffuses = 3 if document.version == SPACE_VERSION else 2, document.physics == "diffusion"
+    else:
+        scene = file_reading.read_scene(drawing, case.assignments("drawing"), trust=trust)
+        dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None
+    if diffuses:
+        raise StudyError(
+            f"{drawing}: found a model of diffusion, expected one of mechanics, whose cracks and energies a study"
+            " measures"
+        )
+    return dimension
+
+
+def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:
+    if drawing.suffix.lower() == ".json" and not case.drawing:
+        document = read_file(drawing)
+        return grid_of(document, str(drawing)), settings_of(document)
+    built = file_reading.build(drawing, case.assignments("drawing"), trust=trust)
+    return built.grid, built.settings

@@ -1,0 +1,108 @@
+"""Checksums of a study's table: what is read is what was written, or it is refused.
+
+The table ``checksum`` has a CRC-32 for each row of ``run``, of its values that are not NULL and the names of their
+columns (a new column changes none). Under the number 0 it has those of the other tables as a whole, and how many runs
+there are.
+"""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+import zlib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from pdsolve.study.measure_columns import OWN
+
+WHOLE = ("study", "column_unit")  # small tables
+FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder beside the table, nowhere else
+
+
+class DamagedTableError(ValueError):
+    """A table of a study that does not hold what was written to it; the message is what was found."""
+
+
+def begin(connection: sqlite3.Connection) -> None:
+    """Give a table that has none its checksums, within a transaction."""
+    connection.execute(
+        "CREATE TABLE checksum (name TEXT, number INTEGER, count INTEGER, crc INTEGER, PRIMARY KEY (name, number))"
+    )
+    seal(connection, [number for (number,) in connection.execute("SELECT number FROM run")])
+
+
+def has(connection: sqlite3.Connection) -> bool:
+    """Whether there are checksums; older tables have none."""
+    return connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'checksum'").fetchone() is not None
+
+
+def seal(connection: sqlite3.Connection, numbers: Iterable[int] = ()) -> None:
+    """Write down the checksums of what has changed, within its transaction: runs of these numbers, the small tables."""
+    ((runs,),) = connection.execute("SELECT count(*) FROM run")
+    found = [(name, 0, *_of_all(connection, name)) for name in WHOLE] + [("run", 0, runs, 0)]
+    for number in numbers:
+        ((_, crc),) = _of_runs(connection, "WHERE number = ?", number)
+        found.append(("run", number, 1, crc))
+    connection.executemany("INSERT OR REPLACE INTO checksum VALUES (?, ?, ?, ?)", found)
+
+
+def expect_whole(connection: sqlite3.Connection) -> None:
+    """Look at all that is in a table. Raises DamagedTableError, sqlite3.Error, UnicodeDecodeError."""
+    connection.execute("BEGIN")  # of one moment: another process may write
+    try:
+        _expect_whole(connection)
+    finally:
+        connection.execute("ROLLBACK")
+
+
+def _expect_whole(connection: sqlite3.Connection) -> None:
+    (said,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    if said != "ok":
+        raise DamagedTableError(f"found {' '.join(said.split())}")
+    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
+    for name in (*WHOLE, "run"):
+        if kinds.get(name) != "table":
+            raise DamagedTableError(f"found no table {name}")
+    columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
+    units = [name for (name,) in connection.execute("SELECT name FROM column_unit")]
+    if missing := [name for name in (*OWN, *units) if name not in columns]:
+        raise DamagedTableError(f"found no column {missing[0]} of run")
+    for number, file in connection.execute("SELECT number, file FROM run"):
+        if not isinstance(file, str) or not FILE.fullmatch(file):
+            raise DamagedTableError(f"found the file {str(file)[:60]!r} of run {number}")
+    if has(connection):
+        _expect_sums(connection)
+
+
+def _expect_sums(connection: sqlite3.Connection) -> None:
+    known = {(name, number): rest for name, number, *rest in connection.execute("SELECT * FROM checksum")}
+    for name in WHOLE:
+        if known.pop((name, 0), None) != [*_of_all(connection, name)]:
+            raise DamagedTableError(f"found its {name} damaged")
+    ((runs,),) = connection.execute("SELECT count(*) FROM run")
+    if known.pop(("run", 0), None) != [runs, 0] or len(known) != runs:
+        raise DamagedTableError(f"found {runs} runs, which are not as many as were written")
+    for number, crc in _of_runs(connection):
+        if known.get(("run", number)) != [1, crc]:
+            raise DamagedTableError(f"found run {number} damaged")
+
+
+def _of_all(connection: sqlite3.Connection, name: str) -> tuple[int, int]:
+    """How many rows a table has, and the CRC of all."""
+    rows = connection.execute(f"SELECT * FROM {name} NOT INDEXED ORDER BY name").fetchall()
+    return len(rows), _crc(rows)
+
+
+def _of_runs(connection: sqlite3.Connection, where: str = "", *values: Any) -> Iterator[tuple[int, int]]:
+    """Number and CRC of rows of ``run``."""
+    cursor = connection.execute(f"SELECT * FROM run {where}", values)
+    names = [entry[0] for entry in cursor.description]
+    for row in cursor:
+        held = {name: value for name, value in zip(names, row, strict=True) if value is not None}
+        yield held["number"], _crc(sorted(held.items()))
+
+
+def _crc(value: Any) -> int:
+    return zlib.crc32(msgspec.msgpack.encode(value))

@@ -1,0 +1,68 @@
+"""What a worker of this machine does, which solves one run after the other and ends when nobody waits for it.
+
+Its libraries are imported when it solves: before, nothing keeps them from settings in the current folder.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from pdmesh import trust
+
+if TYPE_CHECKING:
+    from pdsolve.study.one_run import Outcome, Task
+
+GRACE = 10.0  # s in which a worker that is to stop may write down where its run is
+
+_solves = threading.Event()
+_stops = threading.Event()
+
+
+def prepare(held: Connection) -> None:
+    """What a worker begins with; it is to stop when the other end of the pipe `held` is closed."""
+    trust.settle()
+    signal.signal(signal.SIGINT, _interrupted)
+    threading.Thread(target=_stop_when_closed, args=(held,), daemon=True).start()
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    if _stops.is_set() and _solves.is_set():
+        raise KeyboardInterrupt
+
+
+def _stop_when_closed(held: Connection) -> None:
+    """Interrupt the run that is being solved when nobody waits for it any more; end the process in any case."""
+    with suppress(EOFError, OSError):
+        held.recv_bytes()
+    _stops.set()
+    if _solves.is_set():
+        _interrupt()
+        threading.Event().wait(GRACE)
+    os._exit(1)
+
+
+def _interrupt() -> None:
+    """Interrupt the first thread, be it in Python or waiting for the system."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)
+
+
+def solve(task: Task) -> Outcome:
+    """Solve a run and measure it."""
+    from pdsolve.study.one_run import solved
+
+    _solves.set()
+    try:
+        return solved(task)
+    finally:
+        _solves.clear()
+        if _stops.is_set():
+            os._exit(1)

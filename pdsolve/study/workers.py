@@ -1,0 +1,110 @@
+"""Processes of this machine that solve runs: no port is opened, nothing is written but the runs.
+
+Each process is an executor of its own, so that one that ends takes the run with it that it solves, and no other. A
+worker stops when the other end of its pipe is closed: by who began it, or by the system where that process has ended,
+however it did.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+
+from pdmesh import trust
+from pdsolve.study.one_run import LOST, Outcome, Task
+from pdsolve.study.worker import prepare, solve
+
+
+def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
+    """The outcomes of tasks, as they come from so many processes, which end with this generator.
+
+    A run whose process ended goes on once more: what ended it may have been meant for another.
+    """
+    waiting, ended = deque(tasks), set[int]()
+    crew = [Worker() for _ in range(min(workers, len(tasks)))]
+    try:
+        under_way = {worker.begin(waiting.popleft()): worker for worker in crew}
+        while under_way:
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                worker = under_way.pop(future)
+                task, outcome = worker.outcome(future)
+                again = outcome.error == LOST and task.number not in ended
+                if again:
+                    ended.add(task.number)
+                    waiting.append(task)
+                if waiting:
+                    under_way[worker.begin(waiting.popleft())] = worker
+                if not again:
+                    yield outcome
+        for worker in crew:
+            worker.end()
+    finally:
+        for worker in crew:
+            worker.stop()
+        for worker in crew:
+            worker.end()
+
+
+class Worker:
+    """A process that solves one run after the other, and its successors where it ends."""
+
+    def __init__(self) -> None:
+        self._task: Task | None = None
+        self._executor, self._hold = _process()
+
+    def begin(self, task: Task) -> Future[Outcome]:
+        """Have a run solved."""
+        self._task = task
+        with _uninterrupted(), trust.child_environment():  # a process may start
+            return self._executor.submit(solve, task)
+
+    def outcome(self, future: Future[Outcome]) -> tuple[Task, Outcome]:
+        """The run that was begun last, and how it ended."""
+        assert self._task is not None
+        return self._task, self._outcome(future, self._task.number)
+
+    def _outcome(self, future: Future[Outcome], number: int) -> Outcome:
+        try:
+            return future.result()
+        except BrokenExecutor:
+            self.end()
+            self._hold.close()
+            self._executor, self._hold = _process()
+            return Outcome(number, None, LOST)
+        except Exception as error:  # such as an outcome that does not travel
+            return Outcome(number, None, f"{type(error).__name__}: {error}")
+
+    def stop(self) -> None:
+        """Have it stop soon, in the middle of its run."""
+        self._hold.close()
+
+    def end(self) -> None:
+        """Wait for its end."""
+        self._executor.shutdown(cancel_futures=True)
+
+
+def _process() -> tuple[ProcessPoolExecutor, Connection]:
+    """A process, which starts with its first run, and the end of a pipe for whose closing it waits."""
+    spawn = get_context("spawn")
+    other, own = spawn.Pipe(duplex=False)
+    with _uninterrupted(), trust.child_environment():  # Python's own keeper of semaphores may start
+        return ProcessPoolExecutor(1, spawn, prepare, (other,)), own
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that begin meanwhile hear no Ctrl-C, which a terminal sends to all: who began them stops them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,91 @@
+"""What bonds spend: of every law of bonds alone a crack costs G0, and what is spent is work less what is held."""
+
+from __future__ import annotations
+
+import itertools
+
+import msgspec
+import numpy as np
+import pytest
+from plates import plate, square_grid
+
+from pdmesh.model.document import Horizon, Material, Settings
+from pdmesh.model.node_grid import Grid
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws import LAWS, law_of, limits
+from pdsolve.model import Model
+from pdsolve.operators.bond_list import BondList
+from pdsolve.schemes import average_horizon
+from pdsolve.schemes.separation_energy import cost, patch
+from pdsolve.state import State
+
+CRITICAL, STIFFNESS = 1e-3, 2.0
+RULE = np.array(np.polynomial.legendre.leggauss(12)).T.tolist()
+EVERY = [(law, kr) for law in LAWS for kr in ((1.0,) if law == "brittle" else (2.0, 5.0))]
+every = pytest.mark.parametrize(("law", "kr"), EVERY)
+shapes = pytest.mark.parametrize("precision", ["float64", "float32"])
+
+
+def of(law: str, kr: float, **more: object) -> Material:
+    return Material(**{"E": 1.0, "rho": 1.0, "G0": 1.0, "law": law, "kr": kr} | more)  # type: ignore[arg-type]
+
+
+@every
+@shapes
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, precision: str, dimension: int) -> None:
+    """One bond of unit length pulled until it is gone; over all a brittle one of the critical stretch spends."""
+    found = limits(of(law, kr), np.array([CRITICAL]))
+    xi = np.zeros((2, dimension))
+    xi[:, 0] = 1, -1
+    each = np.ones(2)
+    bonds = Bonds(
+        np.array([0, 1, 2]), np.array([1, 0], np.int32), xi, STIFFNESS * each, *(c * each for c in found), each
+    )
+    model = plate(square_grid(2, 1), material=of(law, kr))
+    operator = BondList(law_of(model), model, bonds, True, precision)
+    state = State(*np.zeros((3, 2, dimension), dtype=precision), *np.zeros((3, 2)))
+    peak, limit = (float(np.dtype(precision).type(column[0])) for column in found)
+    tight = 4 * float(np.finfo(precision).eps) / CRITICAL  # round-off of the length of a bond so little stretched
+    work, step, places = 0.0, 0, sorted({0.0, peak, limit})
+
+    def pulls(stretch: float) -> float:
+        nonlocal step
+        state.value[1, 0], step = stretch, step + 1
+        out = np.zeros_like(state.value)
+        operator.add(state, out, step, 0.0)
+        return float(out[0, 0])
+
+    for low, high in itertools.pairwise(places):
+        half = (high - low) / 2
+        work += half * sum(weight * pulls(low + half * (1 + at)) for at, weight in RULE)
+        if high < limit:
+            pulls(high)
+            held, spent = operator.energies(state)
+            assert held.sum() + spent.sum() == pytest.approx(work, rel=tight)
+    assert not len(operator.broken().step)
+    pulls(limit * (1 + 4 * np.finfo(precision).eps))
+    assert len(operator.broken().step) == 2
+    assert operator.energies(state)[0].sum() == 0
+    assert state.dissipated.sum() == pytest.approx(work, rel=tight)
+    assert work == pytest.approx(STIFFNESS * CRITICAL**2 / 2, rel=tight)
+
+
+def block(material: Material, ratio: float) -> Model:
+    """A cubic lattice whose middle column no side reaches, not by the four rounds of corrections either."""
+    wide = int(4 * ratio + 1)
+    x, z = np.arange(-wide, wide + 1.0), np.arange(-wide, wide) + 0.5
+    position = np.stack(np.meshgrid(x, x, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    nowhere = np.full(len(position), -1)
+    grid = Grid(np.arange(len(position)), position, np.ones(len(position)), nowhere >= 0, nowhere, np.zeros((0, 9)))
+    return Model(grid, Settings(material=material, horizon=Horizon(ratio)))
+
+
+@every
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_crack_costs_G0(law: str, kr: float, dimension: int) -> None:
+    """Halves of a lattice are moved apart: what the bonds of a node in the middle spend, over G0 and its cell."""
+    material = of(law, kr, G0=1e-12)
+    model = patch(material, 3.0) if dimension == 2 else block(msgspec.structs.replace(material, plane="space"), 2.0)
+    bonds = average_horizon.fill(model).whole().bonds
+    assert cost(law_of(model), model, bonds) / material.G0 == pytest.approx(1, abs=0.01)

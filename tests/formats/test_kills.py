@@ -1,0 +1,34 @@
+"""A kill at every call that changes a file: what is left is read, and gone on with to the same end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from benchmarks.kills import Trial, compiler, trials
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="found no C compiler, or not Linux")
+
+
+def check(found: Sequence[Trial], states: set[str]) -> None:
+    """Nothing is lost, and all these states were met."""
+    assert [trial for trial in found if trial.said] == []
+    assert {trial.state for trial in found} == states
+
+
+def test_a_kill_at_the_last_calls(tmp_path: Path) -> None:
+    """While SQLite's log is put away, all frames there: a journal is to be rolled back."""
+    check(list(islice(trials([("bonds", False)], tmp_path), 16)), {"FINISHED"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("resumed", [False, True])
+def test_a_kill_at_every_call(tmp_path: Path, resumed: bool) -> None:
+    """Of a run from its beginning, and of one that goes on with another."""
+    found = list(trials([("bonds", resumed)], tmp_path))
+    assert [trial.call for trial in found] == list(range(len(found), 0, -1))
+    assert len(found) > 100
+    check(found, {"STOPPED", "FINISHED"} if resumed else {"NONE", "EMPTY", "UNBEGUN", "STOPPED", "FINISHED"})

@@ -1,0 +1,110 @@
+"""Drawings of volumes become bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from messages import naming
+from plates import GEOMETRIES
+
+from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.model.document import Displacement, Load
+from pdmesh.scene.body import Body
+from pdmesh.scene.shapes import SceneError
+
+BLOCK = """
+SetFactory("OpenCASCADE");
+DefineConstant[
+  h = {100, Name "Peridynamics/Zones/coarse/Spacing"}
+  k = {50, Name "Peridynamics/Zones/fine/Spacing"}
+  u = {"mm", Name "Peridynamics/Units"}
+  E = {1e9, Name "Peridynamics/Material/E"}
+  r = {1e3, Name "Peridynamics/Material/rho"}
+  G = {1e2, Name "Peridynamics/Material/G0"}
+  m = {2e9, Name "Peridynamics/Materials/stiff/E"}
+  t = {1e5, Name "Peridynamics/Loads/top/Traction z"}
+  v = {1, Name "Peridynamics/Moves/core/Initial velocity z"}
+  c = {"xz", Name "Peridynamics/Fixes/bottom/Components"}
+  b = {"-1 -1 -1 401 401 50", Name "Peridynamics/Fixes/bottom/Box"}
+];
+Box(1) = {0, 0, 0, 1000, 1000, 600};
+Box(2) = {800, 0, 0, 800, 1000, 600};
+Box(3) = {0, 0, 0, 400, 400, 400};
+Disk(50) = {500, 500, 300, 250};
+Physical Volume("zone:coarse") = {1};
+Physical Volume("zone:fine") = {2};
+Physical Volume("material:stiff") = {3};
+Physical Volume("move:core") = {3};
+Physical Surface("crack:disc") = {50};
+Physical Surface("load:top") = {6};
+"""
+
+
+def drawing(folder: Path, text: str = BLOCK) -> Path:
+    path = folder / "block.geo"
+    path.write_text(text)
+    return path
+
+
+def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
+    """Overlapping zones are one body; lengths are in the drawing's unit."""
+    built = build(drawing(tmp_path))
+    grid, settings = built.grid, built.settings
+    assert grid.dimension == 3
+    assert grid.cells.sum() == pytest.approx(0.96, rel=1e-9)
+    assert np.unique(grid.delta) == pytest.approx([0.05, 0.1])
+    fine = grid.delta < 0.06
+    assert grid.position[fine, 0].min() == pytest.approx(0.525)  # the zone begins at 0.8, coarse nodes see 0.3
+    assert len(grid.cracks) > 8
+    assert np.abs(grid.cracks.reshape(-1, 3)[:, 2] - 0.3).max() < 1e-12
+    (stiff,) = settings.regions
+    assert (stiff.material.E, len(stiff.nodes or ())) == (2e9, 64)
+    load, fix, move = settings.conditions
+    assert isinstance(load, Load)
+    assert isinstance(fix, Displacement)
+    assert (load.traction, load.surface) == ((0, 0, 1e5), pytest.approx(1.0))
+    assert grid.position[np.array(load.nodes) - 1, 2].min() > 0.5
+    assert (fix.x, fix.y, fix.z, len(fix.nodes or ())) == (0, None, 0, 16)
+    assert len(move.nodes or ()) == 64
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('Volume("zone:fine")', 'Volume("zone:odd")', naming(expected="Peridynamics/Zones/fine")),
+        ('Surface("crack:disc") = {50}', 'Volume("crack:disc") = {2}', naming('Volume("crack:disc")')),
+        ('"-1 -1 -1 401 401 50"', '"0 0 1 1"', "expected six numbers"),
+        ("Loads/top/Traction z", "Refine/crack/Distance", naming(found=("body", "space"), expected="none")),
+        ("{100, Name", "{-1, Name", "zone 'coarse': spacing"),
+        ("250};", "-250};", "Gmsh says"),
+        ("Disk(50) = {500, 500, 300, 250}", "Disk(50) = {500, 500, 250, 250}", naming("crack 'disc'")),
+    ],
+)
+def test_what_makes_no_body_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in BLOCK
+    with pytest.raises(SceneError, match=said):
+        build(drawing(tmp_path, BLOCK.replace(old, new)))
+
+
+def test_components_along_z_are_refused_in_plates(tmp_path: Path) -> None:
+    text = (GEOMETRIES / "duran50.geo").read_text().replace("Loads/top/Traction y", "Loads/top/Traction z")
+    assert "Traction z" in text
+    with pytest.raises(SceneError, match=naming(expected=("none", "plate"))):
+        build(drawing(tmp_path, text))
+
+
+def test_solids_of_a_step_file_are_a_body(tmp_path: Path) -> None:
+    gmsh = pytest.importorskip("gmsh", exc_type=OSError)
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 1000, 300)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "rod.step"))
+    finally:
+        gmsh.finalize()
+    scene = read_scene(tmp_path / "rod.step", [("Zones/body/Spacing", "0.1"), ("Units", "m")])
+    assert isinstance(scene, Body)
+    assert scene.shell.volume == pytest.approx(np.pi * 0.09, rel=1e-9)

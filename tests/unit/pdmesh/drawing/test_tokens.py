@@ -1,0 +1,19 @@
+"""A drawing as it is written anew for Gmsh."""
+
+from __future__ import annotations
+
+import pytest
+
+from pdmesh.drawing.sandbox.tokens import tokens_of, written
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [(b"If(0)x=1;EndIf\n", b"If"), (b"For(1:0)x=1;EndFor\n", b"For"), (b"For i In{1:0}x=1;EndFor\n", b"For")],
+)
+def test_what_gmsh_skips_begins_with_blanks(text: bytes, word: bytes) -> None:
+    """It loses up to four characters behind the word, of which none may be a quote or the beginning of a comment."""
+    anew, _ = written(tokens_of(text.decode()))
+    after = anew.partition(word)[2]
+    assert len(after) - len(after.lstrip(b" ")) >= 4 + 1
+    assert anew.replace(b" ", b"") == text.replace(b" ", b"")

@@ -1,0 +1,139 @@
+"""Settings that no solver can do are refused by whoever meets them first: build, info, a dry run, a run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from messages import mentions, naming
+from plates import GEOMETRIES, plate, square_grid
+
+from pdmesh.__main__ import main as mesh_command
+from pdmesh.model.document import (
+    Absorb,
+    Collocation,
+    Material,
+    ParticleRules,
+    Region,
+    Run,
+    Settings,
+    Static,
+    write_file,
+)
+from pdmesh.model.node_grid import document_of
+from pdmesh.model.refused_settings import impossible
+from pdsolve.__main__ import main as solve_command
+
+GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
+SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
+SOLID = msgspec.structs.replace(GLASS, model="correspondence", nu=0.2, failure="none")
+BOX = (0.0, 0.0, 1e-3, 1e-3)
+OWN = msgspec.structs.replace(GLASS, law="own")
+COLLOCATED = Run(adapt="collocation", collocation=Collocation(damped=True))
+BEYOND = Region(box=BOX, material=SOFT)
+
+
+def of(material: Material, run: Run, **more: Any) -> Settings:
+    return Settings(material=material, run=run, **more)
+
+
+def changed(**more: Any) -> Material:
+    return msgspec.structs.replace(SOLID, **more)
+
+
+@pytest.mark.parametrize(
+    ("settings", "dimension", "said"),
+    [
+        (
+            of(SOFT, Run(solver="static")),
+            2,
+            naming("$.material.law", found="'bilinear'", expected="'brittle'"),
+        ),
+        (of(SOFT, Run(solver="static")), 3, naming("$.material.law", found="'bilinear'")),
+        (
+            of(GLASS, Run(solver="static"), regions=(BEYOND,)),
+            2,
+            naming("$.regions[0].material.law", found="'bilinear'"),
+        ),
+        (
+            of(changed(failure="stress", strength=1e6), Run(solver="static")),
+            2,
+            naming("$.material.failure", found="'stress'"),
+        ),
+        (of(changed(solid="j2", yield_stress=1e8), Run(start="static")), 2, re.escape("$.material.solid: found 'j2'")),
+        (of(GLASS, Run(solver="static", damping=1.0)), 2, naming("$.run.damping", found="1", expected="none")),
+        (of(GLASS, Run(solver="static", start="static")), 2, naming("$.run.start", found="static", expected="none")),
+        (
+            of(GLASS, Run(solver="static", static=Static(method="relaxation", floating=True))),
+            2,
+            re.escape("static.floating: found"),
+        ),
+        (of(GLASS, Run(solver="static"), conditions=(Absorb(box=BOX),)), 2, re.escape("$.conditions[0]: found absorb")),
+        (
+            of(SOLID, Run(adapt="hybrid")),
+            2,
+            naming("$.material.model", found="correspondence", expected="bond"),
+        ),
+        (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
+        (of(OWN, Run(adapt="hybrid")), 2, naming("law", found="own", expected=("brittle", "bilinear"))),
+        (of(GLASS, Run(adapt="hybrid")), 3, naming("$.run.adapt", found="'hybrid'", expected=("none", "space"))),
+        (
+            of(changed(solid="neo hooke"), Run(cracks="particles")),
+            2,
+            naming("$.material.solid", found=("neo", "hooke")),
+        ),
+        (
+            of(GLASS, Run(cracks="particles", particles=ParticleRules(criterion="stress"))),
+            2,
+            re.escape("strength: found none"),
+        ),
+        (
+            of(changed(model="micropolar", failure="stretch"), Run()),
+            3,
+            naming("$.material.model", found="'micropolar'"),
+        ),
+        (of(changed(nu=0.5), Run()), 2, re.escape("$.material.nu: found 0.5")),
+    ],
+)
+def test_what_cannot_be_is_found(settings: Settings, dimension: int, said: str) -> None:
+    assert re.search(said, str(next(impossible(settings, dimension))))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        of(SOFT, Run()),
+        of(SOFT, Run(start="static")),  # no bond breaks on the way
+        of(SOFT, Run(solver="static", cracks="particles")),  # by itself
+        of(msgspec.structs.replace(SOFT, kr=1.0), Run(solver="static")),  # which is brittle
+        of(SOFT, Run(adapt="hybrid")),
+        of(SOLID, Run(solver="static")),
+        of(changed(solid="j2", yield_stress=1e8), Run(solver="static")),
+        of(GLASS, Run(adapt="split", damping=1.0)),
+    ],
+)
+def test_what_can_be_is_not(settings: Settings) -> None:
+    assert not list(impossible(settings, 2))
+
+
+def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Softening at rest, before a file is written or a bond is filled."""
+    model, path, out = plate(square_grid(9, 9), material=SOFT, run=Run(solver="static")), tmp_path / "a.json", tmp_path
+    write_file(document_of(model.grid, model.settings), path)
+    static = ["--set", "Run/Solver=static", "--set", "Material/Force law=bilinear", "--set", "Material/kr=2"]
+    drawing = str(GEOMETRIES / "duran50.geo")
+    for command, words in (
+        (mesh_command, ["build", drawing, *static, "-o", str(out / "b.json")]),
+        (mesh_command, ["plan", drawing, *static]),
+        (mesh_command, ["info", str(path)]),
+        (solve_command, [str(path), "--dry-run"]),
+        (solve_command, [str(path), "-o", str(out / "a.sqlite")]),
+    ):
+        assert command(words) == 2
+        said = capsys.readouterr().err
+        assert mentions(said, "$.material.law", found="'bilinear'", expected="'brittle'")
+        assert said.count("\n") == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["a.json"]

@@ -1,0 +1,158 @@
+"""What a run with a fine zone that moves refuses, and what it says of itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from messages import mentions, naming
+from plates import GLASS, plate, square_grid
+
+from pdmesh import Scene, SceneError, box
+from pdmesh.__main__ import main as build_command
+from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.drawing.units import UNITS
+from pdmesh.model.document import Absorb, Acceleration, Material, Region, Run, read_file, write_file
+from pdmesh.model.node_grid import Grid, document_of
+from pdsolve.__main__ import main as solve_command
+from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
+from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
+from pdsolve.model import Model, ModelError
+from pdsolve.run.system import Options, scheme_of
+
+GEOMETRIES = Path(__file__).parents[3] / "geometries"
+HYBRID = Run(adapt="hybrid", steps=20)
+
+
+def cracked(**changes: Any) -> Grid:
+    """A plate of 40 by 24 spacings with an edge crack."""
+    return dataclasses.replace(square_grid(41, 25), cracks=1e-3 * np.array([[0, 11.5, 12.5, 11.5]]), **changes)
+
+
+def off_lattice() -> Grid:
+    """The same with a node out of line."""
+    grid = square_grid(41, 25)
+    grid.position[500] += 1e-4
+    return grid
+
+
+STATE_BASED = [
+    msgspec.structs.replace(GLASS, model=name, nu=nu)
+    for name, nu in (("ordinary", 0.3), ("correspondence", 0.3), ("micropolar", 0.2))
+]
+CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
+REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=CONSTANT)
+EDGE = Absorb(box=(0.0, 0.0, 0.01, 0.01))
+PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (plate(cracked(), 4, regions=(REGION,)), naming("regions[0].material.micromodulus", found="constant")),
+        (plate(cracked(), 4, conditions=(EDGE,)), r"conditions\[0\]: found absorb"),
+        (plate(cracked(), 4, run=Run(damping=1e3)), naming("run.damping", found="1000", expected="0")),
+        (plate(cracked(), 4, run=Run(solver="static")), naming("run.solver", found="static", expected="explicit")),
+        (plate(cracked(), 4, run=Run(start="static")), naming("run.start", found="static", expected="unloaded")),
+        (plate(off_lattice(), 4), "nodes that are on no lattice"),
+        (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\]: found acceleration"),
+        (plate(cracked(), 8), naming("ratio", found="8", expected="6")),
+        (plate(cracked(), 6, material=CONSTANT), naming("ratio", found="6", expected="5.5")),
+        (plate(cracked(), 4, area_rule="square"), naming("area_rule", found="square")),
+        (plate(dataclasses.replace(cracked(), cracks=1e-3 * np.array([[0.0, 3, 9, 3]])), 4), naming(found="node")),
+        (plate(dataclasses.replace(cracked(), delta=np.linspace(1e-3, 2e-3, 1025)), 4), "found several spacings"),
+    ],
+)
+def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
+    """In one sentence that names the place."""
+    run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
+    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+    with pytest.raises(ModelError, match=words) as error:
+        _ = scheme_of(model, Options()), plate_of(model, "conservative", "float64")
+    assert str(error.value).endswith("as run.adapt is hybrid")
+
+
+@pytest.mark.parametrize(("mode", "precision"), [("thesis", "float64"), ("conservative", "float32")])
+def test_other_modes_are_refused(mode: str, precision: str) -> None:
+    """And other precisions."""
+    with pytest.raises(ModelError, match=f"found {mode if mode == 'thesis' else precision}"):
+        plate_of(plate(cracked(), 4), mode, precision)
+
+
+def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
+    """C11 and C66 of a cell's springs, at m = 3 and 4, are those of a fine family; stretches of a bond fill it."""
+    for m in (3.0, 4.0):
+        fine = fine_springs(GLASS, m, 1e-3)
+        coarse = coarse_springs(fine, 1e-3)
+        for power in ((4, 0), (2, 2)):
+            sums = []
+            for springs, area in ((fine, 1e-6), (coarse, 4e-6)):
+                x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+                length = np.hypot(x, y)
+                n = (x / length) ** power[0] * (y / length) ** power[1]
+                sums.append((stiffness * length**2 * n).sum() / 2 / area)
+            assert sums[0] == pytest.approx(sums[1], rel=1e-13)
+        cut = stretches(fine)
+        first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
+        for one, other in zip(first, last, strict=True):
+            assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("material", STATE_BASED, ids=lambda material: str(material.model))
+def test_other_models_are_refused(material: Material, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the command too, in one line that names the file and the place, before anything is written."""
+    whole = document_of(cracked(), msgspec.structs.replace(plate(cracked(), 4).settings, material=material))
+    path = tmp_path / "plate.json"
+    write_file(whole, path)
+    assert solve_command([str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]) == 2
+    words = f"$.material.model: found {material.model}, expected bond, as run.adapt is hybrid"
+    assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
+
+
+def test_scenes_and_drawings_may_ask_for_it() -> None:
+    """In Python, and by a parameter of a drawing, which a file keeps; by default none."""
+    scene = Scene(box(0, 0, 0.04, 0.024), 1e-3, GLASS)
+    assert scene.run.adapt == "none"
+    assert scene.adapt().run.adapt == "hybrid"
+    assert scene.adapt().adapt("none").run.adapt == "none"
+    for word in ("none", "hybrid"):
+        assert run(Parameters({"Peridynamics/Run/Adapt": word}, UNITS["m"])).adapt == word
+    with pytest.raises(SceneError, match=naming(found="'static'", expected=("none", "hybrid"))):
+        run(Parameters({"Peridynamics/Run/Adapt": "static"}, UNITS["m"]))
+
+
+def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
+    """One lattice of the finest spacing, which the model keeps; a mesh is refused."""
+    path = tmp_path / "plate.json"
+    assert build_command(["build", str(GEOMETRIES / "soda_lime.geo"), "--adapt", "hybrid", "-o", str(path), "-q"]) == 0
+    document = read_file(path)
+    assert (document.run.adapt, len(document.nodes), document.parameters["--adapt"]) == ("hybrid", 4141, "hybrid")
+    again = read_scene(path)
+    assert again.run.adapt == "hybrid"
+    mesh = tmp_path / "plate.msh"
+    mesh.write_text("")
+    with pytest.raises(SceneError, match=naming("--adapt", found="mesh", expected="drawing")):
+        build(mesh, [("--adapt", "hybrid")])
+
+
+def test_the_command_says_how_much_is_fine(tmp_path: Path) -> None:
+    """A run by `--adapt hybrid`, its summary and what it prints; a model it cannot solve leaves one line."""
+    model, path = plate(cracked(), 4, run=msgspec.structs.replace(HYBRID, adapt="none")), tmp_path / "plate.json"
+    write_file(document_of(model.grid, model.settings), path)
+    command = [sys.executable, "-m", "pdsolve", str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout)["hybrid"]
+    assert 0.1 < told["fine_share"] < 0.9
+    done = subprocess.run([*command, "--force", "--mode", "thesis"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert mentions(done.stderr, "pdsolve: mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
+    assert done.stderr.count("\n") == 1

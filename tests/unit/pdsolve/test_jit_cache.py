@@ -1,0 +1,110 @@
+"""Several processes compile into one cache: each entry of each is kept, and none is compiled twice."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+KERNEL = """
+import sys, time
+import numpy as np
+from numba import njit
+from numba.core import event
+from pdsolve.numerics.jit_cache import _Entries, cached_njit
+
+count = 0
+
+
+class Compiled(event.Listener):
+    def on_start(self, happened):
+        global count
+        count += 1
+
+    def on_end(self, happened):
+        pass
+
+
+@cached_njit()
+def twice(x):
+    return x + x
+
+
+njit(lambda x: x + 1)(1)  # what compiling takes is there
+save, load = _Entries.save, _Entries._load_index
+writes = False
+
+
+def slow(entries):
+    found = load(entries)
+    if writes:
+        time.sleep(0.3)  # the other process reads the same index meanwhile, unless it waits
+    return found
+
+
+def saved(entries, key, data):
+    global writes
+    writes = True
+    save(entries, key, data)
+    writes = False
+
+
+_Entries.save, _Entries._load_index = saved, slow
+event.register("numba:compile", Compiled())
+print("ready", flush=True)
+sys.stdin.readline()
+for name in sys.argv[1:]:
+    assert twice(getattr(np, name)(3)) == 6
+print(count)
+"""
+
+
+Begun = Callable[..., subprocess.Popen[str]]
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Begun:
+    """Begins a process that compiles `twice` for types, once it may."""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "cache").mkdir()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+
+    def begin(*names: str) -> subprocess.Popen[str]:
+        words = [sys.executable, str(tmp_path / "kernel.py"), *names]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(words, env=environment, stdin=pipe, stdout=pipe, text=True)
+
+    return begin
+
+
+def counts(processes: list[subprocess.Popen[str]]) -> list[int]:
+    """How often each of them compiles, when they do so at the same time."""
+    for process in processes:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    return [int(process.communicate()[0]) for process in processes]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an entry may be lost there, and is compiled again")
+def test_two_processes_that_compile_at_the_same_time_lose_no_entry(tmp_path: Path, begun: Begun) -> None:
+    types = [("int64", "float64"), ("int32", "float32")]
+    both = [begun(*names) for names in types]
+    assert counts(both) == [2, 2]
+    third = begun(*types[0], *types[1])
+    assert third.communicate("go\n")[0] == "ready\n0\n"
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 4
+    assert list((tmp_path / "cache").rglob("*.tmp.*")) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="both compile it there")
+def test_two_processes_that_need_one_kernel_compile_it_once(tmp_path: Path, begun: Begun) -> None:
+    assert sum(counts([begun("int64"), begun("int64")])) == 1
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
