@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import random
 import tempfile
+import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
 from pathlib import Path
-from queue import SimpleQueue
+from threading import Lock
 from typing import NamedTuple
 
 from benchmarks.mutants import trees
 from benchmarks.mutants.changes import Change, changes
 from benchmarks.mutants.equivalent import EQUIVALENT
+from benchmarks.mutants.executed import bare, those_of
 from benchmarks.mutants.likely import cheapest_first, likely, product
 
-HANGS = 30.0  # s that a test may take longer than it does in what is right
+SOON, HANGS = 20.0, 30.0  # s: a test that ends so soon in what is right may take so much longer in what is not
+KILLED, SURVIVED, UNDECIDED = "killed", "SURVIVED", "undecided"
 
 
 class Drawn(NamedTuple):
@@ -30,9 +33,18 @@ class Drawn(NamedTuple):
 class Fate(NamedTuple):
     """What became of a mutant."""
 
-    killed: bool
-    by: str  # the test that noticed
+    what: str  # KILLED, SURVIVED, or UNDECIDED: the machine was too slow
+    by: str  # the test that noticed, or what else there is to say
     seconds: float
+
+
+class Pair(NamedTuple):
+    """A copy of the checkout to be broken, and one that stays right."""
+
+    broken: Path
+    right: Path
+    passing: set[str]  # tests known to pass in what is right
+    failing: set[str]  # and those known not to
 
 
 def drawn(root: Path, seed: int) -> Iterator[Drawn]:
@@ -55,47 +67,80 @@ def drawn(root: Path, seed: int) -> Iterator[Drawn]:
                 yield Drawn(file, change, line)
 
 
-def fate(tree: Path, right: Path, one: Drawn, limit: float) -> Fate:
-    """Whether a test of a tree fails with this change that does not in the tree that is right."""
-    tests = cheapest_first(likely(trees.ROOT, one.file, one.change.name))
-    text = (tree / one.file).read_text(encoding="utf-8")
-    with trees.broken(tree, one.file, one.change.applied(text)) as kept:
-        ran = trees.run(tree, tests, limit, kept=kept)
-        if ran.code in (0, trees.NO_TESTS):
-            return Fate(False, "", ran.seconds)
-        if ran.code == trees.TIMED_OUT:
-            return Fate(*_hangs(tree, right, ran.running, limit), ran.seconds)
-    suspect = ran.failed or tests[0]
-    passes = trees.run(right, [suspect], limit, kept=True).code in (0, trees.NO_TESTS)
-    return Fate(passes, suspect if passes else f"{suspect} fails anyway", ran.seconds)
+def fate(pair: Pair, one: Drawn, limit: float) -> Fate:
+    """Whether a test fails with this change that does not in the tree that is right, within so many seconds."""
+    first = those_of(trees.ROOT, one.file, one.change)
+    files = cheapest_first(likely(trees.ROOT, one.file, one.change.name))
+    files += [file for file in dict.fromkeys(name.partition("::")[0] for name in first) if file not in files]
+    text = (pair.broken / one.file).read_text(encoding="utf-8")
+    began = time.perf_counter()
+    with trees.broken(pair.broken, one.file, one.change.applied(text)) as kept:
+        while (left := limit - (time.perf_counter() - began)) > 0:
+            ran = trees.run(pair.broken, files, left, kept=kept, first=first, left_out=pair.failing)
+            taken = time.perf_counter() - began
+            if ran.code in (0, trees.NO_TESTS):
+                return Fate(SURVIVED, "", taken)
+            if ran.code == trees.TIMED_OUT:
+                return _out_of_time(pair, ran.running, first, kept)._replace(seconds=taken)
+            suspect = ran.failed
+            if suspect is None or "::" not in suspect:  # its files cannot be imported, or pytest itself failed
+                is_sound = trees.run(pair.right, files[:1], limit, kept=True, collect=True).code == 0
+                return Fate(KILLED if is_sound else UNDECIDED, suspect or "pytest itself", taken)
+            if _passes(pair, suspect, limit):
+                return Fate(KILLED, suspect, taken)
+    return Fate(UNDECIDED, "tests fail without it", time.perf_counter() - began)
 
 
-def _hangs(tree: Path, right: Path, test: str | None, limit: float) -> tuple[bool, str]:
-    """Whether a test that ends where all is right does not where it is not."""
+def _passes(pair: Pair, test: str, limit: float) -> bool:
+    """Whether a test passes where all is right; it is run once for that."""
+    if test not in pair.passing | pair.failing:
+        ran = trees.run(pair.right, [test], limit, kept=True)
+        (pair.passing if ran.code == 0 else pair.failing).add(test)
+    return test in pair.passing
+
+
+def _out_of_time(pair: Pair, test: str | None, first: list[str], kept: bool) -> Fate:
+    """What to make of a test that was running when the time was up.
+
+    One that does not end noticed the change. Else tests that execute it have all passed, or the machine is too slow.
+    """
     if test is None:
-        return False, "time was up"
-    sound = trees.run(right, [test], limit, kept=True)
-    if sound.code == 0 and trees.run(tree, [test], sound.seconds + HANGS).code == trees.TIMED_OUT:
-        return True, f"{test} does not end"
-    return False, "time was up"
+        return Fate(UNDECIDED, "no test in the time", 0.0)
+    if test not in pair.failing:
+        sound = trees.run(pair.right, [test], SOON, kept=True)
+        if sound.code == 0:
+            again = trees.run(pair.broken, [test], sound.seconds + HANGS, kept=kept)
+            if again.code == trees.TIMED_OUT:
+                return Fate(KILLED, f"{test} does not end", 0.0)
+    if bare(test) in {bare(name) for name in first}:
+        return Fate(UNDECIDED, f"{test} takes too long", 0.0)
+    return Fate(SURVIVED, "time was up", 0.0)
 
 
-def measured(number: int, seed: int, limit: float, jobs: int) -> int:
-    """Break `number` places, `jobs` at a time, `limit` seconds for the tests of each; how many were noticed."""
+def measured(number: int | None, seed: int, limit: float, jobs: int, minutes: float | None = None) -> Counter[str]:
+    """Break places, `jobs` at a time, `limit` seconds for the tests of each; how many there are of each fate.
+
+    It ends with `number` that were killed or survived, or after so many minutes; an undecided place is drawn anew, as
+    often as there are places.
+    """
+    until = time.monotonic() + 60 * (minutes if minutes is not None else 1e9)
+    places, fates, lock, begun = drawn(trees.ROOT, seed), Counter[str](), Lock(), list[Drawn]()
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
-        folder, free = Path(name), SimpleQueue[tuple[Path, Path]]()
-        for job in range(jobs):
-            free.put((trees.copied(folder / f"broken {job}"), trees.copied(folder / f"right {job}")))
+        folder = Path(name)
 
-        def one(mutant: Drawn) -> bool:
-            pair = free.get()
-            try:
-                found = fate(*pair, mutant, limit)
-            finally:
-                free.put(pair)
-            what = f"{mutant.file}:{mutant.change.line}: {mutant.line} -> {mutant.change.becomes}"
-            by = f" by {found.by}" if found.killed else f" ({found.by})" if found.by else ""
-            print(f"{'killed' if found.killed else 'SURVIVED'}, {found.seconds:.0f} s: {what}{by}", flush=True)
-            return found.killed
+        def work(job: int) -> None:
+            pair = Pair(trees.copied(folder / f"broken {job}"), trees.copied(folder / f"right {job}"), set(), set())
+            while time.monotonic() < until:
+                with lock:
+                    if number is not None and len(begun) >= min(number + fates[UNDECIDED], 2 * number):
+                        return
+                    begun.append(mutant := next(places))
+                found = fate(pair, mutant, limit)
+                with lock:
+                    fates[found.what] += 1
+                what = f"{mutant.file}:{mutant.change.line}: {mutant.line} -> {mutant.change.becomes}"
+                by = f" by {found.by}" if found.what == KILLED else f" ({found.by})" if found.by else ""
+                print(f"{found.what}, {found.seconds:.0f} s: {what}{by}", flush=True)
 
-        return sum(pool.map(one, islice(drawn(trees.ROOT, seed), number)))
+        list(pool.map(work, range(jobs)))
+    return fates

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 import re
 import shutil
@@ -10,13 +11,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.mutants import kept as kept_kernels
+from benchmarks.mutants import order
 from benchmarks.mutants.kept import VARIABLE
 
 ROOT = Path(__file__).parent.parent.parent
@@ -55,18 +57,33 @@ def copied(folder: Path) -> Path:
     return folder
 
 
-def run(tree: Path, tests: Sequence[str], limit: float, slow: bool = False, kept: bool = False) -> Ran:
+def run(
+    tree: Path,
+    tests: Sequence[str],
+    limit: float,
+    *,
+    slow: bool = False,
+    kept: bool = False,
+    first: Sequence[str] = (),
+    left_out: Iterable[str] = (),
+    collect: bool = False,
+) -> Ran:
     """Run these tests of a tree until one fails, for so many seconds at most; the slow ones if that is said.
 
-    Kernels compiled before, in any tree beside this one, are used if they are `kept`.
+    Kernels compiled before, in any tree beside this one, are used if they are `kept`. Some come first, some are left
+    out; with `collect` nothing is run, but only imported.
     """
     words = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:cacheprovider", "--tb=no", *tests]
     words += ([] if slow else ["-m", "not slow"]) + (["-p", kept_kernels.__name__] if kept else [])
-    kernels, shared = tree.with_name(f"{tree.name} kernels"), tree.with_name("kernels")
-    for folder in (kernels, shared):
-        folder.mkdir(mode=0o700, exist_ok=True)
+    words += ["-p", order.__name__] + (["--collect-only"] if collect else [])
+    kernels, shared, named = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels", f"{tree.name}.json"))
+    named.write_text(json.dumps([list(first), sorted(left_out)]), encoding="utf-8")
+    for folder, is_by_state in ((kernels, True), (shared, False)):
+        if not folder.exists():
+            folder.mkdir(mode=0o700)
+            _begin(folder, is_by_state)
     environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
-    environment |= {"NUMBA_CACHE_DIR": str(kernels), VARIABLE: str(shared)}
+    environment |= {"NUMBA_CACHE_DIR": str(kernels), VARIABLE: str(shared), order.VARIABLE: str(named)}
     began, said = time.perf_counter(), tree / "said"
     with said.open("wb") as out:
         child = subprocess.Popen(
@@ -81,6 +98,17 @@ def run(tree: Path, tests: Sequence[str], limit: float, slow: bool = False, kept
                 os.killpg(child.pid, signal.SIGKILL)
                 child.wait()
     return Ran(code, said.read_text(errors="replace"), time.perf_counter() - began)
+
+
+def _begin(folder: Path, is_by_state: bool) -> None:
+    """Begin a folder with the kernels that this checkout compiled, as `jit_cache` names their places or as `kept`."""
+    from pdsolve.numerics import jit_cache, kernel_sources  # slow
+
+    for file in kernel_sources.with_kernels():
+        own = jit_cache.folder_of(file)
+        place = Path(own.parent.name) / own.name if is_by_state else Path(file).relative_to(ROOT).with_suffix("")
+        with suppress(OSError, shutil.Error):  # another process clears it meanwhile
+            shutil.copytree(own, folder / place)
 
 
 @contextmanager
