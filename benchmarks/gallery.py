@@ -55,7 +55,7 @@ def commands(scene: Path) -> list[str]:
     return [
         " ".join(filter(None, words))
         for words in (
-            ("pdmesh build", f"geometries/{scene.name}", shown.build),
+            ("pdmesh build", f"geometries/{scene.name}", "--trust" * (scene.suffix == ".py"), shown.build),
             ("pdsolve", f"{name}.json", shown.solve),
             ("pdpost", shown.picture.replace(" ", f" {name}.sqlite ", 1))
             if " " in shown.picture

@@ -31,7 +31,7 @@ def main(spacing: str = "2.5e-4") -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         model, output = (str(Path(folder) / name) for name in ("metre.json", "metre.sqlite"))
-        built = timed("pdmesh", "build", str(SCENE), "--set", f"spacing={spacing}", "-o", model)
+        built = timed("pdmesh", "build", str(SCENE), "--trust", "--set", f"spacing={spacing}", "-o", model)
         solved = timed("pdsolve", model, "-o", output)
         with Results.open(Path(output)) as results:
             last = int(results.frames()[0][-1])

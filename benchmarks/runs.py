@@ -27,7 +27,7 @@ def built(case: Case, folder: Path) -> Model:
             for name, value in case.parameters
             for word in ((name, value) if name.startswith("--") else ("--set", f"{name}={value}"))
         ]
-        code = pdmesh(["build", str(GEOMETRIES / case.scene), "-o", str(path), "-q", *overrides])
+        code = pdmesh(["build", str(GEOMETRIES / case.scene), "-o", str(path), "-q", "--trust", *overrides])
         if code:
             raise RuntimeError(f"{case.scene} could not be built")
     model = read_model(path)

@@ -97,7 +97,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         help="hybrid, collocation: the finest nodes everywhere, for peridynamics where bonds may break and a lattice or"
         " stencils elsewhere; split: the coarsest everywhere, whose cells split where energy is",
     )
-    command.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+    commandline.add_trust(command)
 
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:

@@ -134,6 +134,12 @@ def add_common_options(parser: argparse.ArgumentParser, output: str, assignment:
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """The option of what reads a drawing, which may be a program or run some."""
+    said = "run a scene in Python, or read a drawing that runs commands or reads other files"
+    parser.add_argument("--trust", action="store_true", help=said)
+
+
 def _assignment(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not name.strip():

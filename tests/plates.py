@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from pdmesh.drawing.file_reading import build
+from pdmesh.grid.building import Built
 from pdmesh.model.document import Displacement, Horizon, Material, Settings, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
@@ -32,6 +35,11 @@ $Elements
 2 2 2 0 1 1 3 4
 $EndElements
 """
+
+
+def shipped(name: str, assignments: Sequence[tuple[str, str]] = ()) -> Built:
+    """A scene of `geometries`, built: a program is trusted, a drawing is read behind walls."""
+    return build(GEOMETRIES / name, assignments, trust=name.endswith(".py"))
 
 
 def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y0: float = 0.0) -> Grid:

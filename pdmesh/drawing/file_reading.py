@@ -29,7 +29,8 @@ def read_scene(
     """The plate or the body in a .geo, .py, STEP or BREP file, or that which the model in a .json file was built from.
 
     `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, `cracks` are more of them, ``x0,y0,x1,y1``;
-    both in the drawing's unit. Raises SceneError or GridError.
+    both in the drawing's unit. `trust` lets a Python scene run, and a drawing run commands and read other files.
+    Raises UntrustedError, SceneError or GridError.
     """
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
@@ -82,7 +83,7 @@ def parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: b
     if suffix == ".py":
         from pdmesh.drawing.script import script_parameters
 
-        return script_parameters(path, assignments)
+        return script_parameters(path, assignments, trust)
     if suffix == ".geo":
         from pdmesh.drawing.geo import read_parameters
 
@@ -97,7 +98,7 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
 
         if any(name == "Units" for name, _ in assignments):
             raise SceneError(f"{path}: --unit: found a Python scene, expected none: its lengths are in metres")
-        return read_script(path, assignments)
+        return read_script(path, assignments, trust)
     if suffix == ".geo":
         from pdmesh.drawing.geo import read_geo
 
@@ -121,8 +122,6 @@ def _again(
     plain = source.name == document.source and document.source.isprintable()
     if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
         raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
-    if source.suffix.lower() == ".py" and not trust:
-        raise SceneError(f"{path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
     words, refined, cracked = sorted_out(document.parameters)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"drawing{source.suffix}"
@@ -130,6 +129,6 @@ def _again(
         try:
             scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
         except SceneError as error:
-            raise SceneError(f"{path}: {str(error).replace(str(copy), source.name)}") from None
+            raise type(error)(f"{path}: {str(error).replace(str(copy), source.name)}") from None
     notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
     return replace(scene, source=source.name, notes=notes)

@@ -4,7 +4,7 @@ The parameters are the numbers and words assigned to plain names at the top leve
 between nodes``, says its unit and meaning. Gmsh is not needed.
 
 The file is a program, run in a process of its own (this module as a script), so that whatever ends it ends nothing
-else; what it prints goes to stderr.
+else; what it prints goes to stderr. Whoever names it, it is not run without `trust`.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ from pdmesh.drawing.parameters import Parameter, unknown
 from pdmesh.files import read_bytes
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import SceneError, UntrustedError
 
 
-def read_script(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene | Body:
+def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
     """The plate or the body that the Python file at `path` defines, with some of its constants replaced by name.
 
-    The file is a program and is run as one. Raises SceneError naming the file and the line.
+    The file is a program and is run as one. Raises UntrustedError without `trust`, SceneError naming the file and the
+    line.
     """
-    text, tree = _parsed(path)
+    text, tree = _parsed(path, trust)
     values = {parameter.name: parameter.value for parameter in _assigned(path, _parameters(text, tree), assignments)}
     kind, parts = _in_child(path, values)
     more: dict[str, Any] = {"source": path.name, "drawing": text, "parameters": tuple(values.items())}
@@ -66,9 +67,9 @@ def _refuse_halves(scene: Scene | Body, path: Path) -> None:
             raise SceneError(f"{path}: found {str(word)[:40]!a}, half of a character, expected whole ones") from None
 
 
-def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> list[Parameter]:
-    """The parameters of the Python file at `path`, which is not run. Raises SceneError."""
-    return _assigned(path, _parameters(*_parsed(path)), assignments)
+def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+    """The parameters of the Python file at `path`, which is not run. Raises UntrustedError, SceneError."""
+    return _assigned(path, _parameters(*_parsed(path, trust)), assignments)
 
 
 def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[str, str]]) -> list[Parameter]:
@@ -80,12 +81,19 @@ def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[st
     return list(values.values())
 
 
-def _parsed(path: Path) -> tuple[str, ast.Module]:
+def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
+    """The text of a program and its tree: the one way to either, which raises UntrustedError without `trust`."""
     try:
-        text = read_bytes(path).decode("utf-8")
-        return text, ast.parse(text, str(path))
+        content = read_bytes(path)
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise SceneError(f"{path}: cannot be read: {error}") from None
+    if not trust:
+        raise UntrustedError(f"{path}: found a Python program, expected a drawing (--trust runs it)")
+    try:
+        text = content.decode("utf-8")
+        return text, ast.parse(text, str(path))
     except SyntaxError as error:
         raise SceneError(f"{path}: line {error.lineno}: {error.msg}, expected Python") from None
     except ValueError as error:
@@ -125,7 +133,7 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     """The scene's parts, or what went wrong, as bytes."""
     names: dict[str, object] = {"__name__": "scene", "__file__": str(path)}
     try:
-        tree = _Constants(values).visit(_parsed(path)[1])
+        tree = _Constants(values).visit(_parsed(path, trust=True)[1])
     except BaseException as error:
         return pickle.dumps(_reason(error, path))
     try:

@@ -28,6 +28,10 @@ class SceneError(ValueError):
     """A scene that makes no sense; the message names the place, what was found and what was expected."""
 
 
+class UntrustedError(SceneError):
+    """A program stands where a scene was to be read, and nobody said that it may run: it did not."""
+
+
 @dataclass(frozen=True)
 class Circle:
     """A disc, whose chords follow the spacing of the nodes around it."""

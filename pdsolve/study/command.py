@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers see this folder, such as tls://x:8786"
     )
-    program.add_argument("--trust", action="store_true", help="read a drawing that runs commands or reads other files")
+    commandline.add_trust(program)
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
     program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
     return program

@@ -13,7 +13,7 @@ from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Se
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.unused_settings import in_vain
 from pdmesh.scene.body import Body
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import SceneError, UntrustedError
 from pdsolve.model import Model, ModelError, overlaid
 from pdsolve.run.estimate import Plan, estimate_run
 from pdsolve.run.system import Options
@@ -71,19 +71,21 @@ def check(study: Study, trust: bool = False) -> int:
 
     Raises StudyError for a parameter that neither drawing nor model uses, and for a program as drawing without `trust`.
     """
-    if not trust and study.drawing.suffix.lower() == ".py":
-        raise StudyError(f"{study.path}: $.drawing: found a Python program, expected a drawing (--trust runs it)")
     cases = study.cases()
     for case in {tuple(case.values): case for case in cases}.values():
         try:
             if case.drawing and study.drawing.suffix.lower() in NAMED:
                 file_reading.parameters(study.drawing, case.assignments("drawing"), trust)
             overlaid(ANY, Path("model"), None, case.assignments("model"))
+        except UntrustedError as error:
+            raise StudyError(f"{study.path}: $.drawing: {error}") from None
         except (SceneError, GridError, ModelError) as error:
             raise StudyError(f"{study.path}: {error}") from None
     for case in cases[:LOOKED_AT]:
         try:
             return _dimension(study.drawing, case, trust)
+        except UntrustedError as error:
+            raise StudyError(f"{study.path}: $.drawing: {error}") from None
         except (SceneError, GridError, OSError):
             continue  # what is wrong is said of each run
     return 2

@@ -39,7 +39,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("body")
     (folder / "body.py").write_text(SCENE)
     model, results = str(folder / "body.json"), str(folder / "body.sqlite")
-    assert pdmesh(["build", str(folder / "body.py"), "-o", model, "-q"]) == 0
+    assert pdmesh(["build", str(folder / "body.py"), "--trust", "-o", model, "-q"]) == 0
     assert (
         pdsolve([model, "-o", results, "--set", "run.steps=20", "--set", "run.every=10", "--threads", "1", "-q"]) == 0
     )
@@ -53,7 +53,7 @@ def test_a_body_is_told_of(solved: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert info["volume_of_nodes"] == pytest.approx(0.16)
     assert info["volume_of_shape"] == pytest.approx(0.16)
     assert (info["crack_segments"], info["bonds_cut_by_cracks"] > 0) == (1, True)
-    assert pdmesh(["plan", str(solved / "body.py"), "--json"]) == 0
+    assert pdmesh(["plan", str(solved / "body.py"), "--trust", "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
     assert plan["scene"]["bonds"] == info["bonds"]
     assert plan["one_scale"]["nodes"] == 160
@@ -88,12 +88,16 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
 @pytest.mark.parametrize(
     ("program", "words", "said"),
     [
-        (pdmesh, ["build", "body.py", "--set", "thin=0.2"], re.escape("where the body is thinner than 3 of them")),
-        (pdmesh, ["build", "body.py", "--refine", "crack:1"], naming("--refine", found=("body", "space"))),
-        (pdmesh, ["plan", "body.py", "--within", "2%"], naming("--within", found=("body", "space"))),
         (
             pdmesh,
-            ["plan", "body.py", "--mode", "thesis"],
+            ["build", "body.py", "--trust", "--set", "thin=0.2"],
+            re.escape("where the body is thinner than 3 of them"),
+        ),
+        (pdmesh, ["build", "body.py", "--trust", "--refine", "crack:1"], naming("--refine", found=("body", "space"))),
+        (pdmesh, ["plan", "body.py", "--trust", "--within", "2%"], naming("--within", found=("body", "space"))),
+        (
+            pdmesh,
+            ["plan", "body.py", "--trust", "--mode", "thesis"],
             naming(found=("space", "thesis")),
         ),
         (pdmesh, ["preview", "body.json", "--bonds"], naming("--bonds", found=("body", "space"))),

@@ -166,7 +166,7 @@ def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(
     source.write_text(
         "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
     )
-    assert pdmesh(["build", str(source), "--adapt", how, "-o", str(path)]) == 2
+    assert pdmesh(["build", str(source), "--trust", "--adapt", how, "-o", str(path)]) == 2
     said = capsys.readouterr().err
     assert mentions(said, "run.adapt", found=how, expected=("plate", "diffusion"))
     assert said.count("\n") == 1

@@ -35,7 +35,7 @@ def gmshless(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 def test_without_gmsh_everything_but_its_drawings_works(gmshless: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = str(GEOMETRIES / "duran50_one_scale.py")
-    small = ["--set", "spacing=4e-3"]
+    small = ["--trust", "--set", "spacing=4e-3"]
     assert main(["build", scene, *small, "-o", "plate.json"]) == 0
     assert main(["build", "plate.json", "--trust", "--set", "traction=2e7", "-o", "again.json"]) == 0
     for command in ("info", "plan", "params", "preview"):

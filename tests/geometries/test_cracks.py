@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from messages import mentions
 from mirrors import mirrored
-from plates import GEOMETRIES
+from plates import shipped
 
-from pdmesh.drawing.file_reading import build
 from pdpost.measures.crack_summary import Summary, crack, sentences
 from pdpost.measures.paths import LONG
 from pdsolve.model import Model
@@ -45,7 +44,7 @@ def test_kalthoff_and_winkler(mode: str) -> None:
     Before: 18 of 21 branches ran backwards in time, at up to 84 877 m/s, and the main ones were 76.2 and 65.1 mm long.
     """
     pytest.importorskip("gmsh", exc_type=OSError)
-    built = build(GEOMETRIES / "kalthoff_winkler.geo")
+    built = shipped("kalthoff_winkler.geo")
     with simulate(Model(built.grid, built.settings), None, Options(mode)) as results:
         found = told(results)
     mirrored(found.branches, found.branches, np.array([1.0, -1.0]), (0.0, 0.2))
@@ -79,7 +78,7 @@ def test_duran(solved: Callable[[str], Path], mode: str) -> None:
 
 def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
     """Figure 19 run on: from the notch at 53 us, not when it has passed the arc at 107; each begins where it does."""
-    built = build(GEOMETRIES / "figure_19.py")
+    built = shipped("figure_19.py")
     run = msgspec.structs.replace(built.settings.run, steps=4000, every=4000)
     with simulate(Model(built.grid, msgspec.structs.replace(built.settings, run=run)), None) as results:
         found = told(results)

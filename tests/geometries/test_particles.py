@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from messages import naming
-from plates import GEOMETRIES, ROOT
+from plates import ROOT, shipped
 
 from benchmarks.forks import SPACINGS, STEPS, forked, section
-from pdmesh.drawing.file_reading import build
 from pdmesh.model.domain_integrals import kink
 from pdmesh.model.particles import Particles
 from pdsolve.model import Model, ModelWarning
@@ -19,7 +17,7 @@ from pdsolve.run.simulation import Options, simulate
 
 
 def grown(name: str, **parameters: str) -> tuple[Particles, dict[str, Any]]:
-    made = build(Path(GEOMETRIES / name), list(parameters.items()))
+    made = shipped(name, list(parameters.items()))
     with simulate(Model(made.grid, made.settings), options=Options(threads=1)) as results:
         return results.particles(), results.summary()
 

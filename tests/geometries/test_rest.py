@@ -8,9 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from plates import GEOMETRIES
+from plates import shipped
 
-from pdmesh.drawing.file_reading import build
 from pdpost import crack
 from pdpost.measures.stress_intensities import follow
 from pdsolve.model import Model
@@ -22,7 +21,7 @@ WIDTH, RATIO = 0.05, 0.5
 
 
 def model(name: str, **static: Any) -> Model:
-    made = build(GEOMETRIES / name)
+    made = shipped(name)
     run = msgspec.structs.replace(made.settings.run, static=msgspec.structs.replace(made.settings.run.static, **static))
     return Model(made.grid, msgspec.structs.replace(made.settings, run=run))
 
@@ -113,7 +112,7 @@ def test_a_strip_lets_its_crack_go_at_a_steady_speed() -> None:
 def test_a_compact_specimen_may_have_its_true_poisson_ratio(nu: float) -> None:
     """The ordinary solid, without growth; the handbook's compliance over E / (1 - nu^2)."""
     words = {"model": "ordinary", "nu": str(nu), "horizon": "2", "load_steps": "1"}
-    made = build(GEOMETRIES / "compact_tension.py", list(words.items()))
+    made = shipped("compact_tension.py", list(words.items()))
     with simulate(Model(made.grid, made.settings), None, Options(threads=1)) as results:
         force, opening = pulled(results)
     expected = handbook_compliance() * STIFFNESS / (3e9 / (1 - nu**2))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plates import GEOMETRIES
+from plates import shipped
 
-from pdmesh.drawing.file_reading import build
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
@@ -14,7 +13,7 @@ from pdsolve.run.simulation import Options, simulate
 
 def solved(name: str, **parameters: str) -> Results:
     """All of it, with other parameters."""
-    made = build(GEOMETRIES / name, list(parameters.items()))
+    made = shipped(name, list(parameters.items()))
     return simulate(Model(made.grid, made.settings), None, Options(threads=1))
 
 

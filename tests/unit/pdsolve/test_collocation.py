@@ -69,7 +69,7 @@ def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         "steel = Material(E=191e9, rho=8000, G0=42408, plane='strain')\n"
         "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5)).adapt('collocation', True)\n"
     )
-    assert build_command(["build", str(script), "-o", str(path), "-q"]) == 0
+    assert build_command(["build", str(script), "--trust", "-o", str(path), "-q"]) == 0
     assert solve_command([str(path), "--dry-run", "--threads", "1", "--json"]) == 0
     planned = json.loads(capsys.readouterr().out)
     assert planned["nodes"] < 61 * 61  # active ones
@@ -102,11 +102,11 @@ def test_few_spacings_have_to_be_asked_for(tmp_path: Path, capsys: pytest.Captur
         "scene = Scene(box(0, 0, 0.06, 0.06), 1e-3, steel, 4, Run(steps=10, every=5))\n"
     )
     for command in ("build", "info", "plan"):
-        assert build_command([command, str(script), "--adapt", "collocation"]) == 2
+        assert build_command([command, str(script), "--trust", "--adapt", "collocation"]) == 2
         line = capsys.readouterr().err
         assert line.startswith("pdmesh: ")
         assert line.endswith(f"plate.py: {FEW}\n")
-    assert build_command(["build", str(script), "--adapt", "hybrid", "-o", str(path), "-q"]) == 0
+    assert build_command(["build", str(script), "--trust", "--adapt", "hybrid", "-o", str(path), "-q"]) == 0
     for more in (["--dry-run"], ["-o", str(tmp_path / "plate.sqlite")]):
         assert solve_command([str(path), "--adapt", "collocation", *more]) == 2
         assert capsys.readouterr().err == f"pdsolve: {path}: {FEW}\n"

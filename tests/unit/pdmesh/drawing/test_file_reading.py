@@ -154,7 +154,8 @@ def test_one_line(
     Path(file).write_text(content, encoding="utf-8", newline="")
     start = time.monotonic()
     spacing = ["--set", "Zones/plate/Spacing=1e-3"] if file.endswith((".step", ".brep")) else []
-    assert main(["build", file, *spacing, "-o", "out.json"]) == 2
+    trust = ["--trust"] * file.endswith(".py")
+    assert main(["build", file, *spacing, *trust, "-o", "out.json"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(f"pdmesh: {file}: ")
@@ -282,7 +283,7 @@ def test_mesh_sizes_are_noted_as_not_used(
 def test_what_a_program_prints_is_no_result(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "plate.py"
     path.write_text(HEAD + "print('hello')\nscene = Scene(box(0, 0, 0.01, 0.01), 1e-3)\n", encoding="utf-8")
-    assert main(["info", str(path), "--json"]) == 0
+    assert main(["info", str(path), "--trust", "--json"]) == 0
     out, err = capfd.readouterr()
     assert json.loads(out)["nodes"] == 121
     assert "hello" in err
@@ -295,4 +296,4 @@ def test_a_program_may_import_what_this_one_may(tmp_path: Path, monkeypatch: pyt
         HEAD + "from helper_of_a_plate import SIDE\nscene = Scene(box(0, 0, SIDE, SIDE), 1e-3)\n", encoding="utf-8"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    assert main(["info", str(path), "-q"]) == 0
+    assert main(["info", str(path), "--trust", "-q"]) == 0

@@ -32,13 +32,13 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_file_that_defines_scene(path: Path) -> None:
-    scene = read_script(path)
+    scene = read_script(path, trust=True)
     assert (scene.spacing, scene.shape.area) == (1e-3, pytest.approx(0.04 * 0.019))
     assert (scene.source, scene.drawing) == ("plate.py", TEXT)
 
 
 def test_constants_are_parameters(path: Path) -> None:
-    assert [(it.name, it.value, it.unit, it.meaning) for it in script_parameters(path)] == [
+    assert [(it.name, it.value, it.unit, it.meaning) for it in script_parameters(path, trust=True)] == [
         ("spacing", 1e-3, "m", "between nodes"),
         ("rows", 2, "", "of loaded nodes"),
         ("kind", "top", "", ""),
@@ -47,7 +47,7 @@ def test_constants_are_parameters(path: Path) -> None:
 
 
 def test_constants_can_be_set(path: Path) -> None:
-    scene = read_script(path, [("spacing", "5e-4"), ("rows", "3"), ("kind", "left"), ("shift", "0")])
+    scene = read_script(path, [("spacing", "5e-4"), ("rows", "3"), ("kind", "left"), ("shift", "0")], trust=True)
     assert scene.spacing == 5e-4
     assert scene.shape.area == pytest.approx(0.04 * 0.02)
     assert scene.conditions[0].place.rows == 3
@@ -82,7 +82,7 @@ def test_bad_files(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.py"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SceneError, match=message) as caught:
-        read_script(path)
+        read_script(path, trust=True)
     assert str(caught.value).startswith(str(path))
 
 
@@ -97,12 +97,12 @@ def test_bad_files(text: str, message: str, tmp_path: Path) -> None:
 )
 def test_bad_assignments(assignment: tuple[str, str], message: str, path: Path) -> None:
     with pytest.raises(SceneError, match=message):
-        read_script(path, [assignment])
+        read_script(path, [assignment], trust=True)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="cannot be read"):
-        read_script(tmp_path / "missing.py")
+        read_script(tmp_path / "missing.py", trust=True)
     (tmp_path / "binary.py").write_bytes(b"\xff\x00")
     with pytest.raises(SceneError, match="expected Python"):
-        read_script(tmp_path / "binary.py")
+        read_script(tmp_path / "binary.py", trust=True)
