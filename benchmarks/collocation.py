@@ -99,7 +99,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
     model, began = deck.model(), time.thread_time()
     problem = prepare(model, Options(threads=1))
     system, state, took = problem.system, problem.state, time.thread_time() - began
-    steps, cpu, begins = model.settings.run.steps, 0.0, system.hybrid.told().fine_share  # type: ignore[union-attr]
+    steps, cpu, begins = model.settings.run.steps, 0.0, system.hybrid.zone_summary().fine_share  # type: ignore[union-attr]
     noted: list[tuple[float, float, float]] = []
     for look in range(LOOKS):
         began = time.thread_time()
@@ -115,7 +115,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
     at, near, top = np.array(noted).T
     hurt, position = damage(system), system.model.grid.position
     path = position[(hurt > CRACKED) & (position[:, 1] > 0.1)]
-    told = system.hybrid.told()  # type: ignore[union-attr]
+    told = system.hybrid.zone_summary()  # type: ignore[union-attr]
     balance = ledger.balance(system.initial_energy)
     return Found(
         deck, cpu, took, begins, at, near, balance, top, path, told.fine_share, told.clipped_stretch, position,

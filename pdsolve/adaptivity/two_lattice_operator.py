@@ -1,14 +1,16 @@
-"""What operators have in common that march nodes of their own, of two lattices, and take no state from outside."""
+"""What operators of two lattices have in common: they own which nodes are there, and a fused march of their own."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
-from pdsolve.state import Broken, State
+from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -29,8 +31,17 @@ class Sums(NamedTuple):
 class Nodes(Protocol):
     """The fine and coarse nodes."""
 
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1. Raises UnstableError."""
+
+    def sum_forces(self, step: int, dt: float) -> None:
+        """Sum the forces at the displacements there are, those of loads left out; bonds over their limit break."""
+
     def keep(self) -> Kept:
         """What a checkpoint holds of them."""
+
+    def back(self, kept: Kept) -> None:
+        """Go back to what was kept."""
 
     def bytes(self) -> int:
         """The memory of the nodes' arrays, bytes."""
@@ -39,35 +50,111 @@ class Nodes(Protocol):
 N = TypeVar("N", bound=Nodes)
 
 
-class TwoLatticeOperator(Generic[N]):
-    """An operator whose state is that of `hybrid`."""
+class TwoLatticeOperator(ABC, Generic[N]):
+    """An operator on the n nodes that `hybrid` has now, in the order of their places; its arrays are those of `hybrid`.
+
+    A node that is tied to others has no motion of its own: its force density is that which lets it move with them.
+    """
 
     name: str
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
+    symmetric: bool
     hybrid: N
+    places: NDArray[np.int64]  # (n,)
+
+    @property
+    @abstractmethod
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+
+    @property
+    @abstractmethod
+    def current(self) -> bool:
+        """Whether the nodes of `hybrid` are still these."""
+
+    @abstractmethod
+    def changed(self) -> Self | None:
+        """The operator on the nodes there are now, if they are others."""
+
+    @abstractmethod
+    def _put(self, state: State) -> None:
+        """Give the nodes of `hybrid` the values and rates of a state."""
+
+    def take(self, state: State) -> None:
+        """Give the nodes of `hybrid` the values and rates of a state. Raises RuntimeError where they became others."""
+        if not self.current:
+            raise RuntimeError(f"{self.name}: found nodes that have become others, expected these to be asked for")
+        self._put(state)
+
+    @abstractmethod
+    def sync(self, state: State) -> None:
+        """Bring a state up to date with the nodes of `hybrid`."""
+
+    @abstractmethod
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+
+    @abstractmethod
+    def spent(self) -> NDArray[np.float64]:
+        """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
+
+    @abstractmethod
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+
+    def state(self) -> State:
+        """The state of the nodes now."""
+        nodes = len(self.places)
+        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
+        self.sync(found)
+        return found
+
+    def place(self, state: State) -> State:
+        """The state unchanged: the arrays of the two lattices are the operator's own."""
+        return state
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add force densities (n, 2), N/m^3, to `out`; what is over its limit breaks; see `Operator`."""
+        before = self.spent()
+        self.take(state)
+        self.hybrid.sum_forces(step, dt)
+        out += self.model.rho[:, None] * self.accelerations()
+        state.dissipated[:] += self.spent() - before
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,), N/m^4, by the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""
+        nodes = len(self.places)
+        rows = abs(self.tangent(State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes))))).sum(axis=1)
+        return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
 
     def keep(self) -> Kept:
         """What a checkpoint holds of the two lattices."""
         return self.hybrid.keep()
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore a checkpoint, whose nodes this operator has, and its broken bonds."""
+        """Restore a checkpoint, which has the broken bonds; the nodes may be others then (`changed`)."""
+        self.hybrid.back(kept)
 
-    def place(self, state: State) -> State:
-        """The state unchanged: the arrays of the two lattices are the operator's own."""
-        return state
-
-    def stiffness_bound(self) -> NDArray[np.float64]:
-        """Raises TypeError: the step is bounded by lattices, of which these nodes are some."""
-        raise TypeError(f"{self.name}: found nodes of two lattices, expected those of one")
-
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Raises TypeError: forces are those of its own nodes, not of a state that is given."""
-        raise TypeError(f"{self.name}: found a state from outside, expected to march")
-
-    def tangent(self, state: State) -> csr_array:
-        """Raises TypeError: the tangent is of a given state, but the lattices hold their own."""
-        raise TypeError(f"{self.name}: found a state from outside, expected to march")
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """No fields: the two lattices store none beside their displacements."""
+        return {}
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
         return self.hybrid.bytes()
+
+
+class FusedMarch:
+    """Takes steps with a two-lattice operator: forces and motion in one sweep; nodes may become others meanwhile."""
+
+    def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
+        self._operator = operator
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1; the state follows as long as the nodes are those of the operator.
+
+        Raises UnstableError.
+        """
+        self._operator.hybrid.march(first, last)
+        if self._operator.current:
+            self._operator.sync(state)

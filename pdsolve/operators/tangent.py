@@ -39,6 +39,22 @@ def of_springs(
     return _matrix(len(value), source, target, -pull[:, None, None] * slope, pull[:, None, None] * slope)
 
 
+def of_green_springs(
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+    xi: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+    value: NDArray[np.floating],
+) -> csr_array:
+    """The derivative (n d, n d) of minus what springs of Green's strain pull with: k e / 2 y, y = xi + eta,
+    e = (|y|^2 - |xi|^2) / |xi|^2; `stiffness` k (b,), all else as in `of_springs`."""
+    y = xi + value[target].astype(np.float64) - value[source]
+    square = (xi**2).sum(axis=1)
+    half = ((y**2).sum(axis=1) / square - 1) / 2
+    slope = half[:, None, None] * np.eye(xi.shape[1]) + y[:, :, None] * y[:, None, :] / square[:, None, None]
+    return _matrix(len(value), source, target, -stiffness[:, None, None] * slope, stiffness[:, None, None] * slope)
+
+
 def of_pairs(bonds: List, columns: Any, now: Now) -> csr_array:
     """The derivative (n w, n w) of minus what a pair law pulls with; `now` holds complex values."""
     nodes, width = now.value.shape

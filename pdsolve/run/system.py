@@ -14,6 +14,7 @@ from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.operator import ZoneSummary
 from pdsolve.adaptivity.quadtree.leaf_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse
@@ -160,7 +161,7 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
         options=options._replace(threads=threads),
         scheme=scheme,
         operator=shown,
-        stepper=shown,
+        stepper=FusedMarch(shown),
         drive=shown.hybrid.drive,
         area=shown.area,
         family=shown.counts[1],
@@ -195,7 +196,7 @@ def moved(system: System, shown: Moving) -> System:
         system,
         model=counted(shown.model, system.time_step),
         operator=shown,
-        stepper=shown,
+        stepper=FusedMarch(shown),
         area=shown.area,
         family=family,
         count=count,

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.operator import Hybrid
 from pdsolve.model import Model
 from pdsolve.numerics.threads import cores
-from pdsolve.run.measures import books
+from pdsolve.run.measures import Ledger, books
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.system import Options, Prepared, prepare
 
@@ -36,6 +36,17 @@ def hybrid(problem: Prepared) -> Hybrid:
     return found.hybrid
 
 
+def followed(problem: Prepared) -> Prepared:
+    """The nodes there are now."""
+    change = zone_moved(problem.system) if problem.system.hybrid is not None else None
+    return problem if change is None else Prepared(change.system, change.state)
+
+
+def ledger(problem: Prepared, step: int) -> Ledger:
+    """The books of the nodes there are now."""
+    return books(*followed(problem), step)
+
+
 def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     """With all cells fine: the accelerations of the uniform run, corrected surfaces and faces included."""
     one, other = prepare(struck("hybrid"), Options()), prepare(struck("none"), Options(threads=1))
@@ -53,6 +64,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     out = np.zeros_like(rough)
     other.system.operator.add(other.state, out, 1, 0.0)
     state = change.state
+    nodes.sync(state)
     held, _ = nodes.energies(state)
     back = np.argsort(nodes.rows)
     assert system.model.grid.ids[back].tolist() == other.system.model.grid.ids.tolist()
@@ -79,8 +91,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
                 bits = hybrid(problem).zone.bits.copy()
                 assert seen is None or not (bits & ~seen).any()
                 seen = bits
-        change = zone_moved(problem.system) if adapt == "hybrid" else None
-        system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
+        system, state = followed(problem)
         found[adapt], broken = books(system, state, 170), system.operator.broken()
         first[adapt] = int(broken.step.min())
         y = np.sort(system.model.grid.position[broken.source, 1])
@@ -101,10 +112,9 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     for adapt in ("none", "hybrid"):
         problem = prepare(pulled(adapt), Options(threads=1))
         problem.march(1, 101)
-        early = books(problem.system, problem.state, 100)
+        early = ledger(problem, 100)
         problem.march(101, 261)
-        late = books(problem.system, problem.state, 260)
-        found[adapt] = early, late, int(problem.system.operator.broken().step.min())
+        found[adapt] = early, ledger(problem, 260), int(problem.system.operator.broken().step.min())
     for one, other in zip(found["hybrid"][:2], found["none"][:2], strict=True):
         assert one.work == pytest.approx(other.work, rel=0.02)
     assert found["hybrid"][0].momentum_x == pytest.approx(found["none"][0].momentum_x, rel=0.1)  # 0.067

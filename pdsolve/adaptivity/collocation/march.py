@@ -29,7 +29,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.steppers.holds import hold_component, release_component
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
-BEGIN, FORCES = range(2)  # where in a step it goes on
+BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed
 
 
 @njit(**INNER)
@@ -152,6 +152,8 @@ def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
     spent = e / (1 + np.sqrt(1 + e)) * (e0 / (1 + np.sqrt(1 + e0)))
     spring = stiffness(ground, p, k) * ground.there[0, p] / ground.table[k, 4]
     zone.total[DISSIPATED] += spring * spent / 2
+    for node in (p, j) if zone.node[j] == FINE else (p, p):
+        zone.spent[node] += spring * spent / 4
     break_bond(ground, zone, p, k)
     zone.again[p // ROW] = zone.again[j // ROW] = 1
     zone.breaks.step[count] = step
@@ -239,14 +241,15 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
         if not _room(ground, zone):
             return ROOM, step
         meet(gate)
-        if thread == 0 and not _break(ground, zone, step):
+        if thread == 0 and (not _break(ground, zone, step) or where == SUM):
             sum_coarse(ground, zone)
-            _kick(ground, zone, drive, work)
-            _release(ground, zone, drive, work, rho, step * ground.dt)
+            if where != SUM:
+                _kick(ground, zone, drive, work)
+                _release(ground, zone, drive, work, rho, step * ground.dt)
         meet(gate)
-        hot = zone.number[HOT]
+        hot = zone.number[HOT] != 0 and where != SUM
         meet(gate)
-        if hot != 0:
+        if hot:
             return SWITCH, step
     return DONE, last - 1
 

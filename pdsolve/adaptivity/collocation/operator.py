@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, held, march
+from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, held, march
 from pdsolve.adaptivity.collocation.zone import (
     BROKEN,
     COARSE,
@@ -65,6 +65,23 @@ class Engine:
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises UnstableError where a coarse pair is over its limit."""
         self._march(first, last)
+
+    def sum_forces(self, step: int, dt: float) -> None:
+        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+
+        `dt` is the time since the last step, s, 0 at rest. What is to be fine is noted; `switch_wanted` makes it so.
+        """
+        ground, self.ground = self.ground, self.ground._replace(dt=dt)
+        try:
+            while self._on_threads(step, step + 1, SUM)[0] != DONE:
+                self._grow()
+        finally:
+            self.ground = ground
+
+    def switch_wanted(self) -> None:
+        """Make fine what is noted as wanted."""
+        if self.zone.hot.any():
+            self._switch()
 
     def _march(self, first: int, last: int) -> None:
         where = BEGIN
@@ -181,7 +198,8 @@ class Engine:
         }
         kept |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
         kept |= {"total": zone.total.copy(), "number": zone.number.copy(), "coarse": zone.coarse.copy()}
-        return kept | {"places": own, "own_work": self.work[own].copy(), "damped": zone.damped[own].copy()}
+        kept |= {"spent": zone.spent[own].copy(), "damped": zone.damped[own].copy()}
+        return kept | {"places": own, "own_work": self.work[own].copy()}
 
     def back(self, kept: Kept) -> None:
         """Go back, from the start, to what was kept."""
@@ -204,7 +222,8 @@ class Engine:
             field[:, own] = kept[name].reshape(2, -1)
         self.drive.held_speed[:], self.drive.held_force[:] = kept["held_speed"], kept["drive_force"]
         self.zone.total[:], self.zone.number[:] = kept["total"], kept["number"]
-        self.work[own], self.zone.damped[own] = kept["own_work"], kept["damped"]
+        self.zone.spent[own], self.zone.damped[own] = kept["spent"], kept["damped"]
+        self.work[own] = kept["own_work"]
 
     def bytes(self) -> int:
         """All arrays in full, though what is never touched takes no memory."""

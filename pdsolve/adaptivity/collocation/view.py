@@ -11,26 +11,24 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.operator import Engine
+from pdsolve.adaptivity.collocation.tangent import tangent_of
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.operator import ZoneSummary
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.state import Broken, State, Unknown
+from pdsolve.state import Broken, State
 
 
 class Collocated(TwoLatticeOperator[Engine]):
-    """An operator and a stepper; n nodes, in the order of their places.
-
-    The state is brought up to date when `energies` are asked for.
-    """
+    """The operator of n nodes, in the order of their places."""
 
     name = "collocation"
-    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
     symmetric = False  # the coupling conserves neither momentum nor energy, but for what is sent on
 
     def __init__(self, engine: Engine) -> None:
@@ -67,36 +65,49 @@ class Collocated(TwoLatticeOperator[Engine]):
         share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
         return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place. Raises UnstableError."""
-        self.hybrid.march(first, last)
+    @property
+    def current(self) -> bool:
+        """Whether no nodes have been switched since."""
+        return bool(self.hybrid.zone.number[SWITCHES] == self._switches)
 
     def changed(self) -> Collocated | None:
-        """The nodes there are now, if they are others."""
-        return None if self.hybrid.zone.number[SWITCHES] == self._switches else Collocated(self.hybrid)
+        """The operator on the nodes there are now, if they are others."""
+        self.hybrid.switch_wanted()
+        return None if self.current else Collocated(self.hybrid)
 
-    def state(self) -> State:
-        """The state of the nodes now."""
-        nodes = len(self.places)
-        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
-        self.energies(found)
+    def _put(self, state: State) -> None:
+        """Give the active nodes the values and rates of a state; fictitious ones follow."""
+        zone = self.hybrid.zone
+        zone.u[:, self.places], zone.v[:, self.places] = state.value.T, state.rate.T
+
+    def sync(self, state: State) -> None:
+        """Bring a state up to date with the active nodes."""
+        engine, own = self.hybrid, self.places
+        zone = engine.zone
+        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
+            out[:] = field[:, own].T
+        state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[own], zone.damped[own]
+
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        found, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
+        found[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
         return found
 
-    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening; brings the state up to date.
+    def spent(self) -> NDArray[np.float64]:
+        """What the nodes' broken bonds have spent so far (n,), J/m^3."""
+        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
 
-        The ledger alone has what breaking spends.
-        """
-        zone = self.hybrid.zone
-        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
-            out[:] = field[:, self.places].T
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        return tangent_of(self.hybrid, self._kind, self._row_of, state.value)
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which there is none of."""
+        self.take(state)
         held = self.hybrid.held()[self.places]
         self._strain = float((held * self.area).sum())
         return held, np.zeros_like(held)
-
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """No fields: the two lattices store none beside their displacements."""
-        return {}
 
     def books(self) -> Sums:
         """Energies, work and momentum at the state for which `energies` were asked last."""

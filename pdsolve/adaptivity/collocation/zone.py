@@ -47,6 +47,7 @@ class Zone(NamedTuple):
     rows: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
     coarse: NDArray[np.int64]  # (c,) places of active coarse nodes
     between: NDArray[np.int64]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
+    spent: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     damping: NDArray[np.float64]  # (places,) 1/s
     damped: NDArray[np.float64]  # (places,) J/m^3
     bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
@@ -119,7 +120,7 @@ def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], ban
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
-    damping, damped = np.zeros((2, places))
+    spent, damping, damped = np.zeros((3, places))
     zone = Zone(
         u=u,
         v=v,
@@ -131,6 +132,7 @@ def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], ban
         rows=nothing,
         coarse=nothing,
         between=nothing.reshape(0, 5),
+        spent=spent,
         damping=damping,
         damped=damped,
         bounds=np.full((2, places), np.inf),

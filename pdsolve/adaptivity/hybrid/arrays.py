@@ -126,6 +126,7 @@ class Zone(NamedTuple):
     spare: Pieces
     border: Border
     breaks: Breaks
+    spent: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     stirs: NDArray[np.int64]  # (n,) those, in order
     loads: Entries
@@ -195,6 +196,7 @@ def zone_of(
         spare=pieces(),
         border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes)),
         breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        spent=np.zeros(at.places),
         stirred=np.zeros(at.places, dtype=np.bool_),
         stirs=np.zeros(at.places, dtype=np.int64),
         loads=nothing,

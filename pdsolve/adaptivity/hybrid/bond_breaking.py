@@ -14,16 +14,23 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.lanes import ROW
 
 
+@njit(forceinline=True, **INNER)
+def _book(zone, p, energy):  # type: ignore[no-untyped-def]
+    """Book an energy, J/m, that a bond of node p has spent."""
+    zone.total[DISSIPATED] += energy
+    zone.spent[p] += energy
+
+
 @njit(**INNER)
-def _soften_on(ground, zone, entry, k, lane, e, peak, limit):  # type: ignore[no-untyped-def]
+def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-untyped-def]
     """Soften a bond that is stretched to e, further than ever, and book what it spends."""
-    own, edge = zone.fine.own, zone.fine.edge
+    own, edge, lane = zone.fine.own, zone.fine.edge, p % ROW
     past, now = edge[entry, k, lane], min(e, limit)
     peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
     whole = own[entry, k, lane] / share_of(past, peak, limit)
     spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
     spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
-    zone.total[DISSIPATED] += whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4
+    _book(zone, p, whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4)
     own[entry, k, lane] = whole * share_of(now, peak, limit)
     edge[entry, k, lane] = now
 
@@ -68,7 +75,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 entry = own_entry(fine.entry, zone.number, row)
                 fine.entry[row] = entry
             if peak < limit:
-                _soften_on(ground, zone, entry, k, lane, e, peak, limit)
+                _soften_on(ground, zone, p, entry, k, e, peak, limit)
                 if e <= limit:
                     continue
             fine.own[entry, k, lane] = 0.0
@@ -79,5 +86,5 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
                 eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
                 spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-                zone.total[DISSIPATED] += stiffness / ground.table[k, 4] * spent / 4
+                _book(zone, p, stiffness / ground.table[k, 4] * spent / 4)
             _note(zone, step, p, k)

@@ -12,8 +12,10 @@ from pdsolve.adaptivity.hybrid.arrays import (
     BREAKS,
     DISSIPATED,
     ENTRIES,
+    HOLDS,
     KNOWN,
     LARGEST,
+    LOADS,
     NEW,
     REFINEMENT,
     REGRIDS,
@@ -101,6 +103,19 @@ class Hybrid:
         if first < last:
             self._march(first, last)
 
+    def sum_forces(self, step: int, dt: float) -> None:
+        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+
+        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError where a clipped bond is over its limit.
+        """
+        ground, number = self.ground, self.zone.number
+        acting = number[[LOADS, HOLDS]].copy()
+        number[[LOADS, HOLDS]], self.ground = 0, ground._replace(dt=dt)
+        try:
+            self._march(step + 1, step + 1)
+        finally:
+            self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
+
     def _march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; with `last` = `first` only finish what the step before began."""
         drifted = False
@@ -185,7 +200,8 @@ class Hybrid:
             entry = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
             own = np.where(entry < 0, -2 - entry, entry)
             kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entry < 0}
-        kept |= {"holds": zone.holds.value.copy(), "stirs": zone.stirs[: zone.number[STIRS]].copy()}
+        stirs = zone.stirs[: zone.number[STIRS]].copy()
+        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.int64]) -> None:
@@ -211,6 +227,8 @@ class Hybrid:
             column[: len(node)] = kept[f"break_{name}"]
         stirs = kept["stirs"]
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
+        zone.spent[:] = 0.0
+        zone.spent[stirs] = kept["spent"]
         zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = kept["number"][[BREAKS, STIRS, KNOWN, REGRIDS]]
         if self.ground.varied:
             rows = zone.fine.rows[: zone.number[ROWS]]

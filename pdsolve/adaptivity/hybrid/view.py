@@ -11,25 +11,23 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from pdsolve.adaptivity.hybrid.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.operator import Hybrid, ZoneSummary
+from pdsolve.adaptivity.hybrid.tangent import Points, points_of, tangent_of
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.state import Broken, State, Unknown
+from pdsolve.state import Broken, State
 
 
 class View(TwoLatticeOperator[Hybrid]):
-    """An operator and a stepper; n nodes, in the order of their places.
-
-    The state is brought up to date when `energies` are asked for.
-    """
+    """The operator of n nodes, in the order of their places."""
 
     name = "hybrid"
-    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
     symmetric = True
 
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
@@ -134,24 +132,16 @@ class View(TwoLatticeOperator[Hybrid]):
         found[self._at_coarse] += 100 * (1 + self._springs.sum(axis=1))
         return found
 
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place. Raises UnstableError."""
-        self.hybrid.march(first, last)
+    @property
+    def current(self) -> bool:
+        """Whether no cell has become fine since."""
+        return bool(np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells)
 
     def changed(self) -> View | None:
-        """The nodes there are now, if they are others."""
-        if np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells:
-            return None
-        return View(self.hybrid, self._cut)
+        """The operator on the nodes there are now, if they are others."""
+        return None if self.current else View(self.hybrid, self._cut)
 
-    def state(self) -> State:
-        """The state of the nodes now."""
-        nodes = len(self.places)
-        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
-        self.energies(found)
-        return found
-
-    def _put(self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def _gather(self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Values (2, places) of both lattices, into out (n, 2)."""
         border, count = self.hybrid.zone.border, self.hybrid.zone.number[BORDERS]
         out[self._at_fine] = fine[:, self._fine].T
@@ -160,27 +150,63 @@ class View(TwoLatticeOperator[Hybrid]):
         out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
         out[self._at_coarse] = coarse[:, self._coarse].T
 
-    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening; brings the state up to date.
-
-        The ledger alone has what softening spends.
-        """
+    def _put(self, state: State) -> None:
+        """Give both lattices the values and rates of a state; nodes on the border follow."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        self._put(zone.fine.u[now], zone.coarse.u[now], state.value)
-        self._put(zone.fine.v, zone.coarse.v, state.rate)
-        self._put(zone.fine.f * zone.fine.light, zone.coarse.f * zone.coarse.light, state.second)
+        for nodes, places, rows in (
+            (zone.fine, self._fine, self._at_fine),
+            (zone.coarse, self._coarse, self._at_coarse),
+        ):
+            free = nodes.kind[places] == FREE
+            nodes.u[now][:, places[free]] = state.value[rows[free]].T
+            nodes.v[:, places[free]] = state.rate[rows[free]].T
+        border, count = zone.border, zone.number[BORDERS]
+        (a, b), w = border.end[:count].T, border.w[:count]
+        zone.fine.u[now][:, border.node[:count]] = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
+
+    def sync(self, state: State) -> None:
+        """Bring a state up to date with both lattices; of work the ledger alone knows."""
+        zone, now = self.hybrid.zone, self.hybrid.now
+        self._gather(zone.fine.u[now], zone.coarse.u[now], state.value)
+        self._gather(zone.fine.v, zone.coarse.v, state.rate)
+        state.second[:] = self.accelerations()
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
+        state.dissipated[:] = self.spent()
+
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        zone, found = self.hybrid.zone, np.zeros((len(self.places), 2))
+        self._gather(zone.fine.f * zone.fine.light, zone.coarse.f * zone.coarse.light, found)
+        return found
+
+    def spent(self) -> NDArray[np.float64]:
+        """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
+        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
+
+    @cached_property
+    def _points(self) -> Points:
+        return points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        forces, zone = tangent_of(self.hybrid, self._points, state.value), self.hybrid.zone
+        light = np.zeros(len(self.places))
+        light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
+        light[self._at_coarse] = zone.coarse.light[self._coarse]
+        tied = kron(self._points.of_node, eye_array(2)).tocsr()
+        density, lightness = (diags_array(np.repeat(one, 2)) for one in (self.model.rho, light))
+        return (density @ tied @ lightness @ forces).tocsr()
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which the state has."""
+        self.take(state)
         fine, coarse = self.hybrid.held()
         held = np.zeros(len(self.places))
         held[self._at_fine] = fine[self._fine]
         held[self._at_coarse] += coarse[self._coarse]
         self._strain = float(held.sum())
         return held / self.area, np.zeros_like(held)
-
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """No fields: the two lattices store none beside their displacements."""
-        return {}
 
     def books(self) -> Sums:
         """Energies, work and momentum at the state for which `energies` were asked last."""

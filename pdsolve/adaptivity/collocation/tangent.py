@@ -1,0 +1,71 @@
+"""The derivative of what fine nodes and stencils of coarse ones pull with; fictitious nodes follow by their weights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, eye_array, kron
+
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, is_cut
+from pdsolve.adaptivity.collocation.operator import Engine
+from pdsolve.adaptivity.collocation.simd_rows import stiffness
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.tangent import of_springs
+
+
+def tangent_of(
+    engine: Engine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
+) -> csr_array:
+    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2); `kind` and `row_of`
+    (places,) say what the places are, and the rows of active ones."""
+    ground, zone, nodes = engine.ground, engine.zone, len(value)
+    between = zone.between
+    active = np.flatnonzero(row_of >= 0)
+    point = np.full(len(row_of), -1, dtype=np.int64)  # active nodes come first, in their order
+    point[active], point[between[:, 0]] = row_of[active], nodes + np.arange(len(between))
+    weights = np.repeat([1.0, 0.25], [nodes, 4 * len(between)])
+    follows = np.concatenate([np.arange(nodes), np.repeat(nodes + np.arange(len(between)), 4)])
+    parents = np.concatenate([np.arange(nodes), row_of[between[:, 1:]].ravel()])
+    points = coo_array((weights, (follows, parents)), (nodes + len(between), nodes)).tocsr()
+
+    fine = active[kind[active] == FINE]
+    node, k, pull = _fine_bonds(ground, zone.cut, fine)
+    xi = ground.table[k, :2]
+    pull *= np.sqrt((xi**2).sum(axis=1)) / ground.h**2
+    source, target = point[fine[node]], point[fine[node] + ground.ways[k]]
+    found = of_springs(source, target, xi, pull, points @ value)
+
+    coarse = active[kind[active] == COARSE]
+    xx, xy, yy = (-ground.rho * ground.theta).T
+    theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
+    one = np.repeat(point[coarse], len(theta))
+    other = point[(coarse[:, None] + ground.stencil_ways).ravel()]
+    a, b = (index.ravel() for index in np.indices((2, 2)))
+    rows, columns = (2 * one[:, None] + a).ravel(), (2 * other[:, None] + b).ravel()
+    found += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), found.shape).tocsr()
+    return (found[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
+
+
+def _fine_bonds(
+    ground: LatticeConstants, cut: NDArray[np.uint16], places: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """The intact bonds of fine nodes: number of each bond's place, its number in the family, its stiffness, N/m^2."""
+    room = len(places) * len(ground.ways)
+    node, spring, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
+    count = _list_fine_bonds(ground, cut, places, node, spring, pull)
+    return node[:count], spring[:count], pull[:count]
+
+
+@cached_njit(error_model="numpy")
+def _list_fine_bonds(ground, cut, places, node, spring, pull):  # type: ignore[no-untyped-def]
+    """Fill the list of bonds; returns how many there are."""
+    count = 0
+    for n in range(len(places)):
+        p = places[n]
+        for k in range(len(ground.ways)):
+            if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
+                continue
+            node[count], spring[count], pull[count] = n, k, stiffness(ground, p, k)
+            count += 1
+    return count

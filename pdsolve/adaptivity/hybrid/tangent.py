@@ -1,0 +1,114 @@
+"""The derivative of the forces on the nodes of both lattices: fine bonds, coarse springs, pieces of clipped bonds.
+
+All of them are springs between points: fine nodes, coarse nodes and ends of pieces, in this order. A point moves with
+nodes that have a motion of their own, by weights; what pulls at it pulls at them by the same weights.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron
+
+from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES
+from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.tangent import of_green_springs, of_springs
+
+XI, STIFFNESS = slice(2, 4), 5  # of `Pieces.value`
+
+
+class Points(NamedTuple):
+    """How p points move with n nodes, by weights."""
+
+    of_node: csr_array  # (n, n): of the nodes that are tied to others, by those
+    of_point: csr_array  # (p, n)
+    fine: NDArray[np.int64]  # (places,) point of a fine place, -1 without one
+    coarse: NDArray[np.int64]  # (coarse places,)
+    ends: NDArray[np.int64]  # (2, pieces)
+
+
+def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64], coarse: NDArray[np.int64],
+              on: NDArray[np.int64]) -> Points:  # fmt: skip
+    """The points of the nodes there are: `row_of` (places,) is the row of a fine place, `fine` and `coarse` are the
+    places of both lattices, `on` the fine places that the coarse nodes lie on."""
+    zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
+    row_of_coarse = np.full(at.coarse_places, -1, dtype=np.int64)
+    row_of_coarse[coarse] = row_of[on]
+    border, count = zone.border, int(zone.number[BORDERS])
+    tied = row_of[border.node[:count]].astype(np.int64)
+    of_node = _between(tied, row_of_coarse[border.end[:count]], border.w[:count], nodes)
+    own = np.ones(nodes)
+    own[tied] = 0.0
+    of_node = (of_node + diags_array(own)).tocsr()
+
+    pieces, some = zone.pieces, int(zone.number[PIECES])
+    of_fine, of_coarse = np.full(at.places, -1), np.full(at.coarse_places, -1)
+    of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
+    known = np.concatenate([row_of[fine], row_of[on]]).astype(np.int64)
+    whole = csr_array((np.ones(len(known)), (np.arange(len(known)), known)), (len(known), nodes))
+    found = [whole]
+    for side in range(2):
+        a, b = pieces.end[:some, 2 * side], pieces.end[:some, 2 * side + 1]
+        on_fine = b < 0
+        ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
+        rows = row_of_coarse[ends]
+        rows[on_fine] = row_of[a[on_fine], None]
+        w = np.where(on_fine, 0.0, pieces.value[:some, side])
+        found.append(_between(np.arange(some), rows, w, nodes, some))
+    parts = [(part @ of_node).tocoo() for part in found]
+    shift = np.cumsum([0, *(part.shape[0] for part in parts)])
+    rows = np.concatenate([part.coords[0] + first for part, first in zip(parts, shift, strict=False)])
+    columns, values = (np.concatenate(one) for one in zip(*((p.coords[1], p.data) for p in parts), strict=True))
+    return Points(
+        of_node,
+        coo_array((values, (rows, columns)), (int(shift[-1]), nodes)).tocsr(),
+        of_fine,
+        of_coarse,
+        np.stack([shift[1] + np.arange(some), shift[2] + np.arange(some)]),
+    )
+
+
+def _between(
+    rows: NDArray[np.int64], ends: NDArray[np.int64], w: NDArray[np.float64], nodes: int, count: int | None = None
+) -> csr_array:
+    """Weights (`count` or `nodes`, `nodes`) of `rows` that are between two `ends` (k, 2), a share `w` on from the
+    first."""
+    twice = np.tile(rows, 2)
+    entries = np.concatenate([1 - w, w]), (twice, np.concatenate([ends[:, 0], ends[:, 1]]))
+    return coo_array(entries, (nodes if count is None else count, nodes)).tocsr()
+
+
+def tangent_of(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_array:
+    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on nodes that are not tied, at `value`.
+
+    Bonds that have softened are those of their secant.
+    """
+    zone, ground = hybrid.zone, hybrid.ground
+    u = points.of_point @ value
+    fine, coarse = np.flatnonzero(points.fine >= 0), np.flatnonzero(points.coarse >= 0)
+    entry = zone.fine.entry[fine // ROW].astype(np.int64)
+    own = zone.fine.own[np.maximum(entry, 0), :, fine % ROW]
+    node, k = np.nonzero(np.where(entry[:, None] < 0, ground.table[:, 5] > 0, own > 0))
+    stiffness = np.where(entry[node] < 0, ground.table[k, 5], own[node, k])
+    xi = ground.table[k, :2]
+    source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
+    found = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
+
+    row = coarse // ROW
+    entry = zone.coarse.entry[row].astype(np.int64)
+    own = zone.coarse.own[np.maximum(entry, 0), :, coarse % ROW]
+    own = np.where(entry[:, None] < 0, ground.coarse_table[:, 5], own)
+    node, k = np.nonzero(own)
+    ends = coarse[node], coarse[node] + ground.coarse_ways[k]
+    one, other = (points.coarse[end] for end in ends)
+    found += of_green_springs(one, other, ground.coarse_table[k, :2], own[node, k], u)
+
+    some, (first, second) = int(zone.number[PIECES]), points.ends
+    piece = zone.pieces.value[:some]
+    for one, other, sign in ((first, second, 1.0), (second, first, -1.0)):
+        found += of_green_springs(one, other, sign * piece[:, XI], piece[:, STIFFNESS], u)
+    moved = kron(points.of_point, eye_array(2)).tocsr()
+    return (moved.T @ found @ moved).tocsr()

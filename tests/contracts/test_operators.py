@@ -1,0 +1,249 @@
+"""Every operator keeps the whole protocol: bonds in a list and on lattices, cells that split, both two-lattice ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from clouds import idle
+from collocated import cracked
+from numpy.typing import NDArray
+from plates import plate
+from scipy.sparse.linalg import eigs
+from zones import H, rectangle
+
+from pdmesh.model.document import Collocation, InitialVelocity, Run, Split
+from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.hybrid.arrays import BORDERS
+from pdsolve.adaptivity.hybrid.view import View
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Operator
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.state import State
+from pdsolve.steppers.verlet import Verlet
+
+
+class Case(NamedTuple):
+    """A model, and how it is solved; digits are those that its forces have."""
+
+    model: Callable[[Run], Model]
+    run: Run
+    kernel: str | None = None
+    precision: str = "float64"
+    digits: float = 1e-12
+
+
+def notched(run: Run, **more: Any) -> Model:
+    """Glass with a crack from the left edge, that spins slowly."""
+    start = (InitialVelocity(box=(0.0, 0.0, 1.0, 0.02), x=0.5), InitialVelocity(box=(0.02, 0.0, 1.0, 1.0), y=-0.3))
+    return plate(rectangle(40, 40, H, [(0.0, 20.5, 12.0, 20.5)]), 3.0, run=run, conditions=start, **more)
+
+
+def stencilled(run: Run) -> Model:
+    """Steel with a crack, large enough for coarse nodes."""
+    start = (InitialVelocity(box=(0.0, 0.0, 1.0, 0.02), x=0.5),)
+    return cracked(61, 60, 4.0, 10.0, conditions=start, run=run)
+
+
+CASES = {
+    "listed": Case(notched, Run(), "listed"),
+    "blocks": Case(notched, Run(), "blocks"),
+    "blocks, float32": Case(notched, Run(), "blocks", "float32", 3e-5),
+    "split": Case(notched, Run(adapt="split", split=Split())),
+    "hybrid": Case(notched, Run(adapt="hybrid")),
+    "collocation": Case(stencilled, Run(adapt="collocation", collocation=Collocation(damped=True))),
+}
+DOUBLE = [name for name, case in CASES.items() if case.precision == "float64"]
+
+
+def fresh(name: str) -> Prepared:
+    """A case, at its start."""
+    model, run, kernel, precision, _ = CASES[name]
+    return prepare(model(run), Options(kernel=kernel, precision=precision, threads=1))
+
+
+@cache
+def prepared(name: str) -> Prepared:
+    """A case for tests in which nothing breaks."""
+    return fresh(name)
+
+
+def at(system: Any, strain: float, turn: float = 0.0) -> State:
+    """Nodes stretched along x by `strain` and sheared as much, with waves in it, then turned by `turn`, rad."""
+    x = system.model.grid.position
+    waves = strain * H * np.sin(400 * x[:, [1, 0]] + 300 * x)
+    u = x @ np.array([[strain, strain], [0.0, 0.0]]) + waves
+    spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return state_of((x + u) @ spin - x, CASES_OF[system.options.precision])
+
+
+CASES_OF: dict[str, type[np.floating]] = {"float64": np.float64, "float32": np.float32}
+
+
+def state_of(value: NDArray[np.float64], kind: type[np.floating]) -> State:
+    """Nodes with these displacements (n, w), at rest."""
+    rest = np.zeros((2, *value.shape), dtype=kind)
+    return State(value.astype(kind), *rest, *np.zeros((3, len(value))))
+
+
+def forces(operator: Operator, state: State) -> NDArray[np.float64]:
+    """Force densities (n, w), N/m^3, that are added to nothing."""
+    out = np.zeros(state.value.shape, dtype=state.value.dtype)
+    operator.add(operator.place(state), out, 1, 0.0)
+    return out.astype(np.float64)
+
+
+def alone(system: Any) -> NDArray[np.bool_]:
+    """Nodes (n,) that are far from those that are tied to others."""
+    found = np.ones(len(system.area), dtype=np.bool_)
+    if isinstance(system.operator, View):
+        zone, x = system.operator.hybrid.zone, system.model.grid.position
+        border = zone.border.node[: zone.number[BORDERS]]
+        tied = x[np.isin(system.operator.places, border)]
+        found = np.linalg.norm(x[:, None] - tied, axis=2).min(axis=1) > 3 * H
+    return found
+
+
+def marched(system: Any, state: State, steps: int) -> State:
+    """The state after so many steps of Verlet, by what the operator adds alone."""
+    operator, (nodes, width) = system.operator, state.value.shape
+    damping = operator.hybrid.zone.damping[operator.places] if isinstance(operator, Collocated) else np.zeros(nodes)
+    kind = state.value.dtype.type
+    drive = idle(nodes, width)
+    drive = drive._replace(force=drive.force.astype(kind), before=drive.before.astype(kind))
+    rho = system.model.rho.astype(kind)
+    Verlet(operator, drive, rho, system.time_step, damping).march(state, 1, steps + 1)
+    return state
+
+
+def copied(state: State) -> State:
+    return State(*(one.copy() for one in state))
+
+
+def nearly(digits: float, expected: NDArray[np.float64]) -> Any:
+    """The same, to so many digits of the largest."""
+    return pytest.approx(expected, rel=0, abs=digits * float(np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
+    system, _ = prepared(name)
+    state = system.operator.place(at(system, 1e-5))
+    before, out = copied(state), np.full(state.value.shape, 7.0, dtype=state.value.dtype)
+    system.operator.add(state, out, 0, 0.0)
+    found = forces(system.operator, before)
+    assert np.abs(found).max() > 0
+    assert out - 7.0 == nearly(max(CASES[name].digits, 1e-12), found)
+    for one, other in zip(state, before, strict=True):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", DOUBLE)
+def test_the_tangent_is_the_derivative_of_forces(name: str) -> None:
+    """Of turned and stretched nodes; measured 3e-9 (hybrid) and less, by differences."""
+    system, _ = prepared(name)
+    state, rng = at(system, 1e-5, turn=0.3), np.random.default_rng(1)
+    way, small = rng.normal(size=state.value.shape), 1e-9
+    slope = np.zeros(state.value.shape)
+    for sign in (1, -1):
+        slope += sign / (2 * small) * forces(system.operator, state._replace(value=state.value + sign * small * way))
+    found = -(system.operator.tangent(state) @ way.ravel()).reshape(way.shape)
+    assert found == nearly(1e-7, slope)
+
+
+@pytest.mark.parametrize("name", ["listed", "blocks", "split", "hybrid"])  # stencils have no energy
+def test_forces_are_the_slope_of_the_energy(name: str) -> None:
+    """Measured 2e-8 and less, by differences."""
+    system, _ = prepared(name)
+    assert system.operator.symmetric
+    state, rng, small = at(system, 1e-5, turn=0.3), np.random.default_rng(2), 1e-9
+    way, slope = rng.normal(size=state.value.shape) * alone(system)[:, None], 0.0
+    for sign in (1, -1):
+        held, _ = system.operator.energies(state._replace(value=state.value + sign * small * way))
+        slope += sign / (2 * small) * float(np.sum(system.area * held))
+    work = float(np.sum(system.area[:, None] * forces(system.operator, state) * way))
+    assert -work == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_turning_needs_no_force(name: str) -> None:
+    system, _ = prepared(name)
+    whole = 2 * float(system.operator.stiffness_bound().max()) * H  # N/m^3 where a spacing is doubled
+    turned = forces(system.operator, at(system, 0.0, turn=0.3))
+    assert np.abs(turned).max() <= CASES[name].digits * whole
+
+
+@pytest.mark.parametrize("name", DOUBLE)
+def test_the_bound_is_above_all_frequencies(name: str) -> None:
+    system, _ = prepared(name)
+    operator, rho = system.operator, np.repeat(system.model.rho, 2)
+    rest = state_of(np.zeros((len(system.area), 2)), np.float64)
+    fastest = float(
+        abs(eigs(operator.tangent(rest).multiply(1 / rho[:, None]).tocsr(), 1, return_eigenvectors=False)[0])
+    )
+    bound = 2 * float((operator.stiffness_bound() / system.model.rho).max())
+    assert fastest <= bound * (1 + 1e-9)
+    assert bound < 4 * fastest
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
+    """Twenty steps of a plate that is thrown; measured 2e-13 and less."""
+    system, state = fresh(name)
+    other = marched(system, copied(state), 20)
+    found = books(system, other, 20)
+    again, start = fresh(name)
+    again.stepper.march(start, 1, 21)
+    for field in ("value", "rate", "second"):
+        assert getattr(other, field) == nearly(CASES[name].digits, getattr(start, field))
+    assert found.kinetic + found.strain == pytest.approx(sum(books(again, start, 20)[2:4]), rel=CASES[name].digits)
+
+
+def torn(name: str) -> tuple[Prepared, State, NDArray[np.float64]]:
+    """A case in which a node at the tip of the crack was moved so far that bonds broke; what was held before, J/m."""
+    problem = fresh(name)
+    system, x = problem.system, problem.system.model.grid.position
+    state = problem.system.operator.place(at(system, 1e-7))
+    held = system.area * system.operator.energies(state)[0]
+    state.value[np.argmin(np.linalg.norm(x - TIPS[system.model.grid.position.max() > 0.05], axis=1)), 1] += 0.05 * H
+    return problem, state, held
+
+
+TIPS = {False: (0.012, 0.020), True: (0.010, 0.030)}
+
+
+@pytest.mark.parametrize("name", DOUBLE)
+def test_breaking_spends_what_bonds_held(name: str) -> None:
+    """At rest: what bonds hold no more is what is booked, at the nodes that have lost them."""
+    problem, state, _ = torn(name)
+    system, operator = problem.system, problem.system.operator
+    before = float(np.sum(system.area * operator.energies(state)[0]))
+    forces(operator, state)
+    lost = before - float(np.sum(system.area * operator.energies(state)[0]))
+    broken = operator.broken()
+    assert len(broken.step) > 5
+    assert lost > 0
+    assert float(np.sum(system.area * state.dissipated)) == pytest.approx(lost, rel=1e-9)
+    assert set(np.flatnonzero(state.dissipated)) <= set(broken.source) | set(broken.target)
+    there, ever = (set(zip(*operator.bonds(start=start), strict=True)) for start in (False, True))
+    gone = set(zip(broken.source, broken.target, strict=True))
+    assert not there & gone
+    assert there | gone == ever
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_kept_goes_on_alike(name: str) -> None:
+    """To the same bits."""
+    problem, state, _ = torn(name)
+    operator = problem.system.operator
+    forces(operator, state)
+    kept = {key: np.array(value) for key, value in operator.keep().items()}
+    other = fresh(name).system.operator
+    other.back(kept, operator.broken())
+    assert np.array_equal(forces(other, state), forces(operator, state))
+    for one, two in zip(other.broken(), operator.broken(), strict=True):
+        assert sorted(one) == sorted(two)
