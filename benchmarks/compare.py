@@ -1,5 +1,6 @@
 """Whether this checkout computes what another does, bit by bit: shipped scenes x laws x modes x kernels x precisions.
 
+Each scene is solved in each way that nodes come and go, too, as far as that is possible.
 `make compare AGAINST=DIR`, or `python -m benchmarks.compare DIR`; DIR is another checkout, such as `git worktree add`
 makes one. Both solve the same scenes side by side on this machine, each with its own packages; nothing is stored, as
 bits differ between processors. Scenes are coarsened and their materials weakened, so that much breaks in few steps.
@@ -9,10 +10,13 @@ Returns 1 where anything differs, and says what and by how much.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
+import io
 import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -50,6 +54,7 @@ class Way(NamedTuple):
 
 
 WAYS = tuple(itertools.starmap(Way, itertools.product(LAWS, MODES, KERNELS, PRECISIONS)))
+ADAPTED = ("hybrid", "split", "collocation")  # with the law as shipped; a grid of its own each
 
 
 # In the process of each checkout
@@ -58,29 +63,63 @@ WAYS = tuple(itertools.starmap(Way, itertools.product(LAWS, MODES, KERNELS, PREC
 def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str, Found]]:
     """The grid of a scene, and what each way to solve it finds."""
     from pdmesh.__main__ import main as pdmesh
-    from pdsolve import Options, read_model, simulate
+    from pdsolve import Options, read_model
 
     path = folder / f"{scene.stem}.json"
     if pdmesh(["build", str(scene), "-o", str(path), "-q", "--trust", *overrides]):
         raise SystemExit(f"{scene.name} could not be built")
     yield "grid", {"bytes": np.frombuffer(path.read_bytes(), dtype=np.uint8)}
     model = read_model(path)
+    for adapt in ADAPTED:
+        yield f"adapted, {adapt}", adapted(scene, overrides, folder, adapt)
     listed = "listed" if find_spec("pdsolve.operators") else "textbook"  # what it was called before
     for way in WAYS:
         kernel = listed if way.kernel == "listed" else way.kernel
-        settings = weakened(model.settings, way.law)
-        with simulate(
-            dataclasses.replace(model, settings=settings), None, Options(way.mode, way.precision, 1, kernel)
-        ) as results:
-            yield str(way), everything(results)
+        yield str(way), solved(model, way.law, Options(way.mode, way.precision, 1, kernel))
 
 
-def weakened(settings: Any, law: str) -> Any:
+def adapted(scene: Path, overrides: list[str], folder: Path, adapt: str) -> Found:
+    """What a run finds whose nodes come and go, or why there is none."""
+    from pdmesh.__main__ import main as pdmesh
+    from pdsolve import Options, read_model
+
+    # a grid that all of them can have; collocation with so few nodes in a horizon has to be damped
+    grid = "split" if adapt == "split" else "hybrid"
+    path, words = folder / f"{scene.stem}.{adapt}.json", ["--adapt", grid, "--trust", "-q", *overrides]
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        if pdmesh(["build", str(scene), "-o", str(path), *words]):
+            return refused(said.getvalue())
+    model = read_model(path)
+    settings, run = model.settings, model.settings.run
+    seam = msgspec.structs.replace(run.collocation, damped=True)
+    settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(run, adapt=adapt, collocation=seam))
+    model = dataclasses.replace(model, settings=settings)
+    return solved(model, LAWS[0], Options("conservative", threads=1), 1.0)
+
+
+def solved(model: Any, law: str, options: Any, toughness: float = WEAKER) -> Found:
+    """What a run of a model finds whose bonds are of this law and that tough, or why there is none."""
+    from pdsolve import simulate
+
+    model = dataclasses.replace(model, settings=weakened(model.settings, law, toughness))
+    try:
+        with simulate(model, None, options) as results:
+            return everything(results)
+    except (ValueError, ArithmeticError) as error:
+        return refused(str(error))
+
+
+def refused(why: str) -> Found:
+    """What is found where there is no run; names of folders do not count."""
+    return {"refused": np.frombuffer(re.sub(r"/\S*/", "", why).encode(), dtype=np.uint8)}
+
+
+def weakened(settings: Any, law: str, toughness: float) -> Any:
     """The settings of a model that breaks soon, its bonds of this law."""
 
     def material(given: Any) -> Any:
         other = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {}
-        return msgspec.structs.replace(given, G0=WEAKER * given.G0, **other)
+        return msgspec.structs.replace(given, G0=toughness * given.G0, **other)
 
     regions = tuple(msgspec.structs.replace(region, material=material(region.material)) for region in settings.regions)
     run = msgspec.structs.replace(
@@ -158,7 +197,7 @@ def compare(against: Path, scenes: list[Path], folder: Path) -> int:
         running.append((own, subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(tree)})))
     different = 0
     for scene in scenes:
-        for number in range(len(WAYS) + 1):
+        for number in range(1 + len(ADAPTED) + len(WAYS)):
             parts = [own / f"{scene.stem}.{number}.npz" for own, _ in running]
             while not all(part.exists() for part in parts):
                 if any(process.poll() not in (None, 0) for _, process in running):
@@ -171,7 +210,10 @@ def compare(against: Path, scenes: list[Path], folder: Path) -> int:
             told = differing(one, {key: values for key, values in other.items() if key != "name"})
             different += bool(told)
             verdict = "DIFFERENT" if told else "the same"
-            print(f"{scene.stem}: {name}: {verdict}" + (f", {broken} bonds broken" if number else ""), flush=True)
+            what = f", {broken} bonds broken" if number else ""
+            if "refused" in one:
+                what = f", refused: {one['refused'].tobytes().decode().strip()}"
+            print(f"{scene.stem}: {name}: {verdict}{what}", flush=True)
             for line in told:
                 print(f"    {line}")
     for _, process in running:
@@ -197,7 +239,7 @@ def main() -> int:
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         different = compare(against, wanted, Path(folder))
-    ways = len(wanted) * len(WAYS)
+    ways = len(wanted) * (len(ADAPTED) + len(WAYS))
     print(f"{ways} runs of {len(wanted)} scenes in {time.perf_counter() - began:.0f} s: {different} differ")
     return int(different > 0)
 

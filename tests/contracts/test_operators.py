@@ -230,6 +230,7 @@ def test_breaking_spends_what_bonds_held(name: str) -> None:
     assert float(np.sum(system.area * state.dissipated)) == pytest.approx(lost, rel=1e-9)
     assert set(np.flatnonzero(state.dissipated)) <= set(broken.source) | set(broken.target)
     there, ever = (set(zip(*operator.bonds(start=start), strict=True)) for start in (False, True))
+    assert ever == set(zip(*prepared(name).system.operator.bonds(), strict=True))
     gone = set(zip(broken.source, broken.target, strict=True))
     assert not there & gone
     assert there | gone == ever

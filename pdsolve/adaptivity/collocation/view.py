@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.operator import Engine
 from pdsolve.adaptivity.collocation.tangent import tangent_of
-from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES, Breaks
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.operator import ZoneSummary
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
@@ -39,6 +39,8 @@ class Collocated(TwoLatticeOperator[Engine]):
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.number[SWITCHES])
+        # as they are now: the bonds of the start are asked for while others march
+        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(one.copy() for one in engine.broken()))
 
     @cached_property
     def model(self) -> Model:
@@ -52,9 +54,9 @@ class Collocated(TwoLatticeOperator[Engine]):
         """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
         ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
         own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
-        _, node, spring = self.hybrid.broken()
+        _, node, spring = self._before
         lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
-        count[fine] = _intact(ground, self.hybrid.zone.cut, self._kind, own) + lost[own]
+        count[fine] = _intact(ground, self._cut, self._kind, own) + lost[own]
         family = count.copy()
         family[fine] += plate.parted[own]
         return count, family
@@ -139,11 +141,11 @@ class Collocated(TwoLatticeOperator[Engine]):
         ground, places = self.hybrid.ground, self.places[first:last]
         sources, targets = [], []
         some = places[self._kind[places] == FINE]
-        node, k = _listed(ground, self.hybrid.zone.cut, self._kind, some)
+        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, some)
         sources.append(some[node])
         targets.append(some[node] + ground.ways[k])
         if start:
-            _, node, k = self.hybrid.broken()
+            _, node, k = self._before
             other = node + ground.ways[k]
             for one, far in ((node, other), (other, node)):
                 own = (self._row_of[one] >= first) & (self._row_of[one] < first + len(places))

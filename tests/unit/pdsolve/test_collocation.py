@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -26,6 +27,7 @@ from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
 from pdpost.measures.balance import remarks
 from pdsolve.__main__ import main as solve_command
+from pdsolve.adaptivity.collocation import view
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
@@ -35,6 +37,23 @@ TESTS = Path(__file__).parents[2]
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 PLATE = cracked(41, 41, 4.0, 12.0, run=RUN)
 REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLATE.materials[0], E=2e11))
+
+
+def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A writer asks for them in a thread of its own: here bonds break amid the answer."""
+    problem = prepare(torn("collocation"), Options(threads=1))
+    operator, listed = problem.system.operator, view._listed
+    expected = operator.bonds(start=True)
+
+    def listed_while_bonds_break(*arguments: Any) -> Any:
+        found = listed(*arguments)
+        problem.march(1, 91)
+        return found
+
+    monkeypatch.setattr(view, "_listed", listed_while_bonds_break)
+    for found, before in zip(operator.bonds(start=True), expected, strict=True):
+        assert np.array_equal(found, before)
+    assert len(operator.broken().step) > 100
 
 
 @pytest.mark.parametrize(
