@@ -53,6 +53,6 @@ def zone_moved(system: System) -> Change | None:
 def zone_back(system: System, kept: Kept) -> Prepared:
     """The system of a checkpoint, of a run that began as `system`."""
     assert system.hybrid is not None
-    system.hybrid.hybrid.back(kept)
+    system.hybrid.back(kept, system.hybrid.broken())
     change = zone_moved(system)
     return Prepared(system, system.hybrid.state()) if change is None else Prepared(change.system, change.state)

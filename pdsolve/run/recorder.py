@@ -100,7 +100,8 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         order = np.argsort(ids)
         source, target = (order[np.searchsorted(ids, column[before], sorter=order)] for column in broken[1:])
         past = Broken(broken.step[before], source, target)
-    system.operator.back(kept, past)
+    if system.hybrid is None:  # whose nodes are not known before it has gone back
+        system.operator.back(kept, past)
     if isinstance(system.stepper, LoadSteps):
         system.stepper.back(kept["rested"], past)
     if system.growth is not None:
