@@ -1,7 +1,8 @@
 """What may become code: the installation, and what the user's own settings name by absolute paths.
 
 Nothing of the current folder may: no module, no settings, no compiled kernel, no program. `settle` sees to it for the
-process of a command, `environment` for the processes it starts, `private_folder` for what is compiled.
+process of a command, `environment` for the processes it starts, `private_folder` for what is compiled. A Python
+scene is code as well: pdmesh/drawing/script.py asks whether it is trusted.
 """
 
 from __future__ import annotations
