@@ -69,8 +69,8 @@ def drawn(root: Path, seed: int) -> Iterator[Drawn]:
 
 def fate(pair: Pair, one: Drawn, limit: float) -> Fate:
     """Whether a test fails with this change that does not in the tree that is right, within so many seconds."""
-    first = those_of(trees.ROOT, one.file, one.change)
-    files = cheapest_first(likely(trees.ROOT, one.file, one.change.name))
+    first = those_of(pair.right, one.file, one.change)
+    files = cheapest_first(likely(pair.right, one.file, one.change.name))
     files += [file for file in dict.fromkeys(name.partition("::")[0] for name in first) if file not in files]
     text = (pair.broken / one.file).read_text(encoding="utf-8")
     began = time.perf_counter()
@@ -124,12 +124,16 @@ def measured(number: int | None, seed: int, limit: float, jobs: int, minutes: fl
     often as there are places.
     """
     until = time.monotonic() + 60 * (minutes if minutes is not None else 1e9)
-    places, fates, lock, begun = drawn(trees.ROOT, seed), Counter[str](), Lock(), list[Drawn]()
+    fates, lock, begun = Counter[str](), Lock(), list[Drawn]()
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
         folder = Path(name)
+        pairs = [
+            Pair(trees.copied(folder / f"broken {job}"), trees.copied(folder / f"right {job}"), set(), set())
+            for job in range(jobs)
+        ]
+        places = drawn(pairs[0].right, seed)  # whatever becomes of the checkout meanwhile
 
-        def work(job: int) -> None:
-            pair = Pair(trees.copied(folder / f"broken {job}"), trees.copied(folder / f"right {job}"), set(), set())
+        def work(pair: Pair) -> None:
             while time.monotonic() < until:
                 with lock:
                     if number is not None and len(begun) >= min(number + fates[UNDECIDED], 2 * number):
@@ -142,5 +146,5 @@ def measured(number: int | None, seed: int, limit: float, jobs: int, minutes: fl
                 by = f" by {found.by}" if found.what == KILLED else f" ({found.by})" if found.by else ""
                 print(f"{found.what}, {found.seconds:.0f} s: {what}{by}", flush=True)
 
-        list(pool.map(work, range(jobs)))
+        list(pool.map(work, pairs))
     return fates

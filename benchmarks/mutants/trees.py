@@ -22,7 +22,8 @@ from benchmarks.mutants import order
 from benchmarks.mutants.kept import VARIABLE
 
 ROOT = Path(__file__).parent.parent.parent
-LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "demo", "site", "build", "dist", "*.sqlite*")
+LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.sqlite", "*.sqlite-*")
+MADE = {"demo", "site", "build", "dist"}  # by `make`, beside the sources
 IN_KERNELS = ("pdsolve/", "pdmesh/model/")  # kernels are made of files in here ...
 LAWS = "pdsolve/laws/"  # ... and of functions of these that nothing marks
 COMPILED = re.compile(r"njit|overload|register_jitable|vectorize")
@@ -53,7 +54,8 @@ class Ran(NamedTuple):
 
 def copied(folder: Path) -> Path:
     """A copy of the checkout in a folder that is not there yet."""
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    left_out = shutil.ignore_patterns(*LEFT_OUT)
+    shutil.copytree(ROOT, folder, ignore=lambda of, names: left_out(of, names) | (MADE if Path(of) == ROOT else set()))
     return folder
 
 

@@ -35,8 +35,9 @@ def kernel(a):
 
 
 def caller(a):
-    def inner(b):
-        return -b
+    if a is not None:
+        def inner(b):
+            return -b
 
     if a:
         return inner(a)
@@ -54,7 +55,7 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     line = {text.strip(): number for number, text in enumerate(SOURCE.splitlines(), 1)}
     grown = [line["if by < 0:"], line["return self.size + by"]]
     refused = [line["if by < 0:"], line["raise ValueError(by)"]]
-    called = [line["def inner(b):"], line["if a:"], line["return kernel(a)"]]
+    called = [line["if a is not None:"], line["def inner(b):"], line["if a:"], line["return kernel(a)"]]
     tests = {"grows[1]": (grown, 2), "grows[2]": (grown, 1), "refused": (refused, 3), "calls": (called, 4)}
     lines = tmp_path / "lines"
     lines.write_text(
@@ -202,7 +203,7 @@ def test_what_no_test_notices_survives(fated: Callable[[Answer], sample.Fate]) -
 
 
 def test_what_is_undecided_is_drawn_anew(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(trees, "copied", lambda folder: folder)
+    monkeypatch.setattr(trees, "copied", lambda folder: trees.ROOT)
     fates = iter([UNDECIDED, KILLED, SURVIVED, KILLED])
     monkeypatch.setattr(sample, "fate", lambda *_: sample.Fate(next(fates), "t", 1.0))
     assert measured(3, 0, 60.0, 1) == {UNDECIDED: 1, KILLED: 2, SURVIVED: 1}
@@ -210,3 +211,14 @@ def test_what_is_undecided_is_drawn_anew(monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setattr(sample, "fate", lambda *_: sample.Fate(UNDECIDED, "t", 1.0))
     assert measured(3, 0, 60.0, 1) == {UNDECIDED: 6}
     assert not measured(None, 0, 60.0, 1, minutes=0)
+
+
+def test_a_copy_has_all_tests_and_what_they_read(tmp_path: Path) -> None:
+    copy = trees.copied(tmp_path / "copy")
+    for folder in ("tests/site", "tests/formats", "geometries", "docs"):
+        found, expected = (
+            {path.relative_to(root) for path in (root / folder).rglob("*.[pgx]*") if "__pycache__" not in path.parts}
+            for root in (copy, trees.ROOT)
+        )
+        assert found == expected != set()
+    assert not (copy / ".git").exists()
