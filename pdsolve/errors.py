@@ -1,6 +1,10 @@
-"""What is raised where a run stops being physics."""
+"""What is raised where a run stops being physics, or cannot go on."""
 
 from __future__ import annotations
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that no run has written; the message says what was found and what was expected, not where."""
 
 
 class UnstableError(ArithmeticError):

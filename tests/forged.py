@@ -14,6 +14,7 @@ import json
 import math
 import os
 import random
+import re
 import signal
 import sqlite3
 import struct
@@ -280,8 +281,9 @@ def forge(path: Path, chance: random.Random) -> str:
     return " ".join(done)
 
 
-def outcome(main: Callable[[list[str]], int], words: list[str]) -> str:
-    """What is wrong with how a command ended; nothing if it said what it found, or in one line why it did not."""
+def outcome(main: Callable[[list[str]], int], words: list[str], answers: Sequence[int] = (0, 2)) -> str:
+    """What is wrong with how a command ended, by codes that are `answers`; nothing if it said what it found, or in one
+    line why it did not."""
     out, err = io.StringIO(), io.StringIO()
     faulthandler.dump_traceback_later(2 * LONG, exit=True)
     signal.alarm(LONG)
@@ -297,13 +299,16 @@ def outcome(main: Callable[[list[str]], int], words: list[str]) -> str:
         signal.alarm(0)
         faulthandler.cancel_dump_traceback_later()
     said = err.getvalue()
-    lines = said.splitlines()
-    if code == 2 and (sum(line.startswith("pd") for line in lines) != 1 or not all(map(str.isprintable, lines))):
+    lines = [line for line in said.splitlines() if not re.match(r"pd\w+: (warning|note): ", line)]
+    if code in (2, 3) and (
+        sum(line.startswith("pd") for line in lines) != 1 or not all(map(str.isprintable, said.splitlines()))
+    ):
         return f"said {said!r}"
-    return "" if code in (0, 2) or (words[0] == "watch" and code == 1) else f"ended with {code}: {said!r}"
+    return "" if code in answers or (words[0] == "watch" and code == 1) else f"ended with {code}: {said!r}"
 
 
-def _end(*_: object) -> None:
+def end_of(*_: object) -> None:
+    """Ends what takes too long."""
     raise TimeoutError(f"no end within {LONG} s")
 
 
@@ -311,7 +316,7 @@ def forged_runs(folder: Path, seed: int, count: int, each: int) -> list[dict[str
     """Forge so many of the databases in a folder, and run `each` commands over every one of them; what went wrong."""
     from pdpost.__main__ import main
 
-    signal.signal(signal.SIGALRM, _end)
+    signal.signal(signal.SIGALRM, end_of)
     os.chdir(folder)
     whole = sorted(path for path in Path().glob("*.sqlite") if path.name != "forged.sqlite")
     wrong, numbers = (

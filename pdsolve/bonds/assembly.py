@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Neighbours, Pairs, lengths, row_chunks
 from pdmesh.model.thesis_areas import thesis_areas
+from pdsolve.checkpoint import expect_found
 from pdsolve.model import Model
 
 
@@ -151,10 +152,13 @@ def ends(bonds: Bonds, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], N
 
 
 def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there."""
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,). Raises CheckpointError for one that is none."""
     nodes = len(bonds.start) - 1
     key = np.repeat(np.arange(nodes), np.diff(bonds.start)) * nodes + bonds.neighbour
-    return np.searchsorted(key, source * nodes + target)
+    wanted = source * nodes + target
+    found = np.searchsorted(key, wanted)
+    expect_found(np.append(key, -1)[found] == wanted, source, target)
+    return found
 
 
 def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> NDArray[np.float64]:

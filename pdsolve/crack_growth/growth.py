@@ -13,19 +13,23 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.particles import Particles, arms, grown, of_segments
+from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import Filling
+from pdsolve.checkpoint import entry
 from pdsolve.conditions import Drive, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
 from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
 from pdsolve.crack_growth.tip_bonds import Round
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.crack_growth.tips import Tip, tips_of
+from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
@@ -190,14 +194,30 @@ class Growth:
         return {f"particle_{name}": column for name, column in {**columns, "remarks": remarks}.items()}
 
     def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
-        """Go back to what was kept, and to these broken bonds."""
-        place, normal, parent, step = (kept[f"particle_{name}"] for name in Particles._fields)
-        self._remarks = json.loads(np.asarray(kept["particle_remarks"], dtype=np.uint8).tobytes())
-        self.particles = Particles(place.reshape(-1, 2), normal.reshape(-1, 2), parent, step)
+        """Go back to what was kept, and to these broken bonds. Raises CheckpointError."""
+        self.particles, self._remarks = self._kept_particles(kept), _kept_remarks(kept)
         near, nodes = self._near, len(self._near.start) - 1
         near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
         if self._round is not None:
             self._reweigh(self._round.share(arms(self.particles)))
+
+    def _kept_particles(self, kept: Mapping[str, NDArray[Any]]) -> Particles:
+        """The particles of a checkpoint: those of pre-cracks, and what grew from them inside the plate."""
+        first, position = self._first, self._model.grid.position
+        far = float(np.abs(position).max() + self._model.grid.delta.max())
+        step = entry(kept, "particle_step", (None,), np.int64, 0, MOST_STEPS)
+        place = entry(kept, "particle_place", (len(step), 2), float, -far, far)
+        normal = entry(kept, "particle_normal", (len(step), 2), float, -2, 2)
+        parent = entry(kept, "particle_parent", (len(step),), np.int64, -1, len(step) - 1)
+        same = np.array_equal(parent[:first], self.particles.parent) and np.array_equal(
+            place[:first], self.particles.place
+        )
+        if not same or step[:first].any():
+            raise CheckpointError(f"found other particles than the {first} of pre-cracks, expected those first")
+        later = np.arange(first, len(step))
+        if ((parent[first:] < 0) | (parent[first:] >= later) | (step[first:] < 1)).any() or (np.diff(step) < 0).any():
+            raise CheckpointError("found a particle that grew from none or a later one, expected one before it")
+        return Particles(place, normal, parent, step)
 
     def rows(self, after: int) -> list[tuple[float, ...]]:
         """The particles since a step as rows of results."""
@@ -247,6 +267,15 @@ class _Began(NamedTuple):
     step: int
     share: float  # of what lets a tip grow, the largest then
     particles: int  # since
+
+
+def _kept_remarks(kept: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """The remarks of a checkpoint."""
+    letters = entry(kept, "particle_remarks", (None,), np.uint8).tobytes()
+    try:
+        return msgspec.json.decode(letters, type=dict[str, str])
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        raise CheckpointError("found 'particle_remarks' that are none, expected texts with names") from None
 
 
 def _at(place: NDArray[np.float64]) -> str:

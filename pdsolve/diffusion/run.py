@@ -12,13 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.checkpoint import entry, like
 from pdsolve.diffusion.dissolution import State
 from pdsolve.diffusion.masses import Masses, fields, masses
 from pdsolve.diffusion.system import System, prepare
-from pdsolve.errors import UnstableError
+from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model
 from pdsolve.provenance import made_by
-from pdsolve.results import Behind, Breaks, Families, Frame, Nodes, Results, ResultsError, Writer, behind
+from pdsolve.results import (
+    Behind,
+    Breaks,
+    Families,
+    Frame,
+    Nodes,
+    Results,
+    ResultsError,
+    Writer,
+    behind,
+    gone_back,
+)
 from pdsolve.steppers.pace import Pace
 
 PATIENCE = 5e7  # link updates between two looks at the watcher
@@ -60,9 +72,16 @@ def resume(results: Results, model: Model, output: Path, threads: int | None, wa
             f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the links"
             f" and the step of this version, {system.time_step:.6g} s; solve it anew"
         )
-    for name, values in state._asdict().items():
-        values[:] = kept[name]
-    start = Masses(*results.masses()[0])
+    with gone_back(output):
+        for name, values in state._asdict().items():
+            values[:] = like(kept, name, values)
+        entry(kept, "solid", state.solid.shape, state.solid.dtype, 0, 1)
+        if step > model.settings.run.steps:
+            raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
+        masses = results.masses()
+        if not len(masses):
+            raise CheckpointError("found one without masses at the start, expected these too")
+        start = Masses(*masses[0])
     results.close()
     march = _March(system, state, step, float(meta.get("wall_time", 0.0)), start)
     return march.finish(partial(Writer.reopen, output), output, watch)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
+from pdsolve.checkpoint import entry, like
 from pdsolve.laws.law import Now, bind, in_tuples, list_of
 from pdsolve.model import Model
 from pdsolve.numerics.threads import share
@@ -194,16 +195,24 @@ class BondList:
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the memory of bonds and the broken bonds of a checkpoint."""
-        memory = {name: (kept[name], kept[f"{name}_source"], kept[f"{name}_target"]) for name in self._remembered()}
+        memory = {name: self._memory(kept, name) for name in self._remembered()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
-            column = getattr(self.columns, name, None)
+            column, bonds = getattr(self.columns, name, None), find(self._bonds, source, target)
             if column is not None:
                 column[:] = 0
-                column[find(self._bonds, source, target)] = values
+                column[bonds] = values
         for name in self._remembered_by_nodes():
             column = getattr(self.columns, name)
-            column[:] = kept[name].reshape(column.shape)
+            column[:] = like(kept, name, column)
         self._lose(np.flatnonzero(self._steps()), self._every)
+
+    def _memory(self, kept: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+        """What bonds (k,) of a checkpoint remember, and the rows of their sources and targets."""
+        values = entry(kept, name, (None,), getattr(self.columns, name).dtype)
+        source, target = (
+            entry(kept, f"{name}_{end}", values.shape, np.int64, 0, self._nodes - 1) for end in ("source", "target")
+        )
+        return values, source, target
 
     def reweigh(self, share: NDArray[np.float64]) -> None:
         """Go on with a share (b,) of what each bond weighed at the start, or of its stiffness; who has broken and what

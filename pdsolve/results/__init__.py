@@ -16,6 +16,7 @@ from pdsolve.results.errors import (
     ResultsWarning,
     TakenError,
     WriteError,
+    gone_back,
 )
 from pdsolve.results.lock import holder, writing_to
 from pdsolve.results.node_lifetimes import Lives
@@ -45,6 +46,7 @@ __all__ = [
     "WriteError",
     "Writer",
     "behind",
+    "gone_back",
     "holder",
     "put_away",
     "remove",

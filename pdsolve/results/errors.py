@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from pdsolve.errors import CheckpointError
 
 
 class ResultsError(ValueError):
@@ -62,3 +66,12 @@ class explained:
             said = " ".join(str(error).split())
             hint = HINTS.get(getattr(error, "sqlite_errorname", ""), "")
             raise self.kind(f"{self.path or 'results in memory'}: {said[:MOST_SAID]}{hint}") from None
+
+
+@contextmanager
+def gone_back(path: Path) -> Iterator[None]:
+    """Raises DamagedError, which names the file, where parts of a run do not find in its checkpoint what is theirs."""
+    try:
+        yield
+    except CheckpointError as error:
+        raise DamagedError(f"{path}: table checkpoint: {error}") from None

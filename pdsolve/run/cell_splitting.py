@@ -14,8 +14,9 @@ from pdsolve.adaptivity.quadtree.leaf_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
 from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
 from pdsolve.adaptivity.quadtree.tree import Cells
+from pdsolve.checkpoint import entry
 from pdsolve.conditions import put_loads
-from pdsolve.errors import UnstableError
+from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.node_changes import Adapt, Change
 from pdsolve.run.system import Prepared, System, assembled, stable
@@ -113,9 +114,13 @@ class Splitting:
         return np.where(same, origin, -1)
 
     def back(self, system: System, kept: Kept) -> Prepared:
-        """The system of the cells of a checkpoint."""
-        found = self._cloud(system, self.tree.cells(kept["ids"]))
-        leaves(found.system).memory = remembered(kept)
+        """The system of the cells of a checkpoint. Raises CheckpointError for ids that no leaves have together."""
+        ids = entry(kept, "ids", (None,), np.int64)
+        memory, cells = remembered(kept, len(ids)), self.tree.leaves(ids)
+        if cells is None:
+            raise CheckpointError("found ids of cells that are no whole plate, expected those of its leaves in order")
+        found = self._cloud(system, cells)
+        leaves(found.system).memory = memory
         return found
 
 

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
+from pdsolve.checkpoint import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
+from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.schema import taken
 from pdsolve.run.measures import Ledger, ask, books, fields
@@ -22,7 +24,7 @@ from pdsolve.run.physics_check import check_physics
 from pdsolve.run.reactions import Reaction, grips, reactions
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
-from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.load_steps import LoadSteps, Rested
 
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
@@ -89,21 +91,29 @@ def cloud(system: System) -> dict[str, NDArray[Any]]:
 
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
-    """Go back to the state after `step`; of the bonds `broken` those until then count."""
+    """Go back to the state after `step`; of the bonds `broken` those until then count. Raises CheckpointError."""
     for name, values in state._asdict().items():
-        values[:] = kept[name].reshape(values.shape)
-    system.drive.held_force[:] = kept["held_force"]
+        values[:] = like(kept, name, values)
+    system.drive.held_force[:] = like(kept, "held_force", system.drive.held_force)
+    nodes = len(system.family)
     if "ids" in kept:
-        past = Broken(*(kept[f"broken_{name}"] for name in Broken._fields))
+        (count,) = entry(kept, "broken_step", (None,), np.int64).shape
+        past = Broken(*(entry(kept, f"broken_{name}", (count,), np.int64) for name in Broken._fields))
     else:
         ids, before = system.model.grid.ids, broken.step <= step
         order = np.argsort(ids)
-        source, target = (order[np.searchsorted(ids, column[before], sorter=order)] for column in broken[1:])
+        ends = [column[before] for column in broken[1:]]
+        source, target = (order[np.searchsorted(ids, end, sorter=order).clip(max=nodes - 1)] for end in ends)
+        expect_found((ids[source] == ends[0]) & (ids[target] == ends[1]), *ends)
         past = Broken(broken.step[before], source, target)
+    expect_broken(past, step, nodes)
     if system.hybrid is None:  # whose nodes are not known before it has gone back
         system.operator.back(kept, past)
     if isinstance(system.stepper, LoadSteps):
-        system.stepper.back(kept["rested"], past)
+        rested = entry(kept, "rested", (step, len(Rested._fields)), float)
+        if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
+            raise CheckpointError(f"found load steps that are not 1 to {step}, expected those until the checkpoint")
+        system.stepper.back(rested, past)
     if system.growth is not None:
         system.growth.back(kept, past)
     put_loads(system.drive, step * system.time_step)

@@ -19,9 +19,9 @@ from pdsolve.adaptivity.hybrid.operator import ZoneSummary
 from pdsolve.checks import advise, advise_damped, advise_unused, closing
 from pdsolve.diffusion import run as diffusion
 from pdsolve.diffusion.system import expect_usual
-from pdsolve.errors import UnstableError
+from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model, ModelError, model_of
-from pdsolve.results import Behind, Results, ResultsError, Writer, behind, put_away, writing_to
+from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.cell_splitting import changing
 from pdsolve.run.measures import books, pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
@@ -183,13 +183,17 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
         if _changes(system, adapt):
-            system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
+            with gone_back(output):
+                system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
                 raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
-        restore(system, state, step, kept, results.breaks())
+        with gone_back(output):
+            if step > model.settings.run.steps:
+                raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
+            restore(system, state, step, kept, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
     notes = Recorder(system, state, past, _changes(system, adapt))

@@ -100,8 +100,8 @@ class LoadSteps:
         return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
 
     def back(self, kept: Array, broken: Broken) -> None:
-        """Go back to what was kept, and to these broken bonds."""
-        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.reshape(-1, 5).tolist()]
+        """Go back to what was kept (k, 5), and to these broken bonds."""
+        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.tolist()]
         if self._breakable is not None:
             nodes = len(self._area)
             mine = self._breakable.source * nodes + self._breakable.target

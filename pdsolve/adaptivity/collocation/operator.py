@@ -26,8 +26,9 @@ from pdsolve.adaptivity.collocation.zone import (
     widened,
 )
 from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.checkpoint import entry, like
 from pdsolve.conditions import Drive
-from pdsolve.errors import UnstableError
+from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.threads import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -202,28 +203,57 @@ class Engine:
         return kept | {"places": own, "own_work": self.work[own].copy()}
 
     def back(self, kept: Kept) -> None:
-        """Go back, from the start, to what was kept."""
+        """Go back, from the start, to what was kept. Raises CheckpointError."""
         ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
-        active[kept["coarse"]] = True
-        node, spring = kept["break_node"].astype(np.int64), kept["break_spring"].astype(np.int64)
+        coarse = entry(kept, "coarse", (None,), np.int64)
+        if not np.isin(coarse, self.zone.coarse).all():
+            raise CheckpointError("found coarse nodes that are none at the start, expected some of those")
+        active[coarse] = True
+        breaks = self._kept_breaks(kept)
+        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
         half = len(ground.ways) // 2
         for ends, k in ((node, spring), (node + ground.ways[spring], spring + half)):
             np.bitwise_or.at(self.zone.cut, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
             kinds = self.zone.kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
         self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
-        self.area, own = areas_of(ground, self.plate, self.zone.node), kept["places"]
+        self.area, own = areas_of(ground, self.plate, self.zone.node), self.active()
+        if not np.array_equal(entry(kept, "places", own.shape, np.int64), own):
+            raise CheckpointError("found places that are not those of active nodes, expected these")
         while len(self.zone.breaks.step) < len(node):
             self._grow()
-        for name, column in self.zone.breaks._asdict().items():
-            column[: len(node)] = kept[f"break_{name}"]
+        for column, values in zip(self.zone.breaks, breaks, strict=True):
+            column[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
             field[:] = 0.0
-            field[:, own] = kept[name].reshape(2, -1)
-        self.drive.held_speed[:], self.drive.held_force[:] = kept["held_speed"], kept["drive_force"]
-        self.zone.total[:], self.zone.number[:] = kept["total"], kept["number"]
-        self.zone.spent[own], self.zone.damped[own] = kept["spent"], kept["damped"]
-        self.work[own] = kept["own_work"]
+            field[:, own] = entry(kept, name, (2, len(own)), float)
+        drive, number = self.drive, like(kept, "number", self.zone.number)
+        if number[BROKEN] != len(node) or (number < 0).any():
+            raise CheckpointError(f"found {number[BROKEN]} bonds in 'number', expected {len(node)} that broke")
+        drive.held_speed[:] = like(kept, "held_speed", drive.held_speed)
+        drive.held_force[:] = like(kept, "drive_force", drive.held_force)
+        self.zone.total[:], self.zone.number[:] = like(kept, "total", self.zone.total), number
+        for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
+            field[own] = entry(kept, name, own.shape, float)
+
+    def _kept_breaks(self, kept: Kept) -> Breaks:
+        """The bonds of a checkpoint that broke, which were there at the start, and broke once."""
+        ground, half = self.ground, len(self.ground.ways) // 2
+        step = entry(kept, "break_step", (None,), np.int32, 1)
+        found = Breaks(
+            step,
+            entry(kept, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
+            entry(kept, "break_spring", step.shape, np.int32, 0, half - 1),
+        )
+        node, spring = found.node.astype(np.int64), found.spring.astype(np.int64)
+        other = node + ground.ways[spring]
+        there = np.zeros(ground.at.places, dtype=np.bool_)
+        there[self.plate.place] = True
+        inside = there[node] & (other >= 0) & (other < len(there)) & there[other.clip(0, len(there) - 1)]
+        whole = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
+        if not (inside & whole).all() or len(np.unique(node * half + spring)) < len(node):
+            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+        return found
 
     def bytes(self) -> int:
         """All arrays in full, though what is never touched takes no memory."""

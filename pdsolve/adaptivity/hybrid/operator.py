@@ -29,10 +29,11 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
 from pdsolve.adaptivity.hybrid.energy import held
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, FINE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
+from pdsolve.checkpoint import entry, like
 from pdsolve.conditions import Drive
-from pdsolve.errors import UnstableError
+from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.threads import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -204,7 +205,7 @@ class Hybrid:
         kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
 
-    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.int64]) -> None:
+    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
         """Make these bonds, and no others since the start, broken."""
         bits, (_, before, before_spring) = self.zone.bits, self.broken()
         for k in range(len(self.ground.ways) // 2):
@@ -212,40 +213,70 @@ class Hybrid:
             bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
 
     def back(self, kept: Kept) -> None:
-        """Go back to what was kept."""
-        zone, node = self.zone, kept["break_node"]
-        self._put_bits(node, kept["break_spring"])
+        """Go back to what was kept. Raises CheckpointError."""
+        zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
+        if not ((cells == zone.cells) | ((zone.cells == COARSE) & (cells == FINE))).all():
+            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+        node = breaks.node
+        self._put_bits(node, breaks.spring)
         for nodes in (zone.fine, zone.coarse):
             for array in nodes[:3]:
                 array[:] = 0
-        zone.cells[:], self.now = kept["cells"].reshape(zone.cells.shape), 0
+        zone.cells[:], self.now = cells, 0
         while len(self.zone.breaks.step) < len(node):
             self.zone = arrays.grown(self.zone)
         self.number()
         zone = self.zone
         for name, column in zone.breaks._asdict().items():
-            column[: len(node)] = kept[f"break_{name}"]
-        stirs = kept["stirs"]
-        zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
-        zone.spent[:] = 0.0
-        zone.spent[stirs] = kept["spent"]
-        zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = kept["number"][[BREAKS, STIRS, KNOWN, REGRIDS]]
+            column[: len(node)] = breaks._asdict()[name]
+        self._put_numbers(kept, node, breaks.spring)
         if self.ground.varied:
             rows = zone.fine.rows[: zone.number[ROWS]]
-            entry = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
+            own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
-                array[entry] = kept[name].reshape(-1, *array.shape[1:])
-            zone.fine.entry[rows] = np.where(kept["usual"], -2 - entry, entry)
+                array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
+            zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
         for name, nodes, rows in (
             ("fine", zone.fine, zone.number[ROWS]),
             ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
         ):
             places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
-                values[:, places] = kept[f"{name}_{field}"].reshape(2, -1)
-            nodes.wide[nodes.rows[:rows]] = kept[f"{name}_wide"]
-        zone.holds.value[:] = kept["holds"].reshape(zone.holds.value.shape)
-        zone.total[:] = kept["total"]
+                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
+            nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
+        zone.holds.value[:] = like(kept, "holds", zone.holds.value)
+        zone.total[:] = like(kept, "total", zone.total)
+
+    def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
+        """The bonds of a checkpoint that broke, which were there at the start, and broke once in each direction."""
+        ground, bits, plate = self.ground, self.zone.bits, self.plate
+        step = entry(kept, "break_step", (None,), np.int32, 1)
+        node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
+        spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
+        other, half = node + ground.ways[spring], len(ground.ways) // 2
+        inside = (other >= 0) & (other < plate.at.places)
+        inside &= (plate.row[node] >= 0) & (plate.row[other.clip(0, plate.at.places - 1)] >= 0)
+        owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
+        whole = bits[owner] >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
+        if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
+            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+        return arrays.Breaks(step, node, spring)
+
+    def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+        """Go on with the counts of a checkpoint in which so many bonds broke, and with the nodes that are stirred."""
+        zone, number = self.zone, like(kept, "number", self.zone.number)
+        stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
+        fine = zone.fine.kind
+        if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
+            raise CheckpointError(f"found others in 'number', expected {len(node)} bonds and {len(stirs)} nodes")
+        if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
+            raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
+        if (fine[node] == IDLE).any() or (fine[node + self.ground.ways[spring]] == IDLE).any():
+            raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
+        zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
+        zone.spent[:] = 0.0
+        zone.spent[stirs] = entry(kept, "spent", stirs.shape, float)
+        zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
 
     def bytes(self) -> int:
         """All arrays in full, though what is never touched takes no memory."""

@@ -12,6 +12,7 @@ from pdsolve.adaptivity.hybrid.operator import ZoneSummary
 from pdsolve.adaptivity.quadtree.leaf_bonds import Filled
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.bonds.assembly import Bonds
+from pdsolve.checkpoint import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
@@ -63,9 +64,9 @@ class Leaves(BondList):
         return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.made])}
 
 
-def remembered(kept: Kept) -> Memory:
-    """The memory that `Leaves.keep` kept."""
-    return Memory(kept["calm"].copy(), float(kept["made"][0]))
+def remembered(kept: Kept, leaves: int) -> Memory:
+    """The memory that `Leaves.keep` kept of so many leaves. Raises CheckpointError."""
+    return Memory(entry(kept, "calm", (leaves,), np.int64, 0).copy(), float(entry(kept, "made", (1,), float)[0]))
 
 
 def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:

@@ -23,6 +23,7 @@ from pdsolve.bonds.assembly import areas
 from pdsolve.model import Model
 
 WHOLE = 1e-9  # of a cell: areas this near to its square's are that
+TOGETHER = 1e-6  # of a plate: the areas of all its leaves are this near to its own
 
 
 class Cells(NamedTuple):
@@ -90,6 +91,25 @@ class Tree:
         at = np.searchsorted(self.model.grid.ids, ids, sorter=self._by_id).clip(max=self.count - 1)
         root = np.where(level == 0, self._by_id[at], number // 4**level)
         return Cells(root, level, np.where(level == 0, 0, number % 4**level))
+
+    def leaves(self, ids: NDArray[np.int64]) -> Cells | None:
+        """The leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
+        if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end:
+            return None
+        found = self.cells(ids)
+        begin, size = found.path << (2 * (self.levels - found.level)), 4 ** (self.levels - found.level)
+        begin = begin + found.root * 4**self.levels
+        apart = (begin[1:] >= (begin + size)[:-1]).all()  # in order and none within another
+        mine = np.array_equal(self.ids(found), ids) and not ((found.level > 0) & self.pinned[found.root]).any()
+        if not (apart and mine):
+            return None
+        area, whole = self.areas(found), self.areas(self.roots()).sum()
+        return found if (area > 0).all() and abs(area.sum() - whole) <= TOGETHER * whole else None
+
+    @property
+    def _end(self) -> int:
+        """More than any id."""
+        return int(self._begin[-1] + self.count * 4**self.levels) if self.levels else self._first
 
     @cached_property
     def _begin(self) -> NDArray[np.int64]:

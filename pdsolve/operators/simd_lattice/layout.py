@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.checkpoint import expect_found
 from pdsolve.laws.bilinear import intact_share
 from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import END, LANES, LIMITS, Blocks
@@ -258,7 +259,10 @@ def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.floa
 def find(
     blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there in the masks `whole`."""
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there in the masks `whole`.
+
+    Rows are those of nodes. Raises CheckpointError for a bond that is none.
+    """
     room = LANES * (len(blocks.start) - 1)
     block = np.unique(source // LANES)
     slots = [np.arange(blocks.start[b], blocks.start[b + 1]) for b in block]
@@ -268,7 +272,10 @@ def find(
     one, other = ends(blocks, numbers)
     key = one * room + other
     order = np.argsort(key)
-    return numbers[order[np.searchsorted(key, source * room + target, sorter=order)]]
+    wanted = source * room + target
+    found = np.searchsorted(key, wanted, sorter=order)
+    expect_found(np.append(key[order], -1)[found] == wanted, source, target)
+    return numbers[order[found]]
 
 
 def revive(

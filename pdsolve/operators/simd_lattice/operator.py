@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.checkpoint import entry
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
@@ -120,12 +121,20 @@ class SimdLattice:
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the memory of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
+        torn, (softened, values, edges) = self._find(broken.source, broken.target), self._softened(kept)
         steps[:] = worst[:] = 0
-        steps[self._find(broken.source, broken.target)] = broken.step
-        softened = self._find(kept["worst_source"], kept["worst_target"])
-        worst[softened], edge.ravel()[softened] = kept["worst"], kept["worst_edge"]
+        steps[torn] = broken.step
+        worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
+
+    def _softened(self, kept: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
+        """The bonds (k,) of a checkpoint that have softened, their worst stretches and edges (k,)."""
+        nodes, rows = len(self._stiffest) - 1, (None,) if self.tracks.worst.size else (0,)
+        values = entry(kept, "worst", rows, self.tracks.worst.dtype)
+        edges = entry(kept, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
+        source, target = (entry(kept, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
+        return self._find(source, target), values, edges
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes, but for the rows that slots get as their bonds break."""

@@ -1,0 +1,79 @@
+"""What a checkpoint may hold: anyone may have written it, and its checksums are no secret.
+
+Each part that goes back to a checkpoint asks for its arrays here, by shape, type and bounds, before it uses them. What
+no run has written raises a CheckpointError, which names what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from pdsolve.errors import CheckpointError
+from pdsolve.state import Broken
+
+Shape = tuple[int | None, ...]  # None: of any length, at one place at most
+
+MOST_OF_NUMBERS = 1e100  # of any unit: whatever is larger no run has gone through
+
+
+def entry(
+    kept: Mapping[str, NDArray[Any]],
+    name: str,
+    shape: Shape,
+    kind: DTypeLike,
+    low: float = -MOST_OF_NUMBERS,
+    high: float = MOST_OF_NUMBERS,
+) -> NDArray[Any]:
+    """The array `name` of a checkpoint, in its shape: of this kind, all values numbers from `low` to `high`.
+
+    Raises CheckpointError.
+    """
+    kind, found = np.dtype(kind), kept.get(name)
+    if found is None:
+        raise CheckpointError(f"found no '{name}', expected that of this model")
+    if found.dtype != kind:
+        raise CheckpointError(f"found '{name}' of type {found.dtype.name}, expected {kind.name}")
+    wanted = int(np.prod([length for length in shape if length is not None]))
+    fits = found.size == wanted if None not in shape else not wanted or found.size % wanted == 0
+    if not fits or (not wanted and found.size):
+        several = "" if None not in shape else "a multiple of "
+        raise CheckpointError(f"found '{name}' of {found.size} values, expected {several}{wanted}")
+    if kind != np.bool_:
+        wrong = ~((found >= np.float64(low)) & (found <= np.float64(high))).ravel()  # of NaN too
+        if wrong.any():
+            value = found.ravel()[wrong.argmax()]
+            raise CheckpointError(f"found {value:.6g} in '{name}', expected numbers from {low:.6g} to {high:.6g}")
+    length = found.size // wanted if wanted else 0
+    return found.reshape([length if one is None else one for one in shape])
+
+
+def like(kept: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
+    """The array `name` of a checkpoint, of the shape and the kind of this one. Raises CheckpointError."""
+    return entry(kept, name, array.shape, array.dtype)
+
+
+def expect_broken(broken: Broken, step: int, nodes: int) -> None:
+    """Raises CheckpointError for bonds that break after `step` or at none, of nodes that are not there, or twice."""
+    for values, low, high, what in (
+        (broken.step, 1, step, "a bond that breaks in step"),
+        (broken.source, 0, nodes - 1, "a broken bond of row"),
+        (broken.target, 0, nodes - 1, "a broken bond to row"),
+    ):
+        wrong = (values < low) | (values > high)
+        if wrong.any():
+            raise CheckpointError(f"found {what} {values[wrong.argmax()]}, expected {low} to {high}")
+    if len(np.unique(broken.source * nodes + broken.target)) != len(broken.source):
+        raise CheckpointError("found a bond that breaks twice, expected each once")
+
+
+def expect_found(there: NDArray[np.bool_], source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+    """Raises CheckpointError unless all bonds (k,) of these rows are `there` (k,)."""
+    if not there.all():
+        at = int((~there).argmax())
+        raise CheckpointError(
+            f"found a bond from row {source[at]} to row {target[at]}, expected one that the model has"
+        )
