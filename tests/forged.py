@@ -342,10 +342,10 @@ def forged_runs(folder: Path, seed: int, count: int, each: int) -> list[dict[str
     return wrong
 
 
-def apart(call: str, folder: Path, *numbers: int, limit: float = 900) -> list[dict[str, str]]:
-    """What such a function finds in a process of its own; a signal that ends it is something wrong too."""
-    words = [sys.executable, "-c", f"import sys; sys.path[:0] = {sys.path!r}; import forged as f;"
-             f" print(f.json.dumps(f.{call}(f.Path({str(folder)!r}), *{numbers!r})))"]  # fmt: skip
+def apart(call: str, folder: Path, *numbers: int, module: str = "forged", limit: float = 900) -> list[dict[str, str]]:
+    """What such a function of a module finds in a process of its own; a signal that ends it is something wrong too."""
+    words = [sys.executable, "-c", f"import sys; sys.path[:0] = {sys.path!r}; import json, {module} as f;"
+             f" print(json.dumps(f.{call}(f.Path({str(folder)!r}), *{numbers!r})))"]  # fmt: skip
     done = subprocess.run(words, capture_output=True, text=True, timeout=limit, check=False)
     if done.returncode:
         last = (folder / "last.txt").read_text()

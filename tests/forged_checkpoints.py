@@ -11,6 +11,7 @@ import random
 import signal
 import sqlite3
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,9 @@ def stopped(folder: Path, kinds: dict[str, tuple[Model, Options]]) -> None:
     for name, (model, options) in kinds.items():
         half = model.settings.run.steps // 2
         path = folder / f"{name}.sqlite"
-        simulate(model, path, options, lambda *now, half=half: getattr(now[0], "step", now[0]) >= half).close()  # type: ignore[misc]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            simulate(model, path, options, lambda now, half=half: now.step >= half).close()  # type: ignore[misc]
 
 
 def _rows(connection: sqlite3.Connection) -> list[Row]:
