@@ -11,7 +11,7 @@ from messages import naming
 from pdmesh.drawing.sandbox import copies
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names
 from pdmesh.drawing.sandbox.structure import DEEPEST
-from pdmesh.drawing.sandbox.tokens import Refused, tokens_of
+from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, tokens_of
 from pdmesh.scene.shapes import SceneError
 
 
@@ -66,4 +66,19 @@ def test_drawings_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path.write_text('Include "more.geo";\n')
     (tmp_path / "more.geo").write_text("a = 1;\n" * 12)
     with pytest.raises(SceneError, match=naming("read", "more.geo", found="84 bytes", expected="80")):
+        copies.drawing_copies(path)
+
+
+def test_drawings_of_too_many_tokens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By themselves, and with all that they read."""
+    assert len(tokens_of("a = 1;\n" * 5, 20)) == 20
+    with pytest.raises(Refused, match=naming("line 6", found="20", expected=MOST_TOKENS)):
+        tokens_of("a = 1;\n" * 6, 20)
+    path = tmp_path / "plate.geo"
+    path.write_text('Include "more.geo";\n')
+    (tmp_path / "more.geo").write_text("a = 1;\n" * 5)
+    monkeypatch.setattr(copies, "MOST_TOKENS", 23)
+    assert len(copies.drawing_copies(path)) == 2
+    monkeypatch.setattr(copies, "MOST_TOKENS", 22)
+    with pytest.raises(SceneError, match=naming("more.geo", "line 5", found="19", expected=MOST_TOKENS)):
         copies.drawing_copies(path)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
-from pdmesh.drawing.sandbox.tokens import Refused, Token, decoded, tokens_of, written
+from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, Token, decoded, tokens_of, written
 from pdmesh.drawing.sandbox.unused_mesh_sizes import unused
 from pdmesh.files import read_bytes
 from pdmesh.scene.shapes import SceneError
@@ -94,7 +94,7 @@ class _Copies:
         self.drawings: dict[str, tuple[Path, Drawing]] = {}  # by the names of their copies
         self.copies: dict[str, Copy] = {}
         self.named: dict[Path, str] = {}
-        self.left = LARGEST_DRAWING  # bytes that may still be read
+        self.left, self.tokens_left = LARGEST_DRAWING, MOST_TOKENS  # bytes and tokens that may still be read
         self.add(path, ())
 
     def add(self, path: Path, within: tuple[Path, ...]) -> str:
@@ -109,7 +109,8 @@ class _Copies:
         try:
             data = drawing_bytes(path, self.left)
             self.left -= len(data)
-            drawing = Drawing(tokens_of(decoded(data)))
+            drawing = Drawing(tokens_of(decoded(data), self.tokens_left))
+            self.tokens_left -= len(drawing.tokens)
             found = readings(drawing)
         except Refused as error:
             raise _refused(path, error) from None

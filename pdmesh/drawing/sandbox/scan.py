@@ -62,19 +62,16 @@ class Drawing:
 
     def inside(self, word: str) -> set[int]:
         """The places within the square brackets behind each ``word``."""
-        opening, ahead = set(), -1  # the bracket, or the end of the statement, that comes next
-        for place in range(len(self.tokens) - 1, -1, -1):
-            token = self.tokens[place]
-            if token.text in ("[", ";"):
-                ahead = place
-            elif token.text == word and token.kind == "word" and self.text(ahead) == "[":
-                opening.add(ahead)
         found, end = set(), 0  # brackets nest: what is open ends with the outermost
-        for place in range(len(self.tokens)):
+        awaited = False  # whether the next bracket is one, unless the statement ends before
+        for place, token in enumerate(self.tokens):
             if place < end:
                 found.add(place)
-            if place in opening:
-                end = max(end, self.partner[place])
+            if token.text == word and token.kind == "word":
+                awaited = True
+            elif awaited and token.text in ("[", ";"):
+                end = max(end, self.partner[place]) if token.text == "[" else end
+                awaited = False
         return found
 
 

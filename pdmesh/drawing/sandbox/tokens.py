@@ -15,16 +15,19 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+MOST_TOKENS = 3_000_000  # of a drawing, with all drawings that it reads: some 5 s of looking through them
 LONGEST_STRING, LONGEST_WORD, LONGEST_LINE = 1000, 100, 4000  # bytes
 SKIPPING = {"If", "For"}  # behind them, Gmsh's skipping reader loses up to four characters
 PIECES = re.compile(
     rb"""
-    (?P<blank>[ \t\f]+ | //[^\n]* | /\*.*?\*/)
+    [ \t\f]*(?:  # blanks before a token are taken with it
+    (?P<comment>//[^\n]* | /\*.*?\*/)
   | (?P<row>\r\n?|\n)
   | (?P<string>"[^"]*" | '[^']*')
   | (?P<word>[A-Za-z_][A-Za-z_0-9]*)
   | (?P<number>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[Ee][-+]?[0-9]+)? | [0-9]+(?:[Ee][-+]?[0-9]+)?)
   | (?P<sign>\.\.\.|::|\|\||&&|\+\+|--|==|!=|<=|>=|>>|<<|\+=|-=|\*=|/=|(?!/\*)[][(){};:,=+*/^%<>?!.\#~&|-])
+  | (?P<blank>[ \t\f]+))
     """,
     re.VERBOSE | re.DOTALL,
 )
@@ -63,21 +66,28 @@ def decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def tokens_of(text: str) -> list[Token]:
-    """The tokens of a drawing. Raises Refused where Gmsh's readers could disagree about them."""
+def tokens_of(text: str, most: int = MOST_TOKENS) -> list[Token]:
+    """The tokens of a drawing. Raises Refused where Gmsh's readers could disagree about them, and for more than
+    `most`."""
     data = text.encode("utf-8")
     found: list[Token] = []
+    known, token = dict[bytes, str](), Token._make  # pieces that are there often are one text
     place, line, row = 0, 1, 1
     for match in PIECES.finditer(data):
         if match.start() != place:
             break
-        kind, piece, place = match.lastgroup, match[0], match.end()
-        if kind == "blank" and piece[0] in b" \t\f":
+        kind, place = str(match.lastgroup), match.end()
+        piece = match[kind]
+        if kind == "blank":
             continue
         if kind == "word" or kind == "number" or kind == "sign":
             if len(piece) > LONGEST_WORD:
                 raise Refused(line, f"'{piece[:20].decode()}...' of {len(piece)} bytes", f"at most {LONGEST_WORD}")
-            found.append(Token(kind, piece.decode(), line, row))
+            if (again := known.get(piece)) is None:
+                again = known[piece] = piece.decode()
+            found.append(token((kind, again, line, row)))
+            if len(found) > most:
+                raise Refused(line, f"more than {most} words, numbers and signs", f"at most {MOST_TOKENS} in all")
             continue
         if kind == "string":
             found.append(_checked(Token(kind, piece.decode(), line, row)))
