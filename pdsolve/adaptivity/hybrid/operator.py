@@ -198,9 +198,9 @@ class Hybrid:
                 kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
             kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
         if self.ground.varied:
-            entry = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
-            own = np.where(entry < 0, -2 - entry, entry)
-            kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entry < 0}
+            entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
+            own = np.where(entries < 0, -2 - entries, entries)
+            kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
         stirs = zone.stirs[: zone.number[STIRS]].copy()
         kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
