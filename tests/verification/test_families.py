@@ -15,6 +15,7 @@ from strips import torn
 
 import pdsolve.laws
 from benchmarks import ties
+from benchmarks.effective_length import LAWS, OVER, STRIP, length_of
 from pdmesh.model.document import Material
 from pdsolve.run.system import Options, prepare
 
@@ -138,3 +139,28 @@ def test_a_straight_crack_costs_what_it_should(failure: str, over: float) -> Non
     assert found.through > 0.5  # it ran: measured 0.58, 1.0
     assert found.cost / found.through == pytest.approx(1, abs=0.05)  # measured 1.010, 1.000
     assert found.balance <= 0.03  # measured 0.009, 0.024, of how the ends begin to move
+
+
+@pytest.mark.parametrize(
+    ("law", "ratio", "length"),
+    [("bonds, constant", 3, 2.225), ("ordinary, cubic spline", 3, 1.478), ("correspondence, cubic spline", 4, 3.171)],
+)
+def test_effective_lengths(law: str, ratio: float, length: float) -> None:
+    """Those that long waves see; the page has them."""
+    assert length_of(LAWS[law], ratio) == pytest.approx(length, abs=5e-4)
+
+
+def test_a_chain_of_springs_is_as_long_as_they_are() -> None:
+    """Bonds to next neighbours alone, of a horizon of one spacing."""
+    assert length_of(msgspec.structs.replace(LAWS["bonds, constant"]), 1.0) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_crack_needs_two_spacings_of_effective_length() -> None:
+    """Why the influence of an ordinary solid is constant unless it is set; the page has more."""
+    through = {}
+    for influence in ("constant", "cubic spline"):
+        solid = msgspec.structs.replace(GLASS, model="ordinary", nu=1 / 3, influence=influence, failure="stretch")
+        through[influence] = torn(solid, 3.0, *STRIP, over=OVER).through
+    assert through["constant"] > 0.95  # measured 1.00
+    assert through["cubic spline"] == 0

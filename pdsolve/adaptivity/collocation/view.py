@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.operator import Engine
-from pdsolve.adaptivity.collocation.tangent import tangent_of
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES, Breaks
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.operator import ZoneSummary
@@ -23,6 +22,9 @@ from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
 class Collocated(TwoLatticeOperator[Engine]):
@@ -102,6 +104,8 @@ class Collocated(TwoLatticeOperator[Engine]):
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        from pdsolve.adaptivity.collocation.tangent import tangent_of  # few runs need it
+
         return tangent_of(self.hybrid, self._kind, self._row_of, state.value)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

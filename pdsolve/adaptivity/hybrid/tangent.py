@@ -81,11 +81,23 @@ def _between(
     return coo_array(entries, (nodes if count is None else count, nodes)).tocsr()
 
 
-def tangent_of(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_array:
-    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on nodes that are not tied, at `value`.
-
-    Bonds that have softened are those of their secant.
+def tangent_of(
+    hybrid: Hybrid,
+    points: Points,
+    value: NDArray[np.float64],
+    rho: NDArray[np.float64],
+    light: NDArray[np.float64],
+) -> csr_array:
+    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`; nodes have densities `rho` (n,)
+    and 1 / mass `light` (n,), m/kg, those that are tied none. Bonds that have softened are those of their secant.
     """
+    tied = kron(points.of_node, eye_array(2)).tocsr()
+    density, lightness = (diags_array(np.repeat(one, 2)) for one in (rho, light))
+    return (density @ tied @ lightness @ _forces(hybrid, points, value)).tocsr()
+
+
+def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_array:
+    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on nodes that are not tied."""
     zone, ground = hybrid.zone, hybrid.ground
     u = points.of_point @ value
     fine, coarse = np.flatnonzero(points.fine >= 0), np.flatnonzero(points.coarse >= 0)

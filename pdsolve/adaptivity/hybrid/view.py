@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from pdsolve.adaptivity.hybrid.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.operator import Hybrid, ZoneSummary
-from pdsolve.adaptivity.hybrid.tangent import Points, points_of, tangent_of
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
 class View(TwoLatticeOperator[Hybrid]):
@@ -184,19 +186,15 @@ class View(TwoLatticeOperator[Hybrid]):
         """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
         return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
 
-    @cached_property
-    def _points(self) -> Points:
-        return points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
-
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        forces, zone = tangent_of(self.hybrid, self._points, state.value), self.hybrid.zone
-        light = np.zeros(len(self.places))
+        from pdsolve.adaptivity.hybrid.tangent import points_of, tangent_of  # few runs need it
+
+        zone, light = self.hybrid.zone, np.zeros(len(self.places))
         light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
         light[self._at_coarse] = zone.coarse.light[self._coarse]
-        tied = kron(self._points.of_node, eye_array(2)).tocsr()
-        density, lightness = (diags_array(np.repeat(one, 2)) for one in (self.model.rho, light))
-        return (density @ tied @ lightness @ forces).tocsr()
+        points = points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
+        return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which the state has."""

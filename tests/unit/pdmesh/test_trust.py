@@ -70,7 +70,8 @@ def test_rights_of_others_are_taken_away_and_what_they_may_have_put_there_goes(
 
 
 def test_a_link_or_a_file_in_its_place_is_not_followed(places: list[Path], tmp_path: Path) -> None:
-    (tmp_path / "others").mkdir(mode=0o755)
+    (tmp_path / "others").mkdir()
+    (tmp_path / "others").chmod(0o755)  # whatever the umask
     places[0].symlink_to(tmp_path / "others")
     places[1].write_text("a file")
     assert found() == (places[2], True)
