@@ -33,8 +33,9 @@ def _all_in(code: CodeType) -> Iterator[CodeType]:
             yield from _all_in(one)
 
 
-def pytest_configure() -> None:
-    """See the lines of all that is imported of the packages from now on."""
+@pytest.hookimpl(tryfirst=True)
+def pytest_load_initial_conftests() -> None:
+    """See the lines of all that is imported of the packages from now on: what all tests share imports some itself."""
     seen = sys.monitoring
     tool, event = seen.COVERAGE_ID, seen.events.LINE
 

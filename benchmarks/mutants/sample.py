@@ -19,6 +19,7 @@ from benchmarks.mutants.executed import bare, those_of
 from benchmarks.mutants.likely import cheapest_first, likely, product
 
 SOON, HANGS = 20.0, 30.0  # s: a test that ends so soon in what is right may take so much longer in what is not
+PATIENCE = 4  # times the limit for a test that failed, where all is right
 KILLED, SURVIVED, UNDECIDED = "killed", "SURVIVED", "undecided"
 
 
@@ -73,7 +74,7 @@ def fate(pair: Pair, one: Drawn, limit: float) -> Fate:
     files = cheapest_first(likely(pair.right, one.file, one.change.name))
     files += [file for file in dict.fromkeys(name.partition("::")[0] for name in first) if file not in files]
     text = (pair.broken / one.file).read_text(encoding="utf-8")
-    began = time.perf_counter()
+    began, suspect = time.perf_counter(), None
     with trees.broken(pair.broken, one.file, one.change.applied(text)) as kept:
         while (left := limit - (time.perf_counter() - began)) > 0:
             ran = trees.run(pair.broken, files, left, kept=kept, first=first, left_out=pair.failing)
@@ -86,17 +87,14 @@ def fate(pair: Pair, one: Drawn, limit: float) -> Fate:
             if suspect is None or "::" not in suspect:  # its files cannot be imported, or pytest itself failed
                 is_sound = trees.run(pair.right, files[:1], limit, kept=True, collect=True).code == 0
                 return Fate(KILLED if is_sound else UNDECIDED, suspect or "pytest itself", taken)
-            if _passes(pair, suspect, limit):
+            if suspect not in pair.passing:  # which is run once where all is right: kernels may be compiled for it
+                sound = trees.run(pair.right, [suspect], PATIENCE * limit, kept=True)
+                if sound.code == trees.TIMED_OUT:
+                    return Fate(UNDECIDED, f"{suspect} takes too long without it", taken)
+                (pair.passing if sound.code == 0 else pair.failing).add(suspect)
+            if suspect in pair.passing:
                 return Fate(KILLED, suspect, taken)
-    return Fate(UNDECIDED, "tests fail without it", time.perf_counter() - began)
-
-
-def _passes(pair: Pair, test: str, limit: float) -> bool:
-    """Whether a test passes where all is right; it is run once for that."""
-    if test not in pair.passing | pair.failing:
-        ran = trees.run(pair.right, [test], limit, kept=True)
-        (pair.passing if ran.code == 0 else pair.failing).add(test)
-    return test in pair.passing
+    return Fate(UNDECIDED, f"{suspect} fails without it", time.perf_counter() - began)
 
 
 def _out_of_time(pair: Pair, test: str | None, first: list[str], kept: bool) -> Fate:

@@ -177,6 +177,13 @@ def test_a_test_that_fails_anyway_neither_notices_nor_hides(fated: Callable[[Ans
     assert fated(answer)[:2] == (KILLED, "tests/t.py::c")
 
 
+def test_what_takes_too_long_without_it_too_decides_nothing(fated: Callable[[Answer], sample.Fate]) -> None:
+    def answer(tree: str, tests: list[str], left_out: set[str]) -> Ran:
+        return Ran(TIMED_OUT if tree == "right" else 1, "FAILED tests/t.py::a - E\n", 1.0)
+
+    assert fated(answer).what == UNDECIDED
+
+
 @pytest.mark.parametrize(
     ("said", "ends", "fate_of_it"),
     [

@@ -11,6 +11,7 @@ from pdmesh import Body, Box, Circle, Material, Scene, SceneError, build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.preview import draw, save
+from pdmesh.reports.style import marker
 from pdmesh.scene.solids import brick
 
 
@@ -81,3 +82,10 @@ def test_the_sections_of_a_flat_body_leave_no_room_empty() -> None:
 def test_a_solid_without_a_surface_is_refused() -> None:
     with pytest.raises(SceneError, match=naming("body", found="Box", expected="read_scene")):
         build(Body(Box((0, 0, 0), (1e-2, 3e-3, 3e-3)), 1e-3, Material(1e9, 1e3, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("spacing", "points", "size"), [(1e-3, 1e3, 0.6), (2e-3, 1e3, 1.2), (1e-3, 1e2, 0.25), (1, 1e2, 5)]
+)
+def test_the_mark_of_a_node_is_within_its_cell_and_can_be_seen(spacing: float, points: float, size: float) -> None:
+    assert marker(spacing, points) == pytest.approx(size)
