@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from pdmesh.drawing.additions import ADAPT, added, sorted_out
 from pdmesh.drawing.parameters import Parameter, full_name, unknown
+from pdmesh.drawing.scratch import scratch
 from pdmesh.file_kinds import CAD, MESHES
 from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
@@ -123,8 +123,8 @@ def _again(
     if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
         raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
     words, refined, cracked = sorted_out(document.parameters)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / f"drawing{source.suffix}"
+    with scratch() as folder:
+        copy = folder / f"drawing{source.suffix}"
         copy.write_text(document.drawing, encoding="utf-8", newline="")
         try:
             scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])

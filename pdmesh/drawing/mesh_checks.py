@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.drawing.sandbox import child
 from pdmesh.drawing.sandbox.walls import warn_of_missing
+from pdmesh.drawing.scratch import scratch
 from pdmesh.files import check_regular, read_bytes
 from pdmesh.scene.shapes import SceneError
 
@@ -55,8 +55,8 @@ def read(path: Path, tags: Sequence[str], trust: bool = False) -> Mesh:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     job = {"path": path.name, "tags": list(tags), "memory": MEMORY + MEMORY_PER_BYTE * size}
-    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
-        result = Path(folder) / "found.npz"
+    with scratch() as folder:
+        result = folder / "found.npz"
         last = child.run_reader(
             "pdmesh.drawing.sandbox.meshio_reader",
             "meshio",

@@ -16,7 +16,6 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from pdmesh import trust
 from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.keyword_suggestions import known
 from pdmesh.drawing.parameters import Parameter, unknown
+from pdmesh.drawing.scratch import scratch
 from pdmesh.files import read_bytes
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -104,8 +104,8 @@ def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
 
 def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[str, Any]]:
     """What kind of scene a program defines, and its parts. Raises SceneError."""
-    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
-        result, job = Path(folder) / "scene", Path(folder) / "job"
+    with scratch() as folder:
+        result, job = folder / "scene", folder / "job"
         job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
         command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
         ended = subprocess.run(command, check=False, env=trust.environment()).returncode

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pdmesh.drawing.sandbox.child import read_trusted
+from pdmesh.drawing.scratch import scratch
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
@@ -63,8 +62,8 @@ def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
         group = groups[name] = name if name == BODY else f"solid:{number}"
         tags = _said(solid, lines, name)
         lines.append(f'Physical Volume("{group}") = {{{tags}()}};')
-    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
-        path = Path(folder) / "solids.geo"
+    with scratch() as folder:
+        path = folder / "solids.geo"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         found = read_trusted(path, [], TIME_LIMIT)
     for message in found["messages"]:

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from importlib import metadata
 from importlib.util import find_spec
@@ -15,6 +14,7 @@ from typing import NamedTuple
 from pdmesh import trust
 from pdmesh.commandline import dependencies
 from pdmesh.drawing.sandbox.child import SYSTEM_LIBRARIES
+from pdmesh.drawing.scratch import scratch
 
 PATIENCE = 60.0  # s that a library may take to load
 NEEDED = ".geo, STEP and BREP files need it"
@@ -77,8 +77,8 @@ def _gmsh() -> Finding:
 
 
 def _walls() -> Finding:
-    with tempfile.TemporaryDirectory() as folder:
-        stand, ended = _child(WALLS, folder)
+    with scratch() as folder:
+        stand, ended = _child(WALLS, str(folder))
     whole = {"landlock", "seccomp"} <= set(stand.split())
     cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
     return Finding("walls around drawings", whole and not ended, stand or ended or "none", cure, needed=False)

@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.sandbox.copies import Copy
 from pdmesh.drawing.sandbox.scan import OWN
 from pdmesh.drawing.sandbox.walls import warn_of_missing
+from pdmesh.drawing.scratch import scratch
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError
 
 SYSTEM_LIBRARIES = (
@@ -39,9 +39,9 @@ def read_copies(
     a name of Open CASCADE's, is that in which a CAD file is to be read, and of the tolerance.
     """
     first = next(iter(copies))
-    with tempfile.TemporaryDirectory(prefix="pdmesh-") as folder:
+    with scratch() as folder:
         for name, copy in copies.items():
-            (Path(folder) / name).write_bytes(copy.data)
+            (folder / name).write_bytes(copy.data)
         job = {
             "path": first,
             "cad": not first.endswith(".geo"),
@@ -50,7 +50,7 @@ def read_copies(
             "unit": unit,
             "walls": WALLS,
         }
-        found = _run(copies[first].path, job, limit, Path(folder))
+        found = _run(copies[first].path, job, limit, folder)
     if job["walls"]:
         warn_of_missing(copies[first].path, found["walls"])
     found["messages"] = [_in_originals(message, copies) for message in found["messages"]]
@@ -66,8 +66,8 @@ def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -
 
 def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
     """What the reader of drawings finds. Raises SceneError."""
-    with tempfile.TemporaryDirectory(prefix="pdmesh-") as aside:
-        result = Path(aside) / "found.json"
+    with scratch() as aside:
+        result = aside / "found.json"
         job |= {"chords": CHORD_TOLERANCE}
         last = run_reader("pdmesh.drawing.sandbox.gmsh_reader", "Gmsh", path, job, result, limit, folder)
         try:

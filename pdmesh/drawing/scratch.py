@@ -1,0 +1,86 @@
+"""Folders for a while, in the folder for temporary files: a run that is killed leaves its own, the next one removes it.
+
+A run holds its folders locked for as long as it lives. So what nobody holds is left over, whoever had its number.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows, where nothing is left to sweep with
+    fcntl = None  # type: ignore[assignment]
+
+PREFIX = "pdmesh-scratch-"
+OURS = re.compile(re.escape(PREFIX) + r"[a-z0-9_]{8}")
+YOUNG = 60.0  # s: a folder may be so new that it is not locked yet
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """An empty folder (0700) that goes with the block; the first one in a process sweeps what killed runs have left."""
+    _sweep_once(tempfile.gettempdir())
+    with tempfile.TemporaryDirectory(prefix=PREFIX) as folder, _held(folder):
+        yield Path(folder)
+
+
+@cache
+def _sweep_once(place: str) -> None:
+    sweep(Path(place))
+
+
+def sweep(place: Path) -> None:
+    """Remove the user's own scratch folders in `place` that no process holds."""
+    if fcntl is None:
+        return
+    with suppress(OSError), os.scandir(place) as entries:
+        for entry in entries:
+            if OURS.fullmatch(entry.name) and _is_left(entry):
+                with _held(entry.path) as mine:
+                    if mine:
+                        shutil.rmtree(entry.path, ignore_errors=True)
+
+
+def _is_left(entry: os.DirEntry[str]) -> bool:
+    """Whether it is a folder of this user's alone, and not a new one."""
+    try:
+        found = entry.stat(follow_symlinks=False)
+    except OSError:  # gone meanwhile
+        return False
+    private = stat.S_ISDIR(found.st_mode) and stat.S_IMODE(found.st_mode) == stat.S_IRWXU
+    return private and found.st_uid == os.getuid() and time.time() - found.st_mtime > YOUNG
+
+
+@contextmanager
+def _held(folder: str) -> Iterator[bool]:
+    """Hold a folder meanwhile; whether nobody else does."""
+    if fcntl is None:
+        yield True
+        return
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError:
+        yield False
+        return
+    try:
+        yield _locked(handle)
+    finally:
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # someone holds it, or there are no locks here
+        return False
+    return True
