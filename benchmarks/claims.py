@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Growth, growth
 from pdpost.measures.directions import directions

@@ -28,7 +28,7 @@ from benchmarks.adaptivity import GEOMETRIES, ROOT, with_run
 from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation
-from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.measures import books, damage
 from pdsolve.run.node_changes import zone_moved
@@ -126,7 +126,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
 def _looked(system: object, state: object, h: float) -> tuple[float, float]:
     """Energy around the upper notch's tip, J/m, and how far up nodes are cracked, m."""
     shown = system.hybrid  # type: ignore[attr-defined]
-    assert isinstance(shown, Collocated)
+    assert isinstance(shown, CollocationOperator)
     held, _ = shown.energies(state)  # type: ignore[arg-type]
     position, rate = system.model.grid.position, state.rate  # type: ignore[attr-defined]
     own = np.hypot(*(position - (0.05, 0.125 + h / 2)).T) < RADIUS

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.pages import put_section
 from pdmesh.drawing.file_reading import build
-from pdmesh.model.particles import polylines
+from pdmesh.model.crack_particles import polylines
 from pdpost.measures.tips import forks, tips
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate

@@ -19,14 +19,14 @@ from pdmesh import Scene, box
 from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation, Material, Run
 from pdmesh.model.material_constants import C11
-from pdsolve.adaptivity.collocation.operator import Engine
-from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.engine import CollocationEngine
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
 from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
+from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
-from pdsolve.adaptivity.hybrid.operator import Hybrid
-from pdsolve.adaptivity.hybrid.view import View
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
 from pdsolve.model import Model
 from pdsolve.run.cell_splitting import Splitting
@@ -94,9 +94,9 @@ def _pulse(centre: float, width: float) -> tuple[Field, Field]:
 def _plate(model: Model, seam: float) -> Marching:
     """A plate of this model, fine left of the seam."""
     problem = prepare(model, Options(threads=1))
-    if isinstance(problem.system.operator, View):
+    if isinstance(problem.system.operator, HybridOperator):
         return _hybrid(problem.system.operator.hybrid, model, seam)
-    if isinstance(problem.system.operator, Collocated):
+    if isinstance(problem.system.operator, CollocationOperator):
         return _collocation(problem.system.operator.hybrid, seam)
     if model.settings.run.adapt == "split":
         problem = split_where(problem, lambda place: place[:, 0] < seam)
@@ -124,7 +124,7 @@ def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArra
     return splitting.back(problem.system, kept)
 
 
-def _collocation(engine: Engine, seam: float) -> Marching:
+def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
     ground, plate, zone = engine.ground, engine.plate, engine.zone
     x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pdpost import figures
     from pdpost.figures.notebook import notebook_png
     from pdpost.measures.crack_summary import Summary, crack, crack_table
-    from pdpost.measures.motion import largest_displacement, largest_stretch
+    from pdpost.measures.deformation_maxima import largest_displacement, largest_stretch
     from pdpost.reading.table_columns import study_table
     from pdsolve.results import Results
 else:
@@ -25,8 +25,8 @@ else:
             "crack": "pdpost.measures.crack_summary",
             "crack_table": "pdpost.measures.crack_summary",
             "figures": "pdpost.figures",
-            "largest_displacement": "pdpost.measures.motion",
-            "largest_stretch": "pdpost.measures.motion",
+            "largest_displacement": "pdpost.measures.deformation_maxima",
+            "largest_stretch": "pdpost.measures.deformation_maxima",
             "notebook_png": "pdpost.figures.notebook",
             "study_table": "pdpost.reading.table_columns",
         },

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdsolve.numerics.threads import crew
+from pdsolve.numerics.thread_team import crew
 
 # Nodes in blocks that are worth a thread. On two cores all shipped scenes, of 2700 to 13 000 nodes, took 1.0 to 2 times
 # as long on two threads, which wait for each other at each step and leave no core to what writes their frames.

@@ -13,8 +13,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
 from pdsolve.adaptivity.collocation import march as steps
-from pdsolve.adaptivity.collocation.operator import Engine
-from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.engine import CollocationEngine
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
 from pdsolve.model import Model
 from pdsolve.run.system import Options, Prepared, prepare
@@ -40,26 +40,26 @@ def torn(adapt: str, ratio: float = 4.0, steps: int = 120, **how: Any) -> Model:
     return cracked(61, 60, ratio, 24.0, conditions=pull, run=run)
 
 
-def prepared(model: Model) -> tuple[Prepared, Engine]:
+def prepared(model: Model) -> tuple[Prepared, CollocationEngine]:
     """A model ready to march, and what marches."""
     problem = prepare(model, Options(threads=1))
-    assert isinstance(problem.system.hybrid, Collocated)
+    assert isinstance(problem.system.hybrid, CollocationOperator)
     return problem, problem.system.hybrid.hybrid
 
 
-def activate(engine: Engine, coarse: NDArray[np.bool_]) -> None:
+def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
     """Let these coarse places, of those that may be, be the active ones."""
     engine.zone = renumbered(engine.ground, engine.plate, engine.zone, coarse, engine.manner.band)
     engine.area = areas_of(engine.ground, engine.plate, engine.zone.node)
 
 
-def places(engine: Engine) -> NDArray[np.float64]:
+def places(engine: CollocationEngine) -> NDArray[np.float64]:
     """Where all places (2, places) are, in spacings."""
     at, p = engine.ground.at, np.arange(engine.ground.at.places)
     return np.stack([p % at.stride - at.left, p // at.stride - at.below]).astype(float)
 
 
-def accelerations(engine: Engine) -> NDArray[np.float64]:
+def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
     """Those (2, places) of active nodes at the displacements they have, loads left out."""
     return np.asarray(_accelerations(engine.ground, engine.zone))
 

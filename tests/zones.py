@@ -15,8 +15,8 @@ from plates import plate, square_grid
 from pdmesh.model.document import Material, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import PIECES, LatticeConstants, Zone
+from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
-from pdsolve.adaptivity.hybrid.operator import Hybrid
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.measures import Ledger, books

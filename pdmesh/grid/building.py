@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pdmesh.grid import soundness, whole_lattice
+from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import Shift, build_grid
@@ -50,10 +50,10 @@ def build(scene: Scene | Body) -> Built:
     if scene.run.adapt == "split":
         scene, more = undivided(scene)
         notes = (*notes, *more)
-    lattice = whole_lattice.lattice_of(scene)
+    lattice = implicit_lattice.lattice_of(scene)
     if lattice is not None:
-        notes = (*notes, *soundness.remarks(*whole_lattice.stand_in(scene)))
-        return Built(*whole_lattice.build(scene, lattice), notes)
+        notes = (*notes, *soundness.remarks(*implicit_lattice.stand_in(scene)))
+        return Built(*implicit_lattice.build(scene, lattice), notes)
     grid, settings, shifts = build_grid(scene)
     return looked_at(Built(grid, settings, notes, shifts))
 

@@ -18,7 +18,6 @@ import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.digest import compare, sealed
-from pdmesh.model.fields import USUAL, Column
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
 from pdmesh.model.medium import InitialConcentration as InitialConcentration
@@ -27,6 +26,7 @@ from pdmesh.model.medium import MediumRegion as MediumRegion
 from pdmesh.model.medium import OfDiffusion as OfDiffusion
 from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
+from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
 from pdmesh.model.timed_selection import Box as Box

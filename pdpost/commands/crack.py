@@ -117,7 +117,7 @@ def _step(args: argparse.Namespace, results: Results) -> int:
 
 
 def _threshold(args: argparse.Namespace) -> float:
-    from pdmesh.model.fields import CRACKED
+    from pdmesh.model.output_fields import CRACKED
 
     threshold = CRACKED
     for name, value in args.assignments:

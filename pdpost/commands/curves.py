@@ -86,7 +86,7 @@ def _place(name: str, *counts: int) -> Any:
 
 
 def _history(args: argparse.Namespace) -> int:
-    from pdmesh.model.fields import FIELDS
+    from pdmesh.model.output_fields import FIELDS
     from pdsolve.results import Results
 
     path = delivery.picture_path(args, ".history.png")

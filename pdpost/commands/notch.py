@@ -35,8 +35,8 @@ def add(commands: Commands) -> None:
 def _notch(args: argparse.Namespace) -> int:
     import msgspec
 
+    from pdmesh.model.crack_particles import arms, polylines, until
     from pdmesh.model.document import read_document, write_file
-    from pdmesh.model.particles import arms, polylines, until
     from pdsolve.results import Results, ResultsError
 
     if args.assignments:

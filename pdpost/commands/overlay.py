@@ -12,7 +12,7 @@ from pdpost.commands.shared import check_window
 def overlaid(args: argparse.Namespace, threshold: float) -> int:
     """The paths of the cracks of all runs of a study, over each other, for `pdpost crack`."""
     from pdpost.measures import paths
-    from pdpost.measures.plates import check_alike
+    from pdpost.measures.plate_geometry import check_alike
     from pdpost.reading import studies
     from pdpost.reading.frame_steps import last_step
     from pdsolve.results import Results

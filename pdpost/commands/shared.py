@@ -173,7 +173,7 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     if args.window is None:
         return
     _expect_plate(results, "--window")
-    from pdpost.measures.plates import plate
+    from pdpost.measures.plate_geometry import plate
     from pdsolve.results import ResultsError
 
     x0, y0, x1, y1 = plate(results).shape.bounds

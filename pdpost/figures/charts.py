@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pdmesh.model.fields import FIELDS
+from pdmesh.model.output_fields import FIELDS
 from pdpost.figures.labels import scaled
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields

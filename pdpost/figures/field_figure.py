@@ -10,7 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.figures import slice_figure
 from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.raster import Box

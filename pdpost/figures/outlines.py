@@ -9,7 +9,7 @@ import shapely
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
-from pdpost.measures.plates import Cells
+from pdpost.measures.plate_geometry import Cells
 
 
 def outlines(

@@ -18,14 +18,14 @@ from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.particles import arms, until
+from pdmesh.model.crack_particles import arms, until
 from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
-from pdpost.measures import plates
-from pdpost.measures.plates import Cells, Plate, cells, plate
+from pdpost.measures import plate_geometry
+from pdpost.measures.plate_geometry import Cells, Plate, cells, plate
 from pdpost.measures.strain import fitted, intact
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results
@@ -71,7 +71,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     nodes, epoch = results.nodes(step), results.epoch(step)
     if still is None or still.epoch != epoch:
         on = plate(results) if still is None else still.plate
-        own = cells(nodes, on.shape) if len(nodes.ids) <= plates.MANY else None
+        own = cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
         still = Shape(on, nodes.position, nodes.position, nodes.delta, own, None, 0.0, epoch)
     still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import Event, growth
 from pdpost.measures.paths import Polyline, distance, path
-from pdpost.measures.plates import check_alike
+from pdpost.measures.plate_geometry import check_alike
 from pdsolve.results import Results
 
 

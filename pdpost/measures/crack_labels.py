@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, damage_at
 from pdsolve.results import Results
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS, Growth, growth
 from pdpost.measures.directions import Direction, directions
 from pdpost.measures.fragments import Fragments, fragments

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.output_fields import CRACKED
 from pdsolve.results import Lives, Results
 
 LINKED = 1.5  # spacings between two nodes of a crack

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.crack_particles import Particles
 from pdmesh.model.graphs import connected
-from pdmesh.model.particles import Particles
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since
 from pdpost.measures.tips import Branch, forks, tips
 from pdsolve.results import Nodes, Results

@@ -8,9 +8,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import fields
-from pdmesh.model.fields import CRACKED
+from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.strain import gradients, stiffness
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, scalar, vector
@@ -51,7 +51,7 @@ class Field:
 
 def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
     """A field that results hold, its unit as it is set in figures."""
-    unit = fields.FIELDS[name].unit
+    unit = output_fields.FIELDS[name].unit
     return Field(name, title, "" if unit == "1" else unit.translate(POWERS), components)
 
 
@@ -94,7 +94,7 @@ def usual(results: Results, step: int) -> str:
         return "damage"
     first = "content" if results.masses()["solid"][0] > 0 else "concentration"
     there = results.stored(step)
-    return next((name for name in (first, *OF_DIFFUSION) if fields.FIELDS[name].columns[0] in there), first)
+    return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in there), first)
 
 
 def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.cracks import PIECE, clusters
 from pdsolve.results import Results

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.fields import of_dimension
+from pdmesh.model.output_fields import of_dimension
 from pdpost.measures.fields import FieldError
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector

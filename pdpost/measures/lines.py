@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pdpost.measures import fields
-from pdpost.measures.plates import plate
+from pdpost.measures.plate_geometry import plate
 from pdpost.measures.segments import distances
 from pdpost.measures.strain import intact
 from pdsolve.results import Nodes, Results, ResultsError

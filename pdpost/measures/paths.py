@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS
 from pdpost.measures.segments import distances
 from pdpost.measures.tips import tips

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
 from pdpost.measures.cracked_nodes import pre_crack_tips
-from pdpost.measures.plates import plate
+from pdpost.measures.plate_geometry import plate
 from pdpost.measures.strain import stiffness
 from pdpost.measures.tips import ARM, BEGINS, Branch, tips
 from pdpost.reading.embedded_model import read

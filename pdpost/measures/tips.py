@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.crack_particles import Particles, until
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.particles import Particles, until
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_labels import Grown, grown
 from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips
 from pdpost.measures.skeleton import SLAB, Chain, Skeleton

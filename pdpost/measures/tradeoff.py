@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.balance import damping
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
-from pdpost.measures.plates import check_alike
+from pdpost.measures.plate_geometry import check_alike
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError

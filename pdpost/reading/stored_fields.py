@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import of_dimension
+from pdmesh.model.output_fields import of_dimension
 from pdsolve.results import Results, ResultsError
 
 OF_DIFFUSION = ("concentration", "content", "solid")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pdmesh.model.fields import UNITS as OF_FIELDS
+from pdmesh.model.output_fields import UNITS as OF_FIELDS
 from pdsolve.results import Results
 
 SHOWN = {  # what is in it

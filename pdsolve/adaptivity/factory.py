@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.prepare import collocation_of
-from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
-from pdsolve.adaptivity.hybrid.view import View
 from pdsolve.model import Model
 
-Moving = View | Collocated
+Moving = HybridOperator | CollocationOperator
 
 
 def moving_of(

@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.crack_particles import Particles, arms, grown, of_segments
 from pdmesh.model.domain_integrals import Ring
-from pdmesh.model.particles import Particles, arms, grown, of_segments
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import Filling

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.particles import Particles, arms, links
+from pdmesh.model.crack_particles import Particles, arms, links
 from pdsolve.crack_growth.obstacles import Obstacles, distance
 
 

@@ -12,7 +12,7 @@ from pdsolve.diffusion.links import Links
 from pdsolve.diffusion.listed import BondList, compiled
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.surfaces import Change
-from pdsolve.numerics.threads import share
+from pdsolve.numerics.thread_team import share
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

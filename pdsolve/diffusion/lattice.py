@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
 from pdsolve.diffusion.links import Linking, links_of, shape
 from pdsolve.diffusion.listed import BondList, compiled
-from pdsolve.numerics.threads import side_by_side
+from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.diffusion.links import Links
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.numerics.threads import share
+from pdsolve.numerics.thread_team import share
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

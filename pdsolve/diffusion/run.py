@@ -31,7 +31,7 @@ from pdsolve.results import (
     behind,
     gone_back,
 )
-from pdsolve.steppers.pace import Pace
+from pdsolve.steppers.step_batching import Pace
 
 PATIENCE = 5e7  # link updates between two looks at the watcher
 KEPT = 1.0  # s between checkpoints

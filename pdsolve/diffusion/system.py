@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
-from pdmesh.model.fields import USUAL
+from pdmesh.model.output_fields import USUAL
 from pdsolve.diffusion import collocation, surfaces
 from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
 from pdsolve.diffusion.corrected import Corrected
@@ -21,7 +21,7 @@ from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Operator
 from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError, counted
-from pdsolve.numerics.threads import crew
+from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 
 OWN = ("c", "h", "solid")  # fields of a frame

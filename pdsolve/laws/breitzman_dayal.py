@@ -25,9 +25,9 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
+from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, List
 from pdsolve.laws.materials.solid import Solid, holds, respond
-from pdsolve.laws.principal import principal
 from pdsolve.model import Model
 
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import left, shapes
+from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, List, Tabled, list_of
 from pdsolve.laws.law import exchange as force_of
 from pdsolve.laws.law import numbers as numbers_of
@@ -47,7 +48,6 @@ from pdsolve.laws.materials.solid import (
     solid_of,
 )
 from pdsolve.laws.materials.tensors import det
-from pdsolve.laws.principal import principal
 from pdsolve.laws.small_tensors import blank_square, mapped, product, square, summed, with_dyad
 from pdsolve.model import Model
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws import correspondence
 from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
+from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, List, list_of
 from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
-from pdsolve.laws.principal import principal
 from pdsolve.model import Model, ModelError
 
 NODE_MEMORY = ("history",)

@@ -13,7 +13,7 @@ from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bo
 from pdsolve.checkpoint import entry, like
 from pdsolve.laws.law import Now, bind, in_tuples, list_of
 from pdsolve.model import Model
-from pdsolve.numerics.threads import share
+from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
 from pdsolve.operators.protocol import Kept

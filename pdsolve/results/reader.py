@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import UNITS, USUAL
-from pdmesh.model.particles import Particles
+from pdmesh.model.crack_particles import Particles
+from pdmesh.model.output_fields import UNITS, USUAL
 from pdsolve.results import validation
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
+from pdsolve.results.family_reading import written_families
 from pdsolve.results.node_lifetimes import NEVER, Lives
 from pdsolve.results.opening import read_only
 from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, taken
-from pdsolve.results.stored_families import written_families
 from pdsolve.results.tables import Meta, Tables
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import ALONG, UNITS
+from pdmesh.model.output_fields import ALONG, UNITS
 
 APPLICATION_ID = 0x70647273  # "pdrs"
 SCHEMA_VERSION, WITHOUT_SPACE, WITHOUT_EPOCHS, WITHOUT_CHECKSUMS = 7, 5, 3, 2

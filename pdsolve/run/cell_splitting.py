@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.quadtree import criteria
+from pdsolve.adaptivity.quadtree.incremental_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited, sources
 from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
-from pdsolve.adaptivity.quadtree.leaf_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
 from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
 from pdsolve.adaptivity.quadtree.tree import Cells

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import CRACKED, USUAL, usual
 from pdmesh.model.graphs import connected
+from pdmesh.model.output_fields import CRACKED, USUAL, usual
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 

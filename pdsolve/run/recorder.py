@@ -17,8 +17,8 @@ from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.schema import taken
+from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Ledger, ask, books, fields
-from pdsolve.run.motion_checks import MotionChecks
 from pdsolve.run.node_changes import Change
 from pdsolve.run.physics_check import check_physics
 from pdsolve.run.reactions import Reaction, grips, reactions

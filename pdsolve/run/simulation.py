@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.operator import ZoneSummary
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checks import advise, advise_damped, advise_unused, closing
 from pdsolve.diffusion import run as diffusion
 from pdsolve.diffusion.system import expect_usual
@@ -32,7 +32,7 @@ from pdsolve.run.system import Options, System, prepare
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps
-from pdsolve.steppers.pace import Pace
+from pdsolve.steppers.step_batching import Pace
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()

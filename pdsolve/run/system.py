@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fields import USUAL
+from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
-from pdsolve.adaptivity.hybrid.operator import ZoneSummary
-from pdsolve.adaptivity.quadtree.leaf_bonds import filled
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
@@ -22,7 +22,7 @@ from pdsolve.conditions import Drive, damping, drive, initial_acceleration, init
 from pdsolve.crack_growth import update_interval
 from pdsolve.laws import PAIRS, law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
-from pdsolve.numerics.threads import cores, crew
+from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, apply_loads
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.numerics.threads import gate_of, meet, side_by_side
+from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, across, sum_lanes
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from pdmesh import VERSION
 from pdmesh.drawing import file_reading
 from pdmesh.scene.shapes import SceneError
-from pdsolve.numerics.threads import cores
+from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
 from pdsolve.study.cluster import solved_by
 from pdsolve.study.description import Study, StudyError

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pdsolve.numerics import jit_cache
-from pdsolve.numerics.threads import cores
+from pdsolve.numerics.thread_team import cores
 from pdsolve.run.estimate import slower
 from pdsolve.study import run_model
 from pdsolve.study.description import read_study

@@ -13,7 +13,7 @@ from messages import mentions, naming
 from whole import contents, kill_when
 
 from pdmesh.drawing import parameters
-from pdmesh.model.particles import until
+from pdmesh.model.crack_particles import until
 from pdpost.__main__ import main as pdpost
 from pdpost.measures.tip_surroundings import fronts
 from pdsolve.__main__ import main as pdsolve

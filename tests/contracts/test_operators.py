@@ -16,9 +16,9 @@ from scipy.sparse.linalg import eigs
 from zones import H, rectangle
 
 from pdmesh.model.document import Collocation, InitialVelocity, Run, Split
-from pdsolve.adaptivity.collocation.view import Collocated
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.hybrid.arrays import BORDERS
-from pdsolve.adaptivity.hybrid.view import View
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.run.measures import books
@@ -100,7 +100,7 @@ def forces(operator: Operator, state: State) -> NDArray[np.float64]:
 def alone(system: Any) -> NDArray[np.bool_]:
     """Nodes (n,) that are far from those that are tied to others."""
     found = np.ones(len(system.area), dtype=np.bool_)
-    if isinstance(system.operator, View):
+    if isinstance(system.operator, HybridOperator):
         zone, x = system.operator.hybrid.zone, system.model.grid.position
         border = zone.border.node[: zone.number[BORDERS]]
         tied = x[np.isin(system.operator.places, border)]
@@ -111,7 +111,9 @@ def alone(system: Any) -> NDArray[np.bool_]:
 def marched(system: Any, state: State, steps: int) -> State:
     """The state after so many steps of Verlet, by what the operator adds alone."""
     operator, (nodes, width) = system.operator, state.value.shape
-    damping = operator.hybrid.zone.damping[operator.places] if isinstance(operator, Collocated) else np.zeros(nodes)
+    damping = (
+        operator.hybrid.zone.damping[operator.places] if isinstance(operator, CollocationOperator) else np.zeros(nodes)
+    )
     kind = state.value.dtype.type
     drive = idle(nodes, width)
     drive = drive._replace(force=drive.force.astype(kind), before=drive.before.astype(kind))

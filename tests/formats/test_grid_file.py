@@ -324,7 +324,7 @@ def test_a_scene_of_many_nodes_holds_a_lattice(monkeypatch: pytest.MonkeyPatch) 
     scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS, 4.0, Run(adapt="hybrid")).crack([(0, 0.0105), (0.01, 0.0105)])
     scene = scene.load("top", traction=(0.0, 1e6), rows=2).fix([(0.0, 0.0), (0.01, 0.0)])
     listed = building.build(scene)
-    monkeypatch.setattr("pdmesh.grid.whole_lattice.MANY", 800)
+    monkeypatch.setattr("pdmesh.grid.implicit_lattice.MANY", 800)
     held = building.build(scene)
     assert held.grid.lattice == Lattice((0.0, 0.0), 1e-3, 41, 21)
     assert held.settings == listed.settings

@@ -13,7 +13,7 @@ from zones import struck
 from pdpost.measures.cracked_nodes import damage_at
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, Progress, resume, simulate
-from pdsolve.steppers.pace import Pace
+from pdsolve.steppers.step_batching import Pace
 
 TESTS = Path(__file__).parent.parent
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
-from pdmesh.model.fields import CRACKED
+from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdsolve.results import Results
 from pdsolve.run.system import Options, prepare

@@ -10,8 +10,8 @@ from collocated import STEEL, H, accelerations, activate, cracked, places, prepa
 from messages import naming
 
 from pdmesh.model.document import Collocation, Run
+from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilated
-from pdsolve.adaptivity.collocation.operator import Engine
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE, LARGEST
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.errors import UnstableError
@@ -44,7 +44,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     assert found.damped == 0
 
 
-def ragged(ratio: float) -> Engine:
+def ragged(ratio: float) -> CollocationEngine:
     """A plate with a ragged disc of fine nodes in its middle, besides those along its edges."""
     side = int(6 * ratio + 24)
     _, engine = prepared(cracked(side + 1, side + 1, ratio, 0.0, run=RUN))
@@ -54,7 +54,7 @@ def ragged(ratio: float) -> Engine:
     return engine
 
 
-def sound(engine: Engine) -> np.ndarray:
+def sound(engine: CollocationEngine) -> np.ndarray:
     """Active places without an edge in their families' families."""
     ground, node = engine.ground, engine.zone.node
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)

@@ -9,10 +9,10 @@ from plates import plate
 from zones import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, Load, Run
+from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.operator import Hybrid
 from pdsolve.model import Model
-from pdsolve.numerics.threads import cores
+from pdsolve.numerics.thread_team import cores
 from pdsolve.run.measures import Ledger, books
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.system import Options, Prepared, prepare

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.collocation.simd_rows import (
 from pdsolve.adaptivity.collocation.zone import BROKEN, COARSE, DISSIPATED, FINE, HOT, LARGEST
 from pdsolve.conditions import apply_loads
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.numerics.threads import meet
+from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.steppers.holds import hold_component, release_component

@@ -1,261 +1,200 @@
-"""A plate of fine and of coarse nodes, as it marches."""
+"""A run with stencils on a coarse grid, as the rest of the solver sees it: the active nodes, fine and coarse.
+
+Bonds are those of fine nodes to active ones, and those of coarse nodes to the nodes of their stencils; bonds to
+fictitious nodes are left out.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, held, march
-from pdsolve.adaptivity.collocation.zone import (
-    BROKEN,
-    COARSE,
-    DAMPED,
-    DISSIPATED,
-    FINE,
-    LARGEST,
-    SWITCHED,
-    SWITCHES,
-    Breaks,
-    Zone,
-    areas_of,
-    renumbered,
-    spread,
-    widened,
-)
-from pdsolve.adaptivity.hybrid.operator import ZoneSummary
-from pdsolve.checkpoint import entry, like
-from pdsolve.conditions import Drive
-from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.numerics.threads import gate_of, side_by_side
-from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.adaptivity.collocation.engine import CollocationEngine
+from pdsolve.adaptivity.collocation.layout import is_cut
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES, Breaks
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.model import Model
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
-class Manner(NamedTuple):
-    """How a plate is solved by collocation: where it refines, how it damps, on how many threads."""
+class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
+    """The operator of n nodes, in the order of their places."""
 
-    kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
-    band: float  # 1/s, damping of nodes within a horizon of the seam
-    every: int  # steps between two looks
-    threads: int
+    name = "collocation"
+    symmetric = False  # the coupling conserves neither momentum nor energy, but for what is sent on
 
+    def __init__(self, engine: CollocationEngine) -> None:
+        """The nodes that are active now."""
+        self.hybrid, self._strain = engine, 0.0
+        self.places, self._kind = engine.active(), engine.zone.node.copy()
+        self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
+        self._row_of[self.places] = np.arange(len(self.places))
+        self.area = engine.area[self.places]
+        self._switches = int(engine.zone.number[SWITCHES])
+        # as they are now: the bonds of the start are asked for while others march
+        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(one.copy() for one in engine.broken()))
 
-class Engine:
-    """Marches a plate; its nodes are numbered as on their lattice."""
+    @cached_property
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+        found = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * found.grid.delta
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive, manner: Manner) -> None:
-        """`zone` is that of the start; forces of `drive` are by places."""
-        self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
-        self.work = np.zeros(ground.at.places)  # J/m^3
-        self._rho = np.full(ground.at.places, ground.rho)
-        self.area = areas_of(ground, plate, zone.node)
-        self._march(1, 1)  # compiles before the clock runs
-
-    def start(self, velocity: NDArray[np.float64]) -> None:
-        """Give all nodes (n, 2) their velocities, m/s, and the accelerations of an undeformed plate."""
-        active = (self.zone.node == FINE) | (self.zone.node == COARSE)
-        own = active[self.plate.place]
-        self.zone.v[:, self.plate.place[own]] = velocity[own].T
-        self.zone.a[:] = self.drive.force.T / self.ground.rho - self.zone.damping * self.zone.v
-        holds = self.drive.holds
-        self.zone.a[holds.axis, holds.node] = 0.0
-
-    def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError where a coarse pair is over its limit."""
-        self._march(first, last)
-
-    def sum_forces(self, step: int, dt: float) -> None:
-        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
-
-        `dt` is the time since the last step, s, 0 at rest. What is to be fine is noted; `switch_wanted` makes it so.
-        """
-        ground, self.ground = self.ground, self.ground._replace(dt=dt)
-        try:
-            while self._on_threads(step, step + 1, SUM)[0] != DONE:
-                self._grow()
-        finally:
-            self.ground = ground
-
-    def switch_wanted(self) -> None:
-        """Make fine what is noted as wanted."""
-        if self.zone.hot.any():
-            self._switch()
-
-    def _march(self, first: int, last: int) -> None:
-        where = BEGIN
-        while True:
-            how, step = self._on_threads(first, last, where)
-            if how == DONE:
-                return
-            if how == ROOM:
-                self._grow()
-            else:
-                self._refuse_overstretched(step)
-                self._switch()
-            first, where = step, FORCES
-
-    def _on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
-        """March side by side until it ends in any way."""
-        found, gate = (DONE, 0), gate_of(self.manner.threads)
-        how = self.drive, self.work, self._rho, self.manner.kappa, self.manner.every, first, last, where
-
-        def work(thread: int) -> None:
-            nonlocal found
-            found = march(self.ground, self.zone, *how, thread, gate)
-
-        side_by_side(work, self.manner.threads)
-        return found
-
-    def _grow(self) -> None:
-        """Make room for more broken bonds."""
-        more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
-        longer = (np.concatenate([one, np.zeros(more, dtype=np.int32)]) for one in self.zone.breaks)
-        self.zone = self.zone._replace(breaks=Breaks(*longer))
-
-    def _refuse_overstretched(self, step: int) -> None:
-        largest = self.zone_summary().clipped_stretch
-        if largest > 1:
-            raise UnstableError(
-                f"step {step}: found a pair of coarse nodes stretched to {largest:.2f} of what breaks a bond, expected"
-                " less than 1: fine nodes came too late; take a smaller run.collocation.kappa or time step"
-            )
-
-    def _switch(self) -> None:
-        """Make fine what is wanted to be."""
-        zone, ground, plate = self.zone, self.ground, self.plate
-        zone.total[DAMPED] += self._damped()
-        zone.damped[:] = 0.0
-        before, own = self._coarse_energy(), zone.node == COARSE
-        active = widened(ground, plate, own, zone.hot)
-        new = renumbered(ground, plate, zone, active, self.manner.band)
-        born = np.flatnonzero((new.node == FINE) & (zone.node != FINE))
-        spread(zone, ground.at, born[zone.node[born] != COARSE])
-        zone.hot[:] = False
-        self.zone, self.area = new, areas_of(ground, plate, new.node)
-        after = self._coarse_energy() + self._energy(born, self._held(np.unique(born // ROW)))
-        self.zone.total[SWITCHED] += after - before
-        self.zone.number[SWITCHES] += 1
-
-    def _held(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Energy densities (places,), J/m^3, of fine nodes of these rows and of active coarse ones."""
-        found = np.zeros((1, self.ground.at.places))
-        held(self.ground, self.zone, rows, found)
-        return np.asarray(found[0])
-
-    def held(self) -> NDArray[np.float64]:
-        """The energy densities (places,), J/m^3, of all active nodes."""
-        return self._held(self.zone.rows)
-
-    def _energy(self, places: NDArray[np.int64], held: NDArray[np.float64]) -> float:
-        """Kinetic and strain energy of nodes, J/m."""
-        moving = self.ground.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
-        return float(((moving + held[places]) * self.area[places]).sum())
-
-    def _coarse_energy(self) -> float:
-        return self._energy(self.zone.coarse, self._held(self.zone.rows[:0]))
-
-    def active(self) -> NDArray[np.int64]:
-        """Places of active nodes."""
-        return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
-
-    def broken(self) -> Breaks:
-        """Bonds that broke so far."""
-        count = self.zone.number[BROKEN]
-        return Breaks(*(one[:count] for one in self.zone.breaks))
-
-    def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone."""
-        fine = self.area[self.zone.node == FINE].sum() / self.plate.area.sum()
-        # of a place without neighbours e is 0
-        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.total[LARGEST], self.ground.limit))
-        return ZoneSummary(float(self.zone.total[SWITCHED]), float(fine), float(largest / limit))
-
-    def motion(self) -> tuple[float, float, float]:
-        """Kinetic energy, J/m, and momentum, N s/m."""
-        own = self.active()
-        mass, v = self.ground.rho * self.area[own], self.zone.v[:, own]
-        return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
+        own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
+        _, node, spring = self._before
+        lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
+        count[fine] = _intact(ground, self._cut, self._kind, own) + lost[own]
+        family = count.copy()
+        family[fine] += plate.parted[own]
+        return count, family
 
     @property
-    def spent(self) -> tuple[float, float, float]:
-        """Energy dissipated by bonds and taken by damping, and work done, J/m."""
-        total = self.zone.total
-        damped = float(total[DAMPED]) + self._damped()
-        return float(total[DISSIPATED]), damped, float((self.work * self.area).sum())
+    def signature(self) -> NDArray[np.int64]:
+        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
-    def _damped(self) -> float:
-        """Energy that damping has taken since nodes were switched last, J/m."""
-        return float((self.zone.damped * self.area).sum())
+    @property
+    def current(self) -> bool:
+        """Whether no nodes have been switched since."""
+        return bool(self.hybrid.zone.number[SWITCHES] == self._switches)
 
-    def keep(self) -> Kept:
-        """All that a run needs to go on to the same bits."""
-        zone, own = self.zone, self.active()
-        kept = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
-        kept |= {
-            name: field[:, own].copy() for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
-        }
-        kept |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
-        kept |= {"total": zone.total.copy(), "number": zone.number.copy(), "coarse": zone.coarse.copy()}
-        kept |= {"spent": zone.spent[own].copy(), "damped": zone.damped[own].copy()}
-        return kept | {"places": own, "own_work": self.work[own].copy()}
+    def changed(self) -> CollocationOperator | None:
+        """The operator on the nodes there are now, if they are others."""
+        self.hybrid.switch_wanted()
+        return None if self.current else CollocationOperator(self.hybrid)
 
-    def back(self, kept: Kept) -> None:
-        """Go back, from the start, to what was kept. Raises CheckpointError."""
-        ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
-        coarse = entry(kept, "coarse", (None,), np.int64)
-        if not np.isin(coarse, self.zone.coarse).all():
-            raise CheckpointError("found coarse nodes that are none at the start, expected some of those")
-        active[coarse] = True
-        breaks = self._kept_breaks(kept)
-        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
-        half = len(ground.ways) // 2
-        for ends, k in ((node, spring), (node + ground.ways[spring], spring + half)):
-            np.bitwise_or.at(self.zone.cut, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
-            kinds = self.zone.kinds
-            kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
-        self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
-        self.area, own = areas_of(ground, self.plate, self.zone.node), self.active()
-        if not np.array_equal(entry(kept, "places", own.shape, np.int64), own):
-            raise CheckpointError("found places that are not those of active nodes, expected these")
-        while len(self.zone.breaks.step) < len(node):
-            self._grow()
-        for column, values in zip(self.zone.breaks, breaks, strict=True):
-            column[: len(node)] = values
-        for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
-            field[:] = 0.0
-            field[:, own] = entry(kept, name, (2, len(own)), float)
-        drive, number = self.drive, like(kept, "number", self.zone.number)
-        if number[BROKEN] != len(node) or (number < 0).any():
-            raise CheckpointError(f"found {number[BROKEN]} bonds in 'number', expected {len(node)} that broke")
-        drive.held_speed[:] = like(kept, "held_speed", drive.held_speed)
-        drive.held_force[:] = like(kept, "drive_force", drive.held_force)
-        self.zone.total[:], self.zone.number[:] = like(kept, "total", self.zone.total), number
-        for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
-            field[own] = entry(kept, name, own.shape, float)
+    def _put(self, state: State) -> None:
+        """Give the active nodes the values and rates of a state; fictitious ones follow."""
+        zone = self.hybrid.zone
+        zone.u[:, self.places], zone.v[:, self.places] = state.value.T, state.rate.T
 
-    def _kept_breaks(self, kept: Kept) -> Breaks:
-        """The bonds of a checkpoint that broke, which were there at the start, and broke once."""
-        ground, half = self.ground, len(self.ground.ways) // 2
-        step = entry(kept, "break_step", (None,), np.int32, 1)
-        found = Breaks(
-            step,
-            entry(kept, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
-            entry(kept, "break_spring", step.shape, np.int32, 0, half - 1),
-        )
-        node, spring = found.node.astype(np.int64), found.spring.astype(np.int64)
-        other = node + ground.ways[spring]
-        there = np.zeros(ground.at.places, dtype=np.bool_)
-        there[self.plate.place] = True
-        inside = there[node] & (other >= 0) & (other < len(there)) & there[other.clip(0, len(there) - 1)]
-        whole = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
-        if not (inside & whole).all() or len(np.unique(node * half + spring)) < len(node):
-            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+    def sync(self, state: State) -> None:
+        """Bring a state up to date with the active nodes."""
+        engine, own = self.hybrid, self.places
+        zone = engine.zone
+        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
+            out[:] = field[:, own].T
+        state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[own], zone.damped[own]
+
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        found, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
+        found[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
         return found
 
-    def bytes(self) -> int:
-        """All arrays in full, though what is never touched takes no memory."""
-        own = (array for part in (self.zone, self.ground) for array in part if isinstance(array, np.ndarray))
-        return sum(array.nbytes for array in own)
+    def spent(self) -> NDArray[np.float64]:
+        """What the nodes' broken bonds have spent so far (n,), J/m^3."""
+        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        from pdsolve.adaptivity.collocation.tangent import tangent_of  # few runs need it
+
+        return tangent_of(self.hybrid, self._kind, self._row_of, state.value)
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which there is none of."""
+        self.take(state)
+        held = self.hybrid.held()[self.places]
+        self._strain = float((held * self.area).sum())
+        return held, np.zeros_like(held)
+
+    def books(self) -> Sums:
+        """Energies, work and momentum at the state for which `energies` were asked last."""
+        kinetic, x, y = self.hybrid.motion()
+        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y)
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the fine zone; of stretches, that of coarse pairs."""
+        return self.hybrid.zone_summary()
+
+    def pushes(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        loads, found = self.hybrid.drive.loads, np.zeros((profiles, 2))
+        np.add.at(found, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
+        return found
+
+    def pulls(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        drive, found = self.hybrid.drive, np.zeros((profiles, 2))
+        holds = drive.holds
+        np.add.at(found, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        ground, places = self.hybrid.ground, self.places[first:last]
+        sources, targets = [], []
+        some = places[self._kind[places] == FINE]
+        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, some)
+        sources.append(some[node])
+        targets.append(some[node] + ground.ways[k])
+        if start:
+            _, node, k = self._before
+            other = node + ground.ways[k]
+            for one, far in ((node, other), (other, node)):
+                own = (self._row_of[one] >= first) & (self._row_of[one] < first + len(places))
+                sources.append(one[own])
+                targets.append(far[own])
+        some = places[self._kind[places] == COARSE]
+        ways = ground.stencil_ways[ground.stencil_ways != 0]
+        sources.append(np.repeat(some, len(ways)))
+        targets.append((some[:, None] + ways).ravel())
+        source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        step, node, spring = self.hybrid.broken()
+        new = np.flatnonzero(step > after)
+        ends = (self._row_of[one] for one in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
+        one, other = ends
+        steps = np.tile(step[new].astype(np.int64), 2)
+        return Broken(steps, np.concatenate([one, other]), np.concatenate([other, one]))
+
+
+@cached_njit(error_model="numpy")
+def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """How many bonds to active nodes are neither cut nor broken, of each of these."""
+    found = np.zeros(len(places), dtype=np.int64)
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                found[n] += 1
+    return found
+
+
+@cached_njit(error_model="numpy")
+def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+    """The intact bonds of some places to active nodes: the number of each bond's place, and its number in the
+    family."""
+    count = _intact(ground, cut, kind, places).sum()
+    node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
+    for n in range(len(places)):
+        for k in range(len(ground.ways)):
+            other = kind[places[n] + ground.ways[k]]
+            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                node[at], spring[at] = n, k
+                at += 1
+    return node, spring

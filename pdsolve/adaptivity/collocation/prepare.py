@@ -8,11 +8,11 @@ import numpy as np
 
 from pdmesh.model.document import Collocation
 from pdmesh.model.material_constants import pressure_speed
+from pdsolve.adaptivity.collocation.edge_row_patterns import with_patterns
+from pdsolve.adaptivity.collocation.engine import CollocationEngine, Manner
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate, ground_of, placed
-from pdsolve.adaptivity.collocation.operator import Engine, Manner
-from pdsolve.adaptivity.collocation.patterns import with_patterns
+from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
-from pdsolve.adaptivity.collocation.view import Collocated
 from pdsolve.adaptivity.collocation.zone import begun, eligible
 from pdsolve.adaptivity.hybrid.coarse_cells import refuse, refused
 from pdsolve.adaptivity.hybrid.springs import fine_springs
@@ -29,7 +29,7 @@ DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 def collocation_of(
     model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
-) -> tuple[Collocated, float]:
+) -> tuple[CollocationOperator, float]:
     """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
 
     Raises ModelError for what cannot be solved so.
@@ -53,9 +53,11 @@ def collocation_of(
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
     manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
     zone = begun(ground, plate, eligible(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band)
-    engine = Engine(plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner)
+    engine = CollocationEngine(
+        plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner
+    )
     engine.start(initial_velocity(model))
-    return Collocated(engine), bound
+    return CollocationOperator(engine), bound
 
 
 def band(how: Collocation, model: Model) -> float:

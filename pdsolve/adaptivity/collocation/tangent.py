@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
+from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, is_cut
-from pdsolve.adaptivity.collocation.operator import Engine
 from pdsolve.adaptivity.collocation.simd_rows import stiffness
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.numerics.jit_cache import cached_njit
@@ -15,7 +15,7 @@ from pdsolve.operators.tangent import of_springs
 
 
 def tangent_of(
-    engine: Engine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
+    engine: CollocationEngine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2); `kind` and `row_of`
     (places,) say what the places are, and the rows of active ones."""

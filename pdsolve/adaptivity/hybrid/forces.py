@@ -40,7 +40,7 @@ from pdsolve.adaptivity.hybrid.simd_rows import (
     sum_whole_wide,
 )
 from pdsolve.conditions import factor_at
-from pdsolve.numerics.threads import counted, meet, take, wait
+from pdsolve.numerics.thread_team import counted, meet, take, wait
 from pdsolve.operators.simd_lattice.kernel import INNER, across
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.vectors import kick_and_drift

@@ -29,7 +29,7 @@ from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_ho
 from pdsolve.adaptivity.hybrid.lattice import IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
 from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.numerics.threads import meet
+from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.lanes import ROW
 

@@ -1,283 +1,265 @@
-"""A plate with a fine zone that moves, as it marches."""
+"""A run with a fine zone, as the rest of the solver sees it: a cloud of coarse and fine nodes, those there are now.
+
+A coarse node on the border is one with the fine node it lies on. Bonds are those of fine nodes and the springs of the
+coarse lattice; pieces of clipped bonds, which never break, are left out.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid import arrays
-from pdsolve.adaptivity.hybrid.arrays import (
-    BREAKS,
-    DISSIPATED,
-    ENTRIES,
-    HOLDS,
-    KNOWN,
-    LARGEST,
-    LOADS,
-    NEW,
-    REFINEMENT,
-    REGRIDS,
-    ROWS,
-    STIRS,
-    WORK,
-    LatticeConstants,
-    Nodes,
-    Zone,
-)
-from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
-from pdsolve.adaptivity.hybrid.energy import held
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
-from pdsolve.checkpoint import entry, like
-from pdsolve.conditions import Drive
-from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.numerics.threads import gate_of, side_by_side
-from pdsolve.operators.protocol import Kept
+from pdsolve.adaptivity.hybrid.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
+from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.state import Broken, State
 
-_stretch = getattr(stretch_of, "py_func", stretch_of)
-
-
-class ZoneSummary(NamedTuple):
-    """What a run says of its fine zone."""
-
-    refinement: float  # J/m: energy that refining has made so far
-    fine_share: float  # of the plate
-    clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
-class Hybrid:
-    """Marches a plate; its nodes are numbered as on their lattices."""
+class HybridOperator(TwoLatticeOperator[Hybrid]):
+    """The operator of n nodes, in the order of their places."""
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
-        """Bits and cells of the zone are those of the start."""
-        self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
-        inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
-        self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
-        self._whole = self._solid.sum()
+    name = "hybrid"
+    symmetric = True
 
-    def start(self, velocity: NDArray[np.float64]) -> None:
-        """Number the zone, give all nodes their velocities (n, 2), m/s, and compute the forces."""
-        self.number()
-        place = self.plate.place
-        for nodes, own, rows in (
-            (self.zone.fine, place, np.arange(len(place))),
-            (self.zone.coarse, *self.coincident()),
-        ):
-            free = nodes.kind[own] == FREE
-            nodes.v[:, own[free]] = velocity[rows[free]].T
-        self.renew()
+    def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
+        """`cut` are the bonds that pre-cracks cut, of each node of the whole fine lattice."""
+        self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
+        plate, zone = hybrid.plate, hybrid.zone
+        own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
+        places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
+        fine = places[own.kind[places] != IDLE]
+        self._on = self._beneath(coarse)  # fine places that coarse nodes lie on
+        self.places = np.unique(np.concatenate([fine, self._on]))
+        self.rows = plate.row[self.places].astype(np.int64)
+        self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
+        self._row_of[self.places] = np.arange(len(self.places))
+        self._fine, self._coarse = fine, coarse
+        self._at_fine, self._at_coarse = (self._row_of[one].astype(np.int64) for one in (fine, self._on))
+        self._bonds = self._fine_bonds()
+        self._springs = self._coarse_springs()
+        self.cells = np.count_nonzero(zone.cells == COARSE)
 
-    def renew(self) -> None:
-        """Compute the forces at the start anew."""
-        self._march(1, 1)
+    def _beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
+        at = self.hybrid.plate.at
+        y, x = np.divmod(coarse, at.coarse_stride)
+        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
 
-    def number(self) -> None:
-        """Make all nodes what the cells say, whatever they were."""
-        zone = self.zone
-        zone.fine.own[: zone.number[ENTRIES]] = 0
-        for nodes in (zone.fine, zone.coarse):
-            nodes.entry[:] = -1
-            nodes.kind[:] = IDLE
-        zone.stirred[:] = False
-        zone.number[:] = 0
-        cells = np.flatnonzero(zone.cells == FINE)
-        zone.new[: len(cells)] = cells
-        zone.number[NEW] = len(cells)
-        self.renew()
-        self.zone.total[:] = 0.0
+    def _fine_bonds(self) -> NDArray[np.bool_]:
+        """Which bonds (k, family) fine nodes have or had, of those whose other node is there too."""
+        zone, ground, fine = self.hybrid.zone, self.hybrid.ground, self._fine
+        entry = zone.fine.entry[fine // ROW].astype(np.int64)
+        own = zone.fine.own[np.where(entry < 0, -2 - entry, entry), :, fine % ROW] > 0
+        _, node, spring = self.hybrid.broken()
+        own[np.searchsorted(fine, node), spring] = True
+        for k, way in enumerate(ground.ways.tolist()):
+            own[:, k] &= zone.fine.kind[fine + way] != IDLE
+        return own
 
-    def coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Places of coarse nodes, and the rows of fine nodes that they lie on."""
-        at, place = self.plate.at, self.plate.place
-        row, column = np.divmod(place, at.stride)
-        chosen = np.flatnonzero(((column - LEFT) % 2 == 0) & ((row - BELOW) % 2 == 0))
-        x, y = (column[chosen] - LEFT) // 2, (row[chosen] - BELOW) // 2
-        return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x, chosen
+    def _coarse_springs(self) -> NDArray[np.bool_]:
+        """Which springs (k, 8) coarse nodes have, besides those that are fine bonds too, on the border."""
+        coarse, ground = self.hybrid.zone.coarse, self.hybrid.ground
+        found, row = np.ones((len(self._coarse), len(ground.coarse_ways)), dtype=bool), self._coarse // ROW
+        own = coarse.entry[row] >= 0
+        found[own] = coarse.own[row[own], :, self._coarse[own] % ROW] > 0
+        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
+        fine = np.full(len(self.places), -1)
+        fine[self._at_fine] = np.arange(len(self._fine))
+        at = fine[self._at_coarse]
+        for k, (dx, dy) in enumerate(zip(ground.coarse_dx, ground.coarse_dy, strict=True)):
+            same = number.get((2 * int(dx), 2 * int(dy)))
+            if same is not None:
+                found[at >= 0, k] &= ~self._bonds[at[at >= 0], same]
+        return np.asarray(found)
 
-    def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError where a clipped bond is over its limit."""
-        if first < last:
-            self._march(first, last)
+    @cached_property
+    def model(self) -> Model:
+        """The model of the nodes (n,) there are now, with nothing done to it."""
+        found = part_of(self.hybrid.plate.model, self.rows)
+        delta = found.grid.delta.copy()
+        delta[self._at_coarse] *= 2
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
 
-    def sum_forces(self, step: int, dt: float) -> None:
-        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+    @cached_property
+    def area(self) -> NDArray[np.float64]:
+        """Areas (n,), m^2: of fine cells a fine node's share, of coarse cells a coarse node's."""
+        plate, zone = self.hybrid.plate, self.hybrid.zone
+        part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
+        whole = plate.area[plate.row[self._fine]] * plate.h**2
+        found = np.zeros(len(self.places))
+        found[self._at_fine] = part * whole
+        y, x = np.divmod(self._coarse, plate.at.coarse_stride)
+        corner = (y - BELOW_COARSE + AROUND) * plate.at.cell_stride + AROUND + x - LEFT
+        around = sum((zone.cells[corner - dy * plate.at.cell_stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
+        found[self._at_coarse] += plate.h**2 * around
+        return np.asarray(found)
 
-        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError where a clipped bond is over its limit.
-        """
-        ground, number = self.ground, self.zone.number
-        acting = number[[LOADS, HOLDS]].copy()
-        number[[LOADS, HOLDS]], self.ground = 0, ground._replace(dt=dt)
-        try:
-            self._march(step + 1, step + 1)
-        finally:
-            self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        count = np.zeros(len(self.places), dtype=np.int64)
+        count[self._at_fine] += self._bonds.sum(axis=1)
+        count[self._at_coarse] += self._springs.sum(axis=1)
+        family = count.copy()
+        family[self._at_fine] += self._cut[self.hybrid.plate.row[self._fine]]
+        alone = np.setdiff1d(self._at_coarse, self._at_fine, assume_unique=True)
+        family[alone] = np.maximum(family[alone], self._whole(alone))
+        return count, family
 
-    def _march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; with `last` = `first` only finish what the step before began."""
-        drifted = False
-        while True:
-            how, step, self.now = self._on_threads(first, last, drifted)
-            if how == DONE:
-                return
-            if how == CLIP:
-                raise UnstableError(
-                    f"step {step}: found a bond at the border of the fine zone stretched to"
-                    f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone"
-                    " is too narrow for this motion; solve it with run.adapt none"
-                )
-            self.zone = arrays.grown(self.zone)
-            if first < last:
-                first, drifted = step, True
+    def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Springs of coarse nodes, those that pre-cracks cut included."""
+        plate, zone = self.hybrid.plate, self.hybrid.zone
+        y, x = np.divmod(self.places[rows], plate.at.stride)
+        corner = ((y - BELOW) // 2 + AROUND) * plate.at.cell_stride + AROUND + (x - LEFT) // 2
+        south, west = plate.at.cell_stride, 1
+        ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
+        edges = [ne | se, ne | nw, nw | sw, sw | se]
+        return np.asarray(sum(one.astype(np.int64) for one in (ne, nw, sw, se, *edges)))
 
-    def _on_threads(self, *steps: int) -> tuple[int, int, int]:
-        """March side by side until it ends in any way."""
-        threads, found = len(self.zone.s), (0, 0, 0)
-        arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
-
-        def work(thread: int) -> None:
-            nonlocal found
-            found = march(*arguments, thread, gate)
-
-        side_by_side(work, threads)
-        return found
-
-    def broken(self) -> arrays.Breaks:
-        """Bonds that broke so far."""
-        (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
-        return arrays.Breaks(step[:count], node[:count], spring[:count])
-
-    def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone."""
-        zone = self.zone
-        fine = self._solid[np.flatnonzero(zone.cells == FINE)].sum() / self._whole
-        largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
-        return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
-
-    def active(self, nodes: Nodes, rows: int) -> NDArray[np.int64]:
-        """Places of the nodes of a lattice, in so many rows, that are free."""
-        places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-        return np.asarray(places[nodes.kind[places] == FREE])
-
-    def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Energy held by fine and by coarse nodes, by their places, J/m."""
-        fine, coarse = np.zeros(self.plate.at.places), np.zeros(self.plate.at.coarse_places)
-        held(self.ground, self.zone, self.now, fine, coarse)
-        return fine, coarse
-
-    def motion(self) -> NDArray[np.float64]:
-        """Kinetic energy, J/m, and momentum, N s/m."""
-        zone, found = self.zone, np.zeros(3)
-        for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
-            own = self.active(nodes, rows)
-            mass, v = nodes.mass[own], nodes.v[:, own]
-            found += [float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist()]
+    @property
+    def signature(self) -> NDArray[np.int64]:
+        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        found = np.zeros(len(self.places), dtype=np.int64)
+        found[self._at_fine] += 1 + self._bonds.sum(axis=1)
+        found[self._at_coarse] += 100 * (1 + self._springs.sum(axis=1))
         return found
 
     @property
-    def spent(self) -> tuple[float, float, float]:
-        """Energy dissipated, work done, and energy that refining made, J/m."""
-        total = self.zone.total
-        return float(total[DISSIPATED]), float(total[WORK]), float(total[REFINEMENT])
+    def current(self) -> bool:
+        """Whether no cell has become fine since."""
+        return bool(np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells)
 
-    def keep(self) -> Kept:
-        """All that a run needs to go on to the same bits."""
-        zone, broken = self.zone, self.zone.number[BREAKS]
-        kept = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
-        for name, nodes, rows in (
-            ("fine", zone.fine, zone.number[ROWS]),
-            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
+    def changed(self) -> HybridOperator | None:
+        """The operator on the nodes there are now, if they are others."""
+        return None if self.current else HybridOperator(self.hybrid, self._cut)
+
+    def _gather(self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Values (2, places) of both lattices, into out (n, 2)."""
+        border, count = self.hybrid.zone.border, self.hybrid.zone.number[BORDERS]
+        out[self._at_fine] = fine[:, self._fine].T
+        w = border.w[:count, None]
+        first, second = (coarse[:, border.end[:count, side]].T for side in (0, 1))
+        out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
+        out[self._at_coarse] = coarse[:, self._coarse].T
+
+    def _put(self, state: State) -> None:
+        """Give both lattices the values and rates of a state; nodes on the border follow."""
+        zone, now = self.hybrid.zone, self.hybrid.now
+        for nodes, places, rows in (
+            (zone.fine, self._fine, self._at_fine),
+            (zone.coarse, self._coarse, self._at_coarse),
         ):
-            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-            there = nodes.kind[places] != IDLE
-            for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
-                kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
-            kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
-        if self.ground.varied:
-            entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
-            own = np.where(entries < 0, -2 - entries, entries)
-            kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
-        stirs = zone.stirs[: zone.number[STIRS]].copy()
-        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
-        return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
+            free = nodes.kind[places] == FREE
+            nodes.u[now][:, places[free]] = state.value[rows[free]].T
+            nodes.v[:, places[free]] = state.rate[rows[free]].T
+        border, count = zone.border, zone.number[BORDERS]
+        (a, b), w = border.end[:count].T, border.w[:count]
+        zone.fine.u[now][:, border.node[:count]] = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
 
-    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
-        """Make these bonds, and no others since the start, broken."""
-        bits, (_, before, before_spring) = self.zone.bits, self.broken()
-        for k in range(len(self.ground.ways) // 2):
-            bits[before[before_spring == k]] |= np.uint64(1) << np.uint64(k)
-            bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+    def sync(self, state: State) -> None:
+        """Bring a state up to date with both lattices; of work the ledger alone knows."""
+        zone, now = self.hybrid.zone, self.hybrid.now
+        self._gather(zone.fine.u[now], zone.coarse.u[now], state.value)
+        self._gather(zone.fine.v, zone.coarse.v, state.rate)
+        state.second[:] = self.accelerations()
+        holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
+        state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
+        state.dissipated[:] = self.spent()
 
-    def back(self, kept: Kept) -> None:
-        """Go back to what was kept. Raises CheckpointError."""
-        zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
-        if not ((cells == zone.cells) | ((zone.cells == COARSE) & (cells == FINE))).all():
-            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
-        node = breaks.node
-        self._put_bits(node, breaks.spring)
-        for nodes in (zone.fine, zone.coarse):
-            for array in nodes[:3]:
-                array[:] = 0
-        zone.cells[:], self.now = cells, 0
-        while len(self.zone.breaks.step) < len(node):
-            self.zone = arrays.grown(self.zone)
-        self.number()
-        zone = self.zone
-        for name, column in zone.breaks._asdict().items():
-            column[: len(node)] = breaks._asdict()[name]
-        self._put_numbers(kept, node, breaks.spring)
-        if self.ground.varied:
-            rows = zone.fine.rows[: zone.number[ROWS]]
-            own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
-            for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
-                array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
-            zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
-        for name, nodes, rows in (
-            ("fine", zone.fine, zone.number[ROWS]),
-            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
-        ):
-            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-            for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
-                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
-            nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
-        zone.holds.value[:] = like(kept, "holds", zone.holds.value)
-        zone.total[:] = like(kept, "total", zone.total)
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        zone, found = self.hybrid.zone, np.zeros((len(self.places), 2))
+        self._gather(zone.fine.f * zone.fine.light, zone.coarse.f * zone.coarse.light, found)
+        return found
 
-    def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
-        """The bonds of a checkpoint that broke, which were there at the start, and broke once in each direction."""
-        ground, bits, plate = self.ground, self.zone.bits, self.plate
-        step = entry(kept, "break_step", (None,), np.int32, 1)
-        node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
-        spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
-        other, half = node + ground.ways[spring], len(ground.ways) // 2
-        inside = (other >= 0) & (other < plate.at.places)
-        inside &= (plate.row[node] >= 0) & (plate.row[other.clip(0, plate.at.places - 1)] >= 0)
-        owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
-        whole = bits[owner] >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
-        if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
-            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
-        return arrays.Breaks(step, node, spring)
+    def spent(self) -> NDArray[np.float64]:
+        """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
+        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
 
-    def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
-        """Go on with the counts of a checkpoint in which so many bonds broke, and with the nodes that are stirred."""
-        zone, number = self.zone, like(kept, "number", self.zone.number)
-        stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
-        fine = zone.fine.kind
-        if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
-            raise CheckpointError(f"found others in 'number', expected {len(node)} bonds and {len(stirs)} nodes")
-        if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
-            raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
-        if (fine[node] == IDLE).any() or (fine[node + self.ground.ways[spring]] == IDLE).any():
-            raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
-        zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
-        zone.spent[:] = 0.0
-        zone.spent[stirs] = entry(kept, "spent", stirs.shape, float)
-        zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        from pdsolve.adaptivity.hybrid.tangent import points_of, tangent_of  # few runs need it
 
-    def bytes(self) -> int:
-        """All arrays in full, though what is never touched takes no memory."""
-        return sum(array.nbytes for part in (self.zone.fine, self.zone.coarse) for array in part)
+        zone, light = self.hybrid.zone, np.zeros(len(self.places))
+        light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
+        light[self._at_coarse] = zone.coarse.light[self._coarse]
+        points = points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
+        return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which the state has."""
+        self.take(state)
+        fine, coarse = self.hybrid.held()
+        held = np.zeros(len(self.places))
+        held[self._at_fine] = fine[self._fine]
+        held[self._at_coarse] += coarse[self._coarse]
+        self._strain = float(held.sum())
+        return held / self.area, np.zeros_like(held)
+
+    def books(self) -> Sums:
+        """Energies, work and momentum at the state for which `energies` were asked last."""
+        kinetic, x, y = self.hybrid.motion().tolist()
+        dissipated, work, _ = self.hybrid.spent
+        return Sums(kinetic, self._strain, dissipated, 0.0, work, x, y)
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the fine zone."""
+        return self.hybrid.zone_summary()
+
+    def pushes(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        loads, found = self.hybrid.zone.loads, np.zeros((profiles, 2))
+        np.add.at(found, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
+        return found
+
+    def pulls(self, profiles: int) -> NDArray[np.float64]:
+        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        holds, found = self.hybrid.zone.holds, np.zeros((profiles, 2))
+        own = holds.on[: self.hybrid.zone.number[HOLDS], 1]
+        np.add.at(found, (holds.what[own, PROFILE], holds.what[own, AXIS]), -holds.value[own, FORCE])
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
+        last = len(self.places) if last is None else last
+        own = np.flatnonzero((self._at_fine >= first) & (self._at_fine < last))
+        node, k = np.nonzero(self._bonds[own])
+        fine, target = self._fine[own[node]], self._fine[own[node]] + ground.ways[k]
+        if not start:
+            owner = np.where(k < half, fine, target)
+            intact = zone.bits[owner] >> (k % half).astype(np.uint64) & np.uint64(1) != 0
+            fine, target = fine[intact], target[intact]
+        some = np.flatnonzero((self._at_coarse >= first) & (self._at_coarse < last))
+        node, k = np.nonzero(self._springs[some])
+        coarse = self._coarse[some[node]]
+        ends = (self._row_of[self._beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
+        source, target = (
+            np.concatenate([self._row_of[one], other], dtype=np.int64)
+            for one, other in zip((fine, target), ends, strict=True)
+        )
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step: step, source and target row of each."""
+        step, node, spring = self.hybrid.broken()
+        new = np.flatnonzero(step > after)
+        source, target = (
+            self._row_of[ends].astype(np.int64)
+            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
+        )
+        return Broken(step[new].astype(np.int64), source, target)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.arrays import KAPPA, VALUE, Entries, LatticeConstants, zone_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
-from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, fine_springs, stretches
-from pdsolve.adaptivity.hybrid.view import View
 from pdsolve.conditions import Drive, drive, initial_velocity, unbreakable
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -25,7 +25,7 @@ ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 def hybrid_of(
     model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
-) -> tuple[View, float]:
+) -> tuple[HybridOperator, float]:
     """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
 
     Raises ModelError for what cannot be solved so.
@@ -46,7 +46,7 @@ def hybrid_of(
     )
     hybrid = Hybrid(plate, ground, zone, driven)
     hybrid.start(initial_velocity(model))
-    return View(hybrid, cut), bound
+    return HybridOperator(hybrid, cut), bound
 
 
 def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> LatticeConstants:

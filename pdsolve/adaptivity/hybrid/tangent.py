@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron
 
 from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES
-from pdsolve.adaptivity.hybrid.operator import Hybrid
+from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.operator import ZoneSummary
-from pdsolve.adaptivity.quadtree.leaf_bonds import Filled
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.quadtree.incremental_bonds import Filled
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.checkpoint import entry

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import Now, Tabled
 from pdsolve.model import Model
-from pdsolve.numerics.threads import share
+from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept

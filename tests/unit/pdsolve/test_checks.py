@@ -16,7 +16,7 @@ from pdmesh.model.document import Region, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.checks import advise, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
-from pdsolve.run.motion_checks import MotionChecks
+from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Options, Prepared, prepare
 from pdsolve.state import Broken

@@ -27,7 +27,7 @@ from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
 from pdpost.measures.balance import remarks
 from pdsolve.__main__ import main as solve_command
-from pdsolve.adaptivity.collocation import view
+from pdsolve.adaptivity.collocation import operator as operator_module
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
@@ -42,7 +42,7 @@ REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLA
 def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer asks for them in a thread of its own: here bonds break amid the answer."""
     problem = prepare(torn("collocation"), Options(threads=1))
-    operator, listed = problem.system.operator, view._listed
+    operator, listed = problem.system.operator, operator_module._listed
     expected = operator.bonds(start=True)
 
     def listed_while_bonds_break(*arguments: Any) -> Any:
@@ -50,7 +50,7 @@ def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pyt
         problem.march(1, 91)
         return found
 
-    monkeypatch.setattr(view, "_listed", listed_while_bonds_break)
+    monkeypatch.setattr(operator_module, "_listed", listed_while_bonds_break)
     for found, before in zip(operator.bonds(start=True), expected, strict=True):
         assert np.array_equal(found, before)
     assert len(operator.broken().step) > 100

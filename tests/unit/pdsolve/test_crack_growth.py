@@ -14,10 +14,10 @@ from grown import BY_STRESS, pulled
 from messages import mentions, naming
 from whole import contents
 
+from pdmesh.model.crack_particles import arms, until
 from pdmesh.model.document import Displacement, Load, ParticleRules, Run, Static
 from pdmesh.model.domain_integrals import Ring, Sampled
 from pdmesh.model.material_constants import poisson, rayleigh_speed
-from pdmesh.model.particles import arms, until
 from pdmesh.model.visibility import Sight
 from pdpost.measures.cracks import growth
 from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress

@@ -13,9 +13,9 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptivity.quadtree import criteria
+from pdsolve.adaptivity.quadtree.incremental_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited
 from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
-from pdsolve.adaptivity.quadtree.leaf_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
 from pdsolve.adaptivity.quadtree.operator import named
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree

@@ -20,7 +20,7 @@ from plates import ROOT
 from pdpost.figures import bond_figure, colours, field_figure, level_figure, sheets, style, tradeoff_figure
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
-from pdpost.measures import plates
+from pdpost.measures import plate_geometry
 from pdpost.measures.bond_pairs import pairs
 from pdpost.measures.fields import FIELDS, FieldError
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
@@ -295,7 +295,7 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
 def test_an_image_has_the_same_bytes_each_time(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
-    monkeypatch.setattr(plates, "MANY", 10)
+    monkeypatch.setattr(plate_geometry, "MANY", 10)
     written = []
     for name in ("one", "two"):
         with Results.open(small_results) as results:
@@ -308,7 +308,7 @@ def test_a_large_plate_is_an_image(small_results: Path, monkeypatch: pytest.Monk
     """The same colours at the nodes' places as the squares have."""
     with Results.open(small_results) as results:
         squares = field_figure.field(results, "damage", 60)
-        monkeypatch.setattr(plates, "MANY", 10)
+        monkeypatch.setattr(plate_geometry, "MANY", 10)
         image = field_figure.field(results, "damage", 60)
         nodes = results.nodes()
     cells = squares.axes[0].collections[0]

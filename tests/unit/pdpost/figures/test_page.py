@@ -55,14 +55,12 @@ def test_a_plate_without_a_crack_has_no_speed(small_results: Path, step: int, pa
 
 def test_plates_of_many_nodes_are_images(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same greys at the same places as node by node, within a step of the image's colours."""
-    from pdpost.measures import plates
-
     with Results.open(small_results) as results:
         model, found = json.loads(results.model()), crack_summary.crack(results, 60)
         for draw in (lambda: crack(results, found), lambda: scene(results, model)):
             one_by_one = draw().axes[0]
             with monkeypatch.context() as patch:
-                patch.setattr(plates, "MANY", 100)
+                patch.setattr("pdpost.measures.plate_geometry.MANY", 100)
                 image = draw().axes[0]
             assert len(one_by_one.images) == 0
             assert len(image.images) == 1

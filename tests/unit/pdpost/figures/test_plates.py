@@ -19,8 +19,8 @@ from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
 from pdpost.figures.scene_figure import scene
-from pdpost.measures import plates
-from pdpost.measures.plates import cells, check_alike, plate
+from pdpost.measures import plate_geometry
+from pdpost.measures.plate_geometry import cells, check_alike, plate
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
@@ -80,7 +80,7 @@ def test_fields_fill_the_plate_and_nothing_else(
 ) -> None:
     """No pixel inside is white, between the spacings neither; none in the bore or beyond the edges is painted."""
     if many:
-        monkeypatch.setattr(plates, "MANY", 10)
+        monkeypatch.setattr(plate_geometry, "MANY", 10)
     with Results.open(bored) as results:
         figure = PICTURES[what](results)
         on = plate(results)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import get_args
 
 from pdmesh.model.document import Run
-from pdmesh.model.fields import FIELDS, IN_SPACE, UNITS, Column
-from pdmesh.model.fields import usual as usual_of
+from pdmesh.model.output_fields import FIELDS, IN_SPACE, UNITS, Column
+from pdmesh.model.output_fields import usual as usual_of
 
 
 def test_every_column_is_of_one_field_and_the_usual_ones_are_stored() -> None:

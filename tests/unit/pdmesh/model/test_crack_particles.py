@@ -1,4 +1,4 @@
-"""Cracks as particles with arms to their neighbours (pdmesh.model.particles)."""
+"""Cracks as particles with arms to their neighbours (pdmesh.model.crack_particles)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 import shapely
 from plates import lattice
 
+from pdmesh.model.crack_particles import arms, grown, nobody, of_segments, polylines, until
 from pdmesh.model.neighbours import Neighbours
-from pdmesh.model.particles import arms, grown, nobody, of_segments, polylines, until
 from pdmesh.model.visibility import Sight
 
 

@@ -1,0 +1,283 @@
+"""A plate with a fine zone that moves, as it marches."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid import arrays
+from pdsolve.adaptivity.hybrid.arrays import (
+    BREAKS,
+    DISSIPATED,
+    ENTRIES,
+    HOLDS,
+    KNOWN,
+    LARGEST,
+    LOADS,
+    NEW,
+    REFINEMENT,
+    REGRIDS,
+    ROWS,
+    STIRS,
+    WORK,
+    LatticeConstants,
+    Nodes,
+    Zone,
+)
+from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
+from pdsolve.adaptivity.hybrid.energy import held
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
+from pdsolve.checkpoint import entry, like
+from pdsolve.conditions import Drive
+from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.numerics.thread_team import gate_of, side_by_side
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+_stretch = getattr(stretch_of, "py_func", stretch_of)
+
+
+class ZoneSummary(NamedTuple):
+    """What a run says of its fine zone."""
+
+    refinement: float  # J/m: energy that refining has made so far
+    fine_share: float  # of the plate
+    clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
+
+
+class Hybrid:
+    """Marches a plate; its nodes are numbered as on their lattices."""
+
+    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
+        """Bits and cells of the zone are those of the start."""
+        self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
+        at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
+        inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
+        self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
+        self._whole = self._solid.sum()
+
+    def start(self, velocity: NDArray[np.float64]) -> None:
+        """Number the zone, give all nodes their velocities (n, 2), m/s, and compute the forces."""
+        self.number()
+        place = self.plate.place
+        for nodes, own, rows in (
+            (self.zone.fine, place, np.arange(len(place))),
+            (self.zone.coarse, *self.coincident()),
+        ):
+            free = nodes.kind[own] == FREE
+            nodes.v[:, own[free]] = velocity[rows[free]].T
+        self.renew()
+
+    def renew(self) -> None:
+        """Compute the forces at the start anew."""
+        self._march(1, 1)
+
+    def number(self) -> None:
+        """Make all nodes what the cells say, whatever they were."""
+        zone = self.zone
+        zone.fine.own[: zone.number[ENTRIES]] = 0
+        for nodes in (zone.fine, zone.coarse):
+            nodes.entry[:] = -1
+            nodes.kind[:] = IDLE
+        zone.stirred[:] = False
+        zone.number[:] = 0
+        cells = np.flatnonzero(zone.cells == FINE)
+        zone.new[: len(cells)] = cells
+        zone.number[NEW] = len(cells)
+        self.renew()
+        self.zone.total[:] = 0.0
+
+    def coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Places of coarse nodes, and the rows of fine nodes that they lie on."""
+        at, place = self.plate.at, self.plate.place
+        row, column = np.divmod(place, at.stride)
+        chosen = np.flatnonzero(((column - LEFT) % 2 == 0) & ((row - BELOW) % 2 == 0))
+        x, y = (column[chosen] - LEFT) // 2, (row[chosen] - BELOW) // 2
+        return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x, chosen
+
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1. Raises UnstableError where a clipped bond is over its limit."""
+        if first < last:
+            self._march(first, last)
+
+    def sum_forces(self, step: int, dt: float) -> None:
+        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+
+        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError where a clipped bond is over its limit.
+        """
+        ground, number = self.ground, self.zone.number
+        acting = number[[LOADS, HOLDS]].copy()
+        number[[LOADS, HOLDS]], self.ground = 0, ground._replace(dt=dt)
+        try:
+            self._march(step + 1, step + 1)
+        finally:
+            self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
+
+    def _march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1; with `last` = `first` only finish what the step before began."""
+        drifted = False
+        while True:
+            how, step, self.now = self._on_threads(first, last, drifted)
+            if how == DONE:
+                return
+            if how == CLIP:
+                raise UnstableError(
+                    f"step {step}: found a bond at the border of the fine zone stretched to"
+                    f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone"
+                    " is too narrow for this motion; solve it with run.adapt none"
+                )
+            self.zone = arrays.grown(self.zone)
+            if first < last:
+                first, drifted = step, True
+
+    def _on_threads(self, *steps: int) -> tuple[int, int, int]:
+        """March side by side until it ends in any way."""
+        threads, found = len(self.zone.s), (0, 0, 0)
+        arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
+
+        def work(thread: int) -> None:
+            nonlocal found
+            found = march(*arguments, thread, gate)
+
+        side_by_side(work, threads)
+        return found
+
+    def broken(self) -> arrays.Breaks:
+        """Bonds that broke so far."""
+        (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
+        return arrays.Breaks(step[:count], node[:count], spring[:count])
+
+    def zone_summary(self) -> ZoneSummary:
+        """What there is to say of the fine zone."""
+        zone = self.zone
+        fine = self._solid[np.flatnonzero(zone.cells == FINE)].sum() / self._whole
+        largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
+        return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
+
+    def active(self, nodes: Nodes, rows: int) -> NDArray[np.int64]:
+        """Places of the nodes of a lattice, in so many rows, that are free."""
+        places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+        return np.asarray(places[nodes.kind[places] == FREE])
+
+    def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Energy held by fine and by coarse nodes, by their places, J/m."""
+        fine, coarse = np.zeros(self.plate.at.places), np.zeros(self.plate.at.coarse_places)
+        held(self.ground, self.zone, self.now, fine, coarse)
+        return fine, coarse
+
+    def motion(self) -> NDArray[np.float64]:
+        """Kinetic energy, J/m, and momentum, N s/m."""
+        zone, found = self.zone, np.zeros(3)
+        for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
+            own = self.active(nodes, rows)
+            mass, v = nodes.mass[own], nodes.v[:, own]
+            found += [float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist()]
+        return found
+
+    @property
+    def spent(self) -> tuple[float, float, float]:
+        """Energy dissipated, work done, and energy that refining made, J/m."""
+        total = self.zone.total
+        return float(total[DISSIPATED]), float(total[WORK]), float(total[REFINEMENT])
+
+    def keep(self) -> Kept:
+        """All that a run needs to go on to the same bits."""
+        zone, broken = self.zone, self.zone.number[BREAKS]
+        kept = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
+        for name, nodes, rows in (
+            ("fine", zone.fine, zone.number[ROWS]),
+            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
+        ):
+            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+            there = nodes.kind[places] != IDLE
+            for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
+                kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
+            kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
+        if self.ground.varied:
+            entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
+            own = np.where(entries < 0, -2 - entries, entries)
+            kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
+        stirs = zone.stirs[: zone.number[STIRS]].copy()
+        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
+        return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
+
+    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
+        """Make these bonds, and no others since the start, broken."""
+        bits, (_, before, before_spring) = self.zone.bits, self.broken()
+        for k in range(len(self.ground.ways) // 2):
+            bits[before[before_spring == k]] |= np.uint64(1) << np.uint64(k)
+            bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+
+    def back(self, kept: Kept) -> None:
+        """Go back to what was kept. Raises CheckpointError."""
+        zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
+        if not ((cells == zone.cells) | ((zone.cells == COARSE) & (cells == FINE))).all():
+            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+        node = breaks.node
+        self._put_bits(node, breaks.spring)
+        for nodes in (zone.fine, zone.coarse):
+            for array in nodes[:3]:
+                array[:] = 0
+        zone.cells[:], self.now = cells, 0
+        while len(self.zone.breaks.step) < len(node):
+            self.zone = arrays.grown(self.zone)
+        self.number()
+        zone = self.zone
+        for name, column in zone.breaks._asdict().items():
+            column[: len(node)] = breaks._asdict()[name]
+        self._put_numbers(kept, node, breaks.spring)
+        if self.ground.varied:
+            rows = zone.fine.rows[: zone.number[ROWS]]
+            own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
+            for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
+                array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
+            zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
+        for name, nodes, rows in (
+            ("fine", zone.fine, zone.number[ROWS]),
+            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
+        ):
+            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+            for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
+                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
+            nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
+        zone.holds.value[:] = like(kept, "holds", zone.holds.value)
+        zone.total[:] = like(kept, "total", zone.total)
+
+    def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
+        """The bonds of a checkpoint that broke, which were there at the start, and broke once in each direction."""
+        ground, bits, plate = self.ground, self.zone.bits, self.plate
+        step = entry(kept, "break_step", (None,), np.int32, 1)
+        node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
+        spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
+        other, half = node + ground.ways[spring], len(ground.ways) // 2
+        inside = (other >= 0) & (other < plate.at.places)
+        inside &= (plate.row[node] >= 0) & (plate.row[other.clip(0, plate.at.places - 1)] >= 0)
+        owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
+        whole = bits[owner] >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
+        if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
+            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+        return arrays.Breaks(step, node, spring)
+
+    def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+        """Go on with the counts of a checkpoint in which so many bonds broke, and with the nodes that are stirred."""
+        zone, number = self.zone, like(kept, "number", self.zone.number)
+        stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
+        fine = zone.fine.kind
+        if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
+            raise CheckpointError(f"found others in 'number', expected {len(node)} bonds and {len(stirs)} nodes")
+        if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
+            raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
+        if (fine[node] == IDLE).any() or (fine[node + self.ground.ways[spring]] == IDLE).any():
+            raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
+        zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
+        zone.spent[:] = 0.0
+        zone.spent[stirs] = entry(kept, "spent", stirs.shape, float)
+        zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
+
+    def bytes(self) -> int:
+        """All arrays in full, though what is never touched takes no memory."""
+        return sum(array.nbytes for part in (self.zone.fine, self.zone.coarse) for array in part)
