@@ -88,6 +88,7 @@ def test_what_cannot_be_brought_to_rest(
             assert (results.meta()["status"], results.frames()[0].tolist()) == ("unsettled", [0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["damage", "balance", "report"])
 def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["held.json", "--static", "-q", "--threads", "1"]) == 0

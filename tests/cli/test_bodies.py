@@ -46,6 +46,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_body_is_told_of(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert pdmesh(["info", str(solved / "body.json"), "--json"]) == 0
     info = json.loads(capsys.readouterr().out)
@@ -208,6 +209,7 @@ def test_a_report_of_a_body_leaves_its_cracks_out(solved: Path) -> None:
     assert "1.6e+08 mm³" in page
 
 
+@pytest.mark.slow
 def test_a_study_of_bodies_has_the_measures_that_they_have(
     solved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ def screw(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return results
 
 
+@pytest.mark.slow
 def test_masses_of_a_body(screw: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert pdpost(["history", str(screw), "--json"]) == 0

@@ -39,6 +39,7 @@ def said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, 
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["damage", "energy", "displacement", "stress"])
 def test_fields_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     """The numbers of a frame are those of its nodes, deformed or not."""
@@ -56,6 +57,7 @@ def test_fields_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str], n
                     assert values == pytest.approx(results.field("damage", step).tolist(), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_nodes_and_bonds_of_each_epoch(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     broken = []
     for frame, nodes in enumerate(counts(given).values()):
@@ -67,6 +69,7 @@ def test_nodes_and_bonds_of_each_epoch(given: Path, capsys: pytest.CaptureFixtur
     assert broken[0] == 0 < broken[1]
 
 
+@pytest.mark.slow
 def test_films_and_pages(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One size, one picture a frame; the page says that nodes change."""
     for name, scale in (("damage", "0"), ("velocity", "5")):

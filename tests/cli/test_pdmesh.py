@@ -93,6 +93,7 @@ Physical Surface("zone:plate") = {1};
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "expected"), [("18", 18), ("2.1", 10), ("1800", None)])
 def test_a_large_plate_is_said_to_be_in_metres(
     width: str, expected: float | None, here: Path, capsys: pytest.CaptureFixture[str]

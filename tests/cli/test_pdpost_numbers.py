@@ -181,6 +181,7 @@ def test_the_queries_that_sql_prints_work(small_results: Path, capsys: pytest.Ca
     connection.close()
 
 
+@pytest.mark.slow
 def test_the_report_is_one_page(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All sections, pictures inside, nothing from elsewhere, the same bytes twice."""
     shutil.copy(small_results, here / "a<b>.sqlite")

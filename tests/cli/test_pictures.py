@@ -236,6 +236,7 @@ def test_databases_that_are_no_good(
     assert sorted(here.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_database_that_someone_keeps_to_himself(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

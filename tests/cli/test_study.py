@@ -90,6 +90,7 @@ def edit(*statements: str) -> None:
             connection.execute(statement)
 
 
+@pytest.mark.slow
 def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,6 +41,7 @@ def plate(here: Path) -> Path:
     return here
 
 
+@pytest.mark.slow
 def test_a_worker_that_ends_takes_one_run_with_it(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("study.toml").write_text(
         'drawing = "plate.py"\nvary.drawing.deadly = [0, 1, 2]\nrepeat.times = 2\nrepeat.step = 0.1'
@@ -51,6 +52,7 @@ def test_a_worker_that_ends_takes_one_run_with_it(plate: Path, capsys: pytest.Ca
     assert said.err.count("found the process that solved it ended") == 4
 
 
+@pytest.mark.slow
 def test_a_run_whose_worker_was_ended_goes_on(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.py").write_text(
         PLATE.replace("if deadly:", 'if deadly and not os.path.exists("ran"):\n    open("ran", "w").close()')

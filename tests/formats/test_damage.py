@@ -110,6 +110,7 @@ def compared(path: Path, data: bytes, count: int, use: Callable[[Path], object],
     return found
 
 
+@pytest.mark.slow
 def test_a_damaged_run_is_refused_or_goes_on_as_if_nothing_had_been(
     probed: Model, stopped: bytes, tmp_path: Path
 ) -> None:

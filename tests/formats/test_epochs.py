@@ -97,6 +97,7 @@ def test_a_run_of_one_epoch_gives_all_its_nodes_at_any_step(small_results: Path)
         assert results.rows(20).tolist() == list(range(252))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["blocks", "listed"])
 def test_an_interrupted_run_goes_on_to_the_same_tables(
     model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kernel: str
@@ -147,6 +148,7 @@ def test_what_was_born_and_died_after_the_checkpoint_is_dropped(
     assert contents(killed) == contents(path)
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 while nodes are born and die."""
     program = f"""

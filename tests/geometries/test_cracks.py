@@ -37,6 +37,7 @@ def told(results: Results) -> Summary:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 def test_kalthoff_and_winkler(mode: str) -> None:
     """Mirror images in all they are; the main cracks below the Rayleigh speed.
@@ -76,6 +77,7 @@ def test_duran(solved: Callable[[str], Path], mode: str) -> None:
     assert len([one for one in found.branches if one.length >= LONG * found.branches[0].length]) == 3
 
 
+@pytest.mark.slow
 def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
     """Figure 19 run on: from the notch at 53 us, not when it has passed the arc at 107; each begins where it does."""
     built = shipped("figure_19.py")

@@ -30,6 +30,7 @@ SCENES = sorted(
 MODES = ("thesis", "conservative")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 @pytest.mark.parametrize("name", SCENES)
 def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
@@ -84,6 +85,7 @@ def test_the_memory_of_the_process_is_known(mode: str, tmp_path: Path) -> None:
     assert peaks[1] - peaks[0] == pytest.approx(said[1] - said[0], rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="measured on Linux")
 def test_the_memory_at_rest_is_known(tmp_path: Path) -> None:
     """The factors of a plate twice as long as wide: measured 0.99 of what is said beyond a handful of nodes, and 0.82

@@ -57,6 +57,7 @@ def test_a_beam_bends_as_much_as_timoshenkos() -> None:
     assert -uy[middle] / exact == pytest.approx(0.948, abs=0.005)  # the beam is 5 % too stiff: corrected, m = 3
 
 
+@pytest.mark.slow
 def test_a_compact_specimen_gives_way_as_the_handbook_has_it() -> None:
     """One load step, without a break: linear up to where the first bond does."""
     specimen = model("compact_tension.py", load_steps=1)

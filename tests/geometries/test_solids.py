@@ -27,6 +27,7 @@ def test_the_end_of_a_bar_moves_as_waves_have_it() -> None:
     assert found == pytest.approx([0, 1, 2, 1, 0], abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_block_of_rubber_pulls_back() -> None:
     """Finite elements have 0.42257; cells at the edges are halves, and the clamps single columns."""
     with solved("rubber_block.py") as results:
@@ -38,6 +39,7 @@ def test_a_block_of_rubber_pulls_back() -> None:
     assert narrowed == pytest.approx([0.0834], abs=5e-4)  # finite elements: 0.08558
 
 
+@pytest.mark.slow
 def test_a_beam_of_steel_flows() -> None:
     """Fibres have 1, 1.393, 1.4733, 1.5022 of the moment at which the first one flows, 46.8787e4 N."""
     with solved("plastic_beam.py") as results:

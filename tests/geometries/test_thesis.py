@@ -32,6 +32,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 CLAIMED = [pytest.param(case, id=case.name, marks=[pytest.mark.slow] * case.long) for case in CASES if case.claims]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CLAIMED)
 def test_the_thesis_mode_reproduces_the_thesis(case: Case, cache: Path) -> None:
     with Results.open(solved(case, "thesis", cache)) as results:
@@ -40,6 +41,7 @@ def test_the_thesis_mode_reproduces_the_thesis(case: Case, cache: Path) -> None:
         assert claim.accepts(value), f"{claim.what}: measured {value:.4g}, accepted {claim.accepted}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CLAIMED)
 def test_the_conservative_mode_cracks_the_same_way(case: Case, cache: Path) -> None:
     """Everything the thesis saw happens, though not at the same time: its loads are not diminished."""

@@ -126,6 +126,7 @@ def spliced(path: Path, every: int) -> Iterator[bytes]:
         yield text[:place] + splice + text[place:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", DRAWINGS, ids=lambda path: path.stem)
 def test_a_command_at_tokens(path: Path) -> None:
     assert len(places(path.read_bytes())) > 250
@@ -142,6 +143,7 @@ def test_every_command_at_every_token(path: Path) -> None:
             assert is_silent(text[:place] + splice + text[place:]), (place, splice)
 
 
+@pytest.mark.slow
 def test_a_sample_goes_through_gmsh(tmp_path: Path) -> None:
     """Those of the spliced drawings that are read at all: commands in strings and comments."""
     texts = [text for path in DRAWINGS for text in spliced(path, 5)]
@@ -188,6 +190,7 @@ def check_soup(seed: int, count: int, folder: Path) -> None:
     assert len(harm(texts, folder / "originals")) > count / 1000, "Gmsh's other readers should run some"
 
 
+@pytest.mark.slow
 def test_soup(tmp_path: Path) -> None:
     check_soup(1, 2000, tmp_path)
 

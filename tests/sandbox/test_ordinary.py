@@ -84,6 +84,7 @@ def test_shipped_drawings(tmp_path: Path) -> None:
     compare({path.stem: path for path in GEOMETRIES.glob("*.geo")}, tmp_path)
 
 
+@pytest.mark.slow
 def test_tutorials_of_gmsh(tmp_path: Path) -> None:
     drawings = {path.stem: path for path in sorted(TUTORIALS.glob("t*.geo")) if path.stem not in NEED_MORE}
     if not drawings:

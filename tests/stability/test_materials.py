@@ -71,6 +71,7 @@ def growth(mode: str, contrast: float) -> float:
     return (found.kinetic + found.strain) / start
 
 
+@pytest.mark.slow
 def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     """Two materials, one-sided bonds.
 

@@ -107,6 +107,7 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     return [one / begins for one in found[1:]]
 
 
+@pytest.mark.slow
 def test_the_coupling_grows_where_families_are_small_and_damping_stops_it() -> None:
     """Free vibration for 4000 units h sqrt(rho / E), m = 4: measured e^(0.0114 t) without damping, 8e9 of the energy
     after 1000; with 0.05 sqrt(E / rho) / h beside the seam it only falls (0.02 stops it from 6 on)."""

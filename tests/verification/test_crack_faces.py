@@ -91,6 +91,7 @@ BESIDE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("m", "profile"), BESIDE)
 def test_in_tension_along_a_crack_the_energy_beside_it_is_the_bulks(m: int, profile: str) -> None:
     """Within 3 per cent over the horizon beside it, stretched as the correction has it; pulled, and left to narrow by
@@ -178,6 +179,7 @@ def test_the_field_of_a_tip_is_best_with_all_of_the_faces_corrected(m: int, mode
     assert errors[0] < 0.95 * min(errors[1:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("m", "mode"), TIP)
 def test_the_energy_released_is_nearer_with_faces_corrected(m: int, mode: Literal[1, 2]) -> None:
     """And nearest so in opening, which is how cracks run; in sliding a tip that is too soft makes up for more."""

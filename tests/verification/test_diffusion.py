@@ -118,6 +118,7 @@ def test_a_disc_gives_off_heat_through_its_edge() -> None:
     assert whole + supplied == pytest.approx(float((system.operator.volume * state.content).sum()), rel=1e-13)
 
 
+@pytest.mark.slow
 def test_a_sphere_gives_off_heat_through_its_surface() -> None:
     """H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids (1959), 9.4: Bi = 1; what is left within 1 %."""
     spacing, Bi = 1 / 14, 1.0

@@ -140,6 +140,7 @@ def rings(times: tuple[float, ...]) -> NDArray[np.float64]:
     return radial(np.array(times))
 
 
+@pytest.mark.slow
 def test_a_screw_by_enthalpy() -> None:
     """In space, 57 856 nodes and 178 neighbours: an independent program's shares, to their four digits.
 
@@ -161,6 +162,7 @@ def test_a_screw_by_enthalpy() -> None:
     assert abs(now.balance(start)) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_screw_with_collocation_outside_a_cylinder() -> None:
     """Twice as coarse there: 0.0012 of the screw off the uniform one at most, and it balances to 1e-12."""
     uniform, coarse = (prepare(screw(0.25, 80, half), 1) for half in (False, True))

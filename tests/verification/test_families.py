@@ -101,6 +101,7 @@ def test_a_strip_of_beams(nu: float, E: float, lateral: float) -> None:
     assert found == pytest.approx((E, lateral), abs=2e-3)  # independent
 
 
+@pytest.mark.slow
 def test_a_hole_in_a_nearly_incompressible_plate() -> None:
     """nu = 0.45, plane strain: the stress a horizon above the hole."""
     found = solved(16, 3, msgspec.structs.replace(STRAIN, nu=0.45))

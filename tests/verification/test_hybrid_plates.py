@@ -58,6 +58,7 @@ PLATES = {  # and how far energy dissipated may be from that of the uniform run,
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLATES)
 def test_a_plate_cracks_as_the_uniform_one(name: str) -> None:
     """When its first bond breaks, what loads have done, what was spent; energy is conserved as in the uniform run."""

@@ -76,6 +76,7 @@ def bar(solid: dict[str, object], static: bool) -> Model:
     return plate(square_grid(20, 7), 3, material=material, conditions=(fixed, pull), run=run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("static", [False, True], ids=["marching", "at rest"])
 @pytest.mark.parametrize("solid", [{}, {"form": "rate", "hardening": 1e9}], ids=["total", "rate"])
 def test_a_run_that_goes_on_flows_to_the_same_bits(

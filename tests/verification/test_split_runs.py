@@ -38,6 +38,7 @@ def kept(system: System, state: State, found: Ledger, initial: float) -> float:
     return found.balance(initial) - swing / initial
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("levels", [1, 2])
 def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
     """A wave goes up and down a plate, cells split and merge: momentum to round-off, energy to what is nonlinear."""
@@ -91,6 +92,7 @@ def torn() -> Model:
     return plate(grid, 3, conditions=ends, run=Run(time_step=4e-8, steps=100, every=20, adapt="split", split=split))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_an_interrupted_run_goes_on_to_the_same_tables(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: str
@@ -126,6 +128,7 @@ def test_an_interrupted_run_goes_on_to_the_same_tables(
     assert contents(path) == contents(whole)
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 of the command while cells split and merge."""
     document, path, whole = (tmp_path / name for name in ("plate.json", "killed.sqlite", "whole.sqlite"))

@@ -32,6 +32,7 @@ def test_the_integrals_of_the_exact_displacements(angle: float) -> None:
     assert along == pytest.approx(lattice.exact.tip.T, abs=0.02)  # measured 0.0012, 0.0001, 0.0093
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angle", "material"),
     [(0.0, {}), (45.0, {}), (45.0, {"micromodulus": "conical"}), (45.0, {"plane": "strain"})],

@@ -35,6 +35,7 @@ def eigenvalues(problem: Prepared, kx: int, ky: int) -> list[float]:
     return sorted(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "material", "checkerboard", "stripes"),
     [

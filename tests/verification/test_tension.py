@@ -62,6 +62,7 @@ MEASURED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "m", "profile"), MEASURED)
 def test_the_strain_of_a_plate_of_100_nodes(mode: str, m: int, profile: str) -> None:
     """Published for energy corrections without calibration: -1.4 | -2.0 (m = 3), -0.75 | -0.3 (m = 4), -0.8 | -1.5
@@ -95,6 +96,7 @@ def order(x: tuple[int, ...], errors: list[float]) -> float:
     return float(-np.polyfit(np.log(x), np.log(np.abs(errors)), 1)[0])
 
 
+@pytest.mark.slow
 def test_delta_convergence() -> None:
     """m = 4, 20 to 160 nodes a metre: first order in the horizon, towards the lattice's own stiffness."""
     finenesses = (20, 40, 80, 160)

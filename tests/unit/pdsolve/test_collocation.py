@@ -77,6 +77,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     assert str(error.value).endswith("as run.adapt is collocation")
 
 
+@pytest.mark.slow
 def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A scene, a drawing and both programs may ask for it; bad input leaves one line and no file."""
     scene = Scene(box(0, 0, 0.04, 0.024), 1e-3, STEEL).adapt("collocation", damped=True)
@@ -139,6 +140,7 @@ def test_few_spacings_have_to_be_asked_for(tmp_path: Path, capsys: pytest.Captur
         assert len(list(impossible(settings, 2))) == lines
 
 
+@pytest.mark.slow
 def test_what_the_seam_takes_is_booked_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A plate that nothing breaks in: bonds spend nothing at all, the seam much, which every command says."""
     path = tmp_path / "plate.sqlite"
@@ -163,6 +165,7 @@ def test_what_the_seam_takes_is_booked_and_said(tmp_path: Path, capsys: pytest.C
     assert shown["damped"] == history["damped"].tolist()
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 after nodes were switched, and other numbers of steps and threads at a time: the same to the bit."""
     whole, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"

@@ -26,6 +26,7 @@ def drifting(**run: Any) -> Model:
     return plate(square_grid(9, 5), conditions=moving, run=Run(time_step=1e-7, steps=40, every=40, ledger=1, **run))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("precision", "off"), [("float64", 1e-12), ("float32", 1e-5)])
 def test_a_plate_that_drifts_loses_what_is_booked(precision: str, off: float) -> None:
     """Its velocity falls by (1 - c dt / 2) / (1 + c dt / 2) a step; what Verlet keeps is m (dt a)^2 / 8 less than the

@@ -42,6 +42,7 @@ def gone(problem: Prepared) -> set[tuple[int, int, int]]:
     return set(zip(*(column.tolist() for column in problem.system.operator.broken()), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [pytest.param(law, marks=SLOW if law.startswith("wan") else ()) for law in LAWS])
 @pytest.mark.parametrize("name", GRIDS)
 def test_steps_from_anywhere(name: str, law: str) -> None:
@@ -83,6 +84,7 @@ def test_a_whole_run(law: str) -> None:
     assert books(*fast, 120)[2:] == pytest.approx(books(*listed, 120)[2:], rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["ordinary", "correspondence", "wan"])
 def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
     """All bonds lost but one a node, the sums of whole families kept: f_ij = -f_ji."""
@@ -110,6 +112,7 @@ def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
     assert np.array_equal(force[one], -force[other])
 
 
+@pytest.mark.slow
 def test_slots_share_what_lanes_have_in_common() -> None:
     """Inside a lattice all bonds of a slot have the same numbers, round-off aside."""
     problem = prepare(plate(square_grid(256, 40, x0=3.7), material=glass("ordinary")), Options())

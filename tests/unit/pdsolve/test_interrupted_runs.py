@@ -49,6 +49,7 @@ def stopped_at(path: Path, model: Model, stops: list[int], options: Options) -> 
     resume(path).close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [Options(), Options("thesis"), Options(kernel="listed", precision="float32"), Options(precision="float32")],
@@ -104,6 +105,7 @@ def test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped(
     assert contents(killed) == contents(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", range(2, 30, 3))
 def test_an_interrupt_in_the_middle_of_writing(
     probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int

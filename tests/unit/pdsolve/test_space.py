@@ -30,6 +30,7 @@ def bar(run: Run, spacing: float = 0.1) -> Model:
     return Model(found.grid, found.settings)
 
 
+@pytest.mark.slow
 def test_results_of_a_body_carry_z(tmp_path: Path) -> None:
     model = bar(Run(steps=20, every=10, probes=((1.0, 0.2, 0.15),)))
     path = tmp_path / "bar.sqlite"
@@ -83,6 +84,7 @@ def pulled(model: str, nu: float, method: str, thick: int = 4) -> tuple[float, f
     return along / 1e-3, -across / along
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "nu", "strain", "ratio"),
     [

@@ -75,6 +75,7 @@ def test_work_is_what_is_held_and_spent(grown: Path) -> None:
     assert summary["method"] == "Newton's method with factors"
 
 
+@pytest.mark.slow
 def test_bonds_of_no_lattice_are_spent_once() -> None:
     model, random = cantilever(), np.random.default_rng(5)
     moved = model.grid.position + random.uniform(-5e-5, 5e-5, model.grid.position.shape)

@@ -60,6 +60,7 @@ def test_cad_files(name: str, cad: Path) -> None:
     assert read_outline(cad / "mm.brep", 1e-4, unit="mm").area == pytest.approx(outline.area, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spacing", ["5e-324", "1e-300", "1e-12", "1e308", "nan", "inf", "-1"])
 @pytest.mark.parametrize("name", ["plate.step", "plate.brep"])
 def test_absurd_spacings_of_a_cad_file(name: str, spacing: str, cad: Path) -> None:

@@ -142,6 +142,7 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(geo, "CAD_SECONDS", 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_is_a_grid_or_one_error(kind: str, tmp_path: Path) -> None:
     check(kind, 1, KINDS[kind][1], tmp_path)

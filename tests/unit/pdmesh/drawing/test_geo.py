@@ -255,6 +255,7 @@ def test_files_that_are_no_drawings(tmp_path: Path) -> None:
         read_geo(tmp_path / "binary.geo")
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_any_damage_to_a_drawing_is_one_error(tmp_path: Path, data: st.DataObject) -> None:

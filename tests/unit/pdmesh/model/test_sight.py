@@ -89,6 +89,7 @@ SHAPES = {  # gamma: sum of weights, shape tensor xx, xy, yy, weights of the nei
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", SHAPES)
 def test_weights_around_a_tip(gamma: float | None) -> None:
     """A node half a spacing before the tip and beside it; here a cubic spline is 1, there 2/3 at the node itself."""
@@ -177,6 +178,7 @@ def test_mirror_images_have_mirrored_weights(gamma: float | None, x0: float) -> 
     assert np.abs(dense - dense[np.ix_(image, image)]).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["bond", "ordinary", "micropolar"])
 def test_every_law_takes_the_way_round(law: str) -> None:
     """A bond that goes round has some stiffness or weight, less than one that does not; the same both ways."""

@@ -120,6 +120,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert mentions(capsys.readouterr().err, found="'much'", expected=("2%", "0.02"))
 
 
+@pytest.mark.slow
 def test_a_fine_zone_that_moves_is_proposed_where_it_takes_fewer_updates(capsys: pytest.CaptureFixture[str]) -> None:
     """For a crack in a large plate; not without a crack, and not where the solver would refuse it."""
     drawing = GEOMETRIES / "duran50.geo"

@@ -154,6 +154,7 @@ def test_the_front_and_the_cheapest() -> None:
     assert cheapest(cost, error, 0.001) is None
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """One picture, one JSON; the cheapest is named; what cannot be is one line and exit code 2."""
     monkeypatch.chdir(tmp_path)

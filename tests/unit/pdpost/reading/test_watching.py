@@ -73,6 +73,7 @@ def test_a_run_that_has_not_begun_is_waited_for(small_results: Path, tmp_path: P
         list(watching.frames(path, 10.0, print, clock=clock, wait=wait))
 
 
+@pytest.mark.slow
 def test_a_watched_run_comes_to_the_same_bits(small_plate: Model, tmp_path: Path) -> None:
     """Each frame it draws is one of the run's, more than one of them while it runs; nobody waits for the watcher."""
     model = tmp_path / "plate.json"

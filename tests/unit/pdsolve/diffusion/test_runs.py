@@ -42,6 +42,7 @@ def small(medium: Medium = CORRODING, **run: object) -> Model:
     return dataclasses.replace(base, settings=settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("medium", "run"), [(CORRODING, {}), (KINETIC, {}), (CORRODING, {"solver": "implicit", "theta": 0.5})]
 )
@@ -63,6 +64,7 @@ def test_stopped_anywhere_a_run_goes_on_to_the_same_bits(
         assert [table for table in expected if found[table] != expected[table]] == [], stops
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     base = disc(0.1, 2000, CORRODING)
     run = msgspec.structs.replace(base.settings.run, every=100)

@@ -61,6 +61,7 @@ def test_a_strip_without_correction() -> None:
     assert found == pytest.approx([0.917, 0.939], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_bar_in_space_conducts_D() -> None:
     """12 nodes thick: 0.22 % off, which is its edges, where M is not positive; uncorrected 0.80."""
     system, state = rest(strip(12, height=12))
