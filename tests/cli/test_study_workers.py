@@ -75,6 +75,7 @@ def test_a_program_that_a_study_names_is_not_run(plate: Path, capsys: pytest.Cap
     assert Path("ran").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks at processes by Linux's means")
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
 def test_a_study_that_is_ended_leaves_no_process_and_no_folder_and_opens_no_port(plate: Path, end: int) -> None:

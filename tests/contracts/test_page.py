@@ -73,6 +73,7 @@ def test_the_contracts_hold(copy: Path) -> None:
     assert " passed" in said
 
 
+@pytest.mark.slow
 def test_a_crack_costs_G0(copy: Path) -> None:
     """In the plane and in space, in both precisions."""
     words = "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "tests/contracts/test_spent.py"

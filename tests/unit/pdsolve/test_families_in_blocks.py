@@ -70,6 +70,7 @@ def test_steps_from_anywhere(name: str, law: str) -> None:
         assert nearly(shown[field], values, 1e-10), field
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["ordinary", "svk by stress"])
 def test_a_whole_run(law: str) -> None:
     """A plate torn to pieces: the same bonds break in the same steps, and the books agree."""

@@ -164,6 +164,7 @@ def test_a_mouth_is_no_tip() -> None:
         assert found == pytest.approx(2 * np.hypot(8.5, 0.5), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [None, 1.0, 2.0])
 @pytest.mark.parametrize("x0", [0.0, 0.5])
 def test_mirror_images_have_mirrored_weights(gamma: float | None, x0: float) -> None:

@@ -136,6 +136,7 @@ def test_plan_says_what_is_then_built() -> None:
     assert any(line.split() == ["nodes", str(own["nodes"]), str(flat["nodes"])] for line in lines)
 
 
+@pytest.mark.slow
 def test_a_plan_of_a_fine_zone_that_moves_has_its_nodes_and_those_it_is_part_of() -> None:
     """Zones, which the solver does not want, are laid as one lattice first; the other column is solved uniformly."""
     found = plan(read_scene(GEOMETRIES / "duran50.geo").adapt())
