@@ -147,7 +147,9 @@ def those_of(root: Path, file: str, change: Change) -> list[str]:
     own = functions(text).get(change.name)
     if own is not None and f"{file}:{own.name}" in executed().functions:
         return _names(_of(file, own, own.statements.get(change.line)))
-    words = frozenset(change.name.split(".")[:1]) if change.name else assigned(text, change.line)
+    outer, _, inner = change.name.rpartition(".")
+    is_method = outer[:1].isupper() and not inner.startswith("__")
+    words = frozenset({inner if is_method else change.name.partition(".")[0]} - {""}) or assigned(text, change.line)
     found, done = [], set[str]()
     files = {file}
     for _ in range(REMOVES):

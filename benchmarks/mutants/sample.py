@@ -15,10 +15,11 @@ from typing import NamedTuple
 from benchmarks.mutants import trees
 from benchmarks.mutants.changes import Change, changes
 from benchmarks.mutants.equivalent import EQUIVALENT
-from benchmarks.mutants.executed import bare, those_of
+from benchmarks.mutants.executed import those_of
 from benchmarks.mutants.likely import cheapest_first, likely, product
 
 SOON, HANGS = 20.0, 30.0  # s: a test that ends so soon in what is right may take so much longer in what is not
+COMPILED = 2  # times the limit, where kernels are compiled anew
 PATIENCE = 4  # times the limit for a test that failed, where all is right
 KILLED, SURVIVED, UNDECIDED = "killed", "SURVIVED", "undecided"
 
@@ -76,6 +77,7 @@ def fate(pair: Pair, one: Drawn, limit: float) -> Fate:
     text = (pair.broken / one.file).read_text(encoding="utf-8")
     began, suspect = time.perf_counter(), None
     with trees.broken(pair.broken, one.file, one.change.applied(text)) as kept:
+        limit *= 1 if kept else COMPILED
         while (left := limit - (time.perf_counter() - began)) > 0:
             ran = trees.run(pair.broken, files, left, kept=kept, first=first, left_out=pair.failing)
             taken = time.perf_counter() - began
@@ -107,10 +109,11 @@ def _out_of_time(pair: Pair, test: str | None, first: list[str], kept: bool) -> 
     if test not in pair.failing:
         sound = trees.run(pair.right, [test], SOON, kept=True)
         if sound.code == 0:
-            again = trees.run(pair.broken, [test], sound.seconds + HANGS, kept=kept)
+            more = HANGS if kept else PATIENCE * HANGS  # kernels are compiled
+            again = trees.run(pair.broken, [test], sound.seconds + more, kept=kept)
             if again.code == trees.TIMED_OUT:
                 return Fate(KILLED, f"{test} does not end", 0.0)
-    if bare(test) in {bare(name) for name in first}:
+    if test in first:
         return Fate(UNDECIDED, f"{test} takes too long", 0.0)
     return Fate(SURVIVED, "time was up", 0.0)
 
