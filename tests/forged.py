@@ -32,7 +32,7 @@ from tampered import tampered
 from pdsolve.results.checksums import Checksum, select_schema
 from pdsolve.results.schema import TABLES
 
-LONG = 60  # s: what takes longer has no end
+LONG = 60  # s of computing: what takes longer has no end
 EVIL: tuple[Any, ...] = (
     *(-1, 0, 1, 7, 2, 1000, -(2**31), 2**31, 2**62, 2**63 - 1, -(2**63), 10**6),
     *(math.inf, -math.inf, 1e300, -1e300, 1e-320, 1e9, -1e9, 0.5, 1e30),
@@ -281,12 +281,14 @@ def forge(path: Path, chance: random.Random) -> str:
     return " ".join(done)
 
 
-def outcome(main: Callable[[list[str]], int], words: list[str], answers: Sequence[int] = (0, 2)) -> str:
+def outcome(
+    main: Callable[[list[str]], int], words: list[str], answers: Sequence[int] = (0, 2), patience: int = LONG
+) -> str:
     """What is wrong with how a command ended, by codes that are `answers`; nothing if it said what it found, or in one
-    line why it did not."""
+    line why it did not. After `patience` seconds of computing there is an alarm."""
     out, err = io.StringIO(), io.StringIO()
-    faulthandler.dump_traceback_later(2 * LONG, exit=True)
-    signal.alarm(LONG)
+    faulthandler.dump_traceback_later(10 * LONG, exit=True)
+    signal.setitimer(signal.ITIMER_PROF, patience)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -296,7 +298,7 @@ def outcome(main: Callable[[list[str]], int], words: list[str], answers: Sequenc
     except BaseException:
         return traceback.format_exc()[-1500:]
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
         faulthandler.cancel_dump_traceback_later()
     said = err.getvalue()
     lines = [line for line in said.splitlines() if not re.match(r"pd\w+: (warning|note): ", line)]
@@ -309,14 +311,14 @@ def outcome(main: Callable[[list[str]], int], words: list[str], answers: Sequenc
 
 def end_of(*_: object) -> None:
     """Ends what takes too long."""
-    raise TimeoutError(f"no end within {LONG} s")
+    raise TimeoutError(f"no end within {LONG} s of computing")
 
 
 def forged_runs(folder: Path, seed: int, count: int, each: int) -> list[dict[str, str]]:
     """Forge so many of the databases in a folder, and run `each` commands over every one of them; what went wrong."""
     from pdpost.__main__ import main
 
-    signal.signal(signal.SIGALRM, end_of)
+    signal.signal(signal.SIGPROF, end_of)
     os.chdir(folder)
     whole = sorted(path for path in Path().glob("*.sqlite") if path.name != "forged.sqlite")
     wrong, numbers = (

@@ -154,7 +154,7 @@ def forged_stops(folder: Path, seed: int, count: int) -> list[dict[str, str]]:
     """Go on with so many forged runs, of the databases in a folder in turn; what went wrong."""
     from pdsolve.__main__ import main
 
-    signal.signal(signal.SIGALRM, end_of)
+    signal.signal(signal.SIGPROF, end_of)
     os.chdir(folder)
     whole = sorted(path for path in Path().glob("*.sqlite") if path.name != "forged.sqlite")
     wrong, path = [], Path("forged.sqlite")
@@ -175,7 +175,7 @@ def sound_stops(folder: Path) -> list[str]:
     """Go on with the runs in a folder as they are; what is refused."""
     from pdsolve.__main__ import main
 
-    signal.signal(signal.SIGALRM, end_of)
+    signal.signal(signal.SIGPROF, end_of)
     os.chdir(folder)
     refused, path = [], Path("forged.sqlite")
     for base in sorted(path for path in Path().glob("*.sqlite") if path.name != "forged.sqlite"):
