@@ -22,7 +22,8 @@ from benchmarks.mutants.likely import cheapest_first, product, read, tests
 KEPT = Path(__file__).parent / "executed.json.xz"
 EACH = 6  # tests for each statement
 MOST = 12  # tests for each change
-REMOVES = 4  # calls between what is seen and what is compiled
+FEW = 3  # tests: it may write what is compiled, as the first test does that needs it; those of its callers count too
+REMOVES = 6  # calls between what is seen and what is compiled
 PARAMETERS = re.compile(r"\[.*\]$", re.DOTALL)
 
 
@@ -145,12 +146,15 @@ def those_of(root: Path, file: str, change: Change) -> list[str]:
     """
     text = (root / file).read_text(encoding="utf-8")
     own = functions(text).get(change.name)
+    found: list[Reached] = []
     if own is not None and f"{file}:{own.name}" in executed().functions:
-        return _names(_of(file, own, own.statements.get(change.line)))
+        found = _of(file, own, own.statements.get(change.line))
+        if not found or len({one.test for one in found}) >= FEW:
+            return _names(found)
     outer, _, inner = change.name.rpartition(".")
     is_method = outer[:1].isupper() and not inner.startswith("__")
     words = frozenset({inner if is_method else change.name.partition(".")[0]} - {""}) or assigned(text, change.line)
-    found, done = [], set[str]()
+    done = set[str]()
     files = {file}
     for _ in range(REMOVES):
         files |= {user for one in files for user in _importers(root, one)}
@@ -158,7 +162,7 @@ def those_of(root: Path, file: str, change: Change) -> list[str]:
         for user, function in callers:
             for statement in {number for word in words for number in function.said.get(word, ())}:
                 found += _of(user, function, statement)
-        if found:
+        if len({one.test for one in found}) >= FEW:
             break
         done |= words
         words = frozenset(word for _, one in callers for word in (one.name.partition(".")[0], *one.also)) - done

@@ -14,10 +14,12 @@ from pdpost.reading.times import told
 
 
 def test_the_unit_is_that_of_the_time() -> None:
-    assert [told(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.75, 36)] == [
+    assert [told(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.099, -0.1, 0.75, 36)] == [
         "0 us",
         "42.5 us",
         "-1000 us",
+        "9.9e+04 us",
+        "-0.1 s",
         "0.75 s",
         "36 s",
     ]
