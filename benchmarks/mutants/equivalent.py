@@ -6,4 +6,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "sagitta = float(np.clip(CHORD_TOLERANCE * spacing / self.radius, 1e-15, 0.25))",
         "(2e-15)",
     ): "a floor against a division by zero, of circles 1e13 times as wide as a spacing",
+    (
+        "pdpost/figures/style.py",
+        "if drawn.width <= room:",
+        "(drawn.width < room)",
+    ): "a figure that is exactly as wide as there is room is drawn once more, and as wide",
 }

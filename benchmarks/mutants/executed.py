@@ -148,7 +148,12 @@ def those_of(root: Path, file: str, change: Change) -> list[str]:
     own = functions(text).get(change.name)
     found: list[Reached] = []
     if own is not None and f"{file}:{own.name}" in executed().functions:
-        found = _of(file, own, own.statements.get(change.line))
+        statement = own.statements.get(change.line)
+        found = _of(file, own, statement)
+        hand_on = [one for one in functions(text).values() if statement in own.said.get(one.name, ())]
+        handed = _names(reached for one in hand_on for reached in _of(file, one, None))[: MOST // 2]
+        if handed and found:  # what all commands execute to say what each does
+            return list(dict.fromkeys(handed + _names(found)))
         if not found or len({one.test for one in found}) >= FEW:
             return _names(found)
     outer, _, inner = change.name.rpartition(".")

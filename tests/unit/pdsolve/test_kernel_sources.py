@@ -80,3 +80,11 @@ def test_a_file_of_ones_own_counts_itself(tmp_path: Path) -> None:
 
 def digest(file: str) -> str:
     return kernel_sources.digest_of.__wrapped__(file)
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("laws/__init__.py", "pdsolve.laws"), ("laws/brittle.py", "pdsolve.laws.brittle"), ("__init__.py", "pdsolve")],
+)
+def test_the_file_of_a_package_has_its_name(file: str, name: str) -> None:
+    assert kernel_sources.name_of(Path(kernel_sources.__file__).parent.parent / file) == name
