@@ -233,6 +233,8 @@ def bind(law: ModuleType) -> None:
     kind = law.Law
     if kind in _said:
         return
+    # numba calls what it compiles after the names of types: two laws of the same columns would be one
+    kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
     said = _said[kind] = _Said(
         getattr(law, "gather", _gather_nothing),
         getattr(law, "close", _close_nothing),

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
+import sys
+from pathlib import Path
+from types import ModuleType
 
 import msgspec
 import numpy as np
@@ -12,7 +16,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import LAWS, law_of, limits
+from pdsolve.laws import LAWS, bilinear, law_of, limits
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes import average_horizon
@@ -47,7 +51,7 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, prec
     state = State(*np.zeros((3, 2, dimension), dtype=precision), *np.zeros((3, 2)))
     peak, limit = (float(np.dtype(precision).type(column[0])) for column in found)
     tight = 4 * float(np.finfo(precision).eps) / CRITICAL  # round-off of the length of a bond so little stretched
-    work, step, places = 0.0, 0, sorted({0.0, peak, limit})
+    work, step, places = 0.0, 0, sorted({0.0, peak, peak + (limit - peak) / 4, limit})
 
     def pulls(stretch: float) -> float:
         nonlocal step
@@ -69,6 +73,41 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, prec
     assert operator.energies(state)[0].sum() == 0
     assert state.dissipated.sum() == pytest.approx(work, rel=tight)
     assert work == pytest.approx(STIFFNESS * CRITICAL**2 / 2, rel=tight)
+
+
+def twice(folder: Path) -> ModuleType:
+    """The bilinear law in a file of its own, all of its bonds twice as stiff."""
+    text = Path(str(bilinear.__file__)).read_text(encoding="utf-8")
+    for line in ("force = law.stiffness[k] * bond.stretch", "quarter, spent = law.stiffness[k] * bond.length / 4, 0.0"):
+        assert text.count(line) == 1
+        text = text.replace(line, line.replace("law.stiffness[k]", "(law.stiffness[k] + law.stiffness[k])"))
+    path = folder / "twice_bilinear.py"
+    path.write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@shapes
+def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> None:
+    """In one process, whichever ran before."""
+    model, pulls = plate(square_grid(4, 4), material=of("bilinear", 2.0)), []
+    bonds = average_horizon.fill(model).whole().bonds
+    for law in (bilinear, twice(tmp_path), bilinear):
+        operator = BondList(law, model, bonds, True, precision)
+        state = State(*np.zeros((3, 16, 2), dtype=precision), *np.zeros((3, 16)))
+        state.value[:] = 1e-7 * model.grid.position[:, ::-1] / model.grid.position.max()
+        out = np.zeros_like(state.value)
+        operator.add(state, out, 1, 0.0)
+        pulls.append((out, operator.energies(state)[0]))
+    for one, other, again in zip(*pulls, strict=True):
+        assert np.abs(one).max() > 0
+        assert np.array_equal(2 * one, other)
+        assert np.array_equal(one, again)
 
 
 def block(material: Material, ratio: float) -> Model:
