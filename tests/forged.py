@@ -281,6 +281,9 @@ def forge(path: Path, chance: random.Random) -> str:
     return " ".join(done)
 
 
+OF_A_RUN = re.compile(r"pdsolve study: run \d+ failed: .+: .+")
+
+
 def outcome(
     main: Callable[[list[str]], int], words: list[str], answers: Sequence[int] = (0, 2), patience: int = LONG
 ) -> str:
@@ -306,7 +309,9 @@ def outcome(
         sum(line.startswith("pd") for line in lines) != 1 or not all(map(str.isprintable, said.splitlines()))
     ):
         return f"said {said!r}"
-    return "" if code in answers or (words[0] == "watch" and code == 1) else f"ended with {code}: {said!r}"
+    patient = words[0] == "watch" and code == 1
+    own = code == 1 and lines and all(OF_A_RUN.match(line) for line in lines)  # a study's runs fail each in a line
+    return "" if code in answers or patient or own else f"ended with {code}: {said!r}"
 
 
 def end_of(*_: object) -> None:

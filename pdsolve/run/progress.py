@@ -22,7 +22,8 @@ LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
 def in_notebook() -> bool:
     """Whether this process is a notebook's kernel."""
-    return "ipykernel" in sys.modules
+    kernels = sys.modules.get("ipykernel.kernelapp")  # others import it without being one
+    return kernels is not None and bool(kernels.IPKernelApp.initialized())
 
 
 def bar(what: str, unit: str, **more: Any) -> Any:

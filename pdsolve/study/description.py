@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import json
 import math
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -182,7 +183,9 @@ def read_study(path: Path) -> Study:
 
 
 def _refuse_odd(value: Any, place: str) -> None:
-    """Raises ValueError for what TOML has and no parameter can be: dates and times."""
+    """Raises ValueError for what TOML has and no parameter can be: dates and times, numbers that no double holds."""
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        raise ValueError(f"{place}: found an integer of {value.bit_length()} bits, expected one below 1.8e308")
     if isinstance(value, date | time):
         raise ValueError(f"{place}: found {value}, expected a number, a word, a list or a table")
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()

@@ -82,6 +82,10 @@ def test_values_are_words_as_the_command_line_has_them() -> None:
         ("vary.mode = ['quick']", re.escape("Invalid enum value 'quick'")),
         ("varied.mode = ['thesis']", re.escape("unknown field `varied`")),
         (
+            f"vary.model.material.G0 = [{10**400}]",
+            naming("$.vary.model.material.G0[0]", found="1329 bits", expected="1.8e308"),
+        ),
+        (
             "vary.drawing.length = [1979-05-27]",
             naming("$.vary.drawing.length[0]", found="1979-05-27", expected=("number", "word")),
         ),
