@@ -7,13 +7,25 @@ coarse lattice; pieces of clipped bonds, which never break, are left out.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import AXIS, BORDERS, COARSE_ROWS, FORCE, HOLDS, PLACE, PROFILE, ROWS, VALUE
+from pdsolve.adaptivity.hybrid.arrays import (
+    AXIS,
+    BORDERS,
+    COARSE_ROWS,
+    FORCE,
+    HOLDS,
+    PLACE,
+    PROFILE,
+    ROWS,
+    VALUE,
+    Nodes,
+)
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
@@ -143,14 +155,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """The operator on the nodes there are now, if they are others."""
         return None if self.current else HybridOperator(self.hybrid, self._cut)
 
-    def _gather(self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Values (2, places) of both lattices, into out (n, 2)."""
-        border, count = self.hybrid.zone.border, self.hybrid.zone.number[BORDERS]
-        out[self._at_fine] = fine[:, self._fine].T
+    def _gather(self, of: Callable[[Nodes, NDArray[np.int64]], NDArray[np.float64]], out: NDArray[np.float64]) -> None:
+        """Put into out (n, 2) what both lattices have: `of` a lattice's nodes, at places (k,), (2, k)."""
+        zone = self.hybrid.zone
+        border, count = zone.border, zone.number[BORDERS]
+        out[self._at_fine] = of(zone.fine, self._fine).T
         w = border.w[:count, None]
-        first, second = (coarse[:, border.end[:count, side]].T for side in (0, 1))
+        first, second = (of(zone.coarse, border.end[:count, side]).T for side in (0, 1))
         out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
-        out[self._at_coarse] = coarse[:, self._coarse].T
+        out[self._at_coarse] = of(zone.coarse, self._coarse).T
 
     def _put(self, state: State) -> None:
         """Give both lattices the values and rates of a state; nodes on the border follow."""
@@ -169,8 +182,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def sync(self, state: State) -> None:
         """Bring a state up to date with both lattices; of work the ledger alone knows."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        self._gather(zone.fine.u[now], zone.coarse.u[now], state.value)
-        self._gather(zone.fine.v, zone.coarse.v, state.rate)
+        self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
+        self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
         state.second[:] = self.accelerations()
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
@@ -178,8 +191,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
-        zone, found = self.hybrid.zone, np.zeros((len(self.places), 2))
-        self._gather(zone.fine.f * zone.fine.light, zone.coarse.f * zone.coarse.light, found)
+        found = np.zeros((len(self.places), 2))
+        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], found)
         return found
 
     def spent(self) -> NDArray[np.float64]:

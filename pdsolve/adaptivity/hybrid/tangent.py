@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron
+from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES
+from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES, Nodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
@@ -58,17 +58,8 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
         rows[on_fine] = row_of[a[on_fine], None]
         w = np.where(on_fine, 0.0, pieces.value[:some, side])
         found.append(_between(np.arange(some), rows, w, nodes, some))
-    parts = [(part @ of_node).tocoo() for part in found]
-    shift = np.cumsum([0, *(part.shape[0] for part in parts)])
-    rows = np.concatenate([part.coords[0] + first for part, first in zip(parts, shift, strict=False)])
-    columns, values = (np.concatenate(one) for one in zip(*((p.coords[1], p.data) for p in parts), strict=True))
-    return Points(
-        of_node,
-        coo_array((values, (rows, columns)), (int(shift[-1]), nodes)).tocsr(),
-        of_fine,
-        of_coarse,
-        np.stack([shift[1] + np.arange(some), shift[2] + np.arange(some)]),
-    )
+    of_end = len(known) + np.arange(2 * some).reshape(2, some)
+    return Points(of_node, (vstack(found) @ of_node).tocsr(), of_fine, of_coarse, of_end)
 
 
 def _between(
@@ -101,22 +92,14 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
     zone, ground = hybrid.zone, hybrid.ground
     u = points.of_point @ value
     fine, coarse = np.flatnonzero(points.fine >= 0), np.flatnonzero(points.coarse >= 0)
-    entry = zone.fine.entry[fine // ROW].astype(np.int64)
-    own = zone.fine.own[np.maximum(entry, 0), :, fine % ROW]
-    node, k = np.nonzero(np.where(entry[:, None] < 0, ground.table[:, 5] > 0, own > 0))
-    stiffness = np.where(entry[node] < 0, ground.table[k, 5], own[node, k])
+    node, k, stiffness = _springs(zone.fine, fine, ground.table)
     xi = ground.table[k, :2]
     source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
     found = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
 
-    row = coarse // ROW
-    entry = zone.coarse.entry[row].astype(np.int64)
-    own = zone.coarse.own[np.maximum(entry, 0), :, coarse % ROW]
-    own = np.where(entry[:, None] < 0, ground.coarse_table[:, 5], own)
-    node, k = np.nonzero(own)
-    ends = coarse[node], coarse[node] + ground.coarse_ways[k]
-    one, other = (points.coarse[end] for end in ends)
-    found += of_green_springs(one, other, ground.coarse_table[k, :2], own[node, k], u)
+    node, k, stiffness = _springs(zone.coarse, coarse, ground.coarse_table)
+    source, target = points.coarse[coarse[node]], points.coarse[coarse[node] + ground.coarse_ways[k]]
+    found += of_green_springs(source, target, ground.coarse_table[k, :2], stiffness, u)
 
     some, (first, second) = int(zone.number[PIECES]), points.ends
     piece = zone.pieces.value[:some]
@@ -124,3 +107,14 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
         found += of_green_springs(one, other, sign * piece[:, XI], piece[:, STIFFNESS], u)
     moved = kron(points.of_point, eye_array(2)).tocsr()
     return (moved.T @ found @ moved).tocsr()
+
+
+def _springs(
+    nodes: Nodes, places: NDArray[np.int64], table: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """The springs that nodes of a lattice have: number of each one's place, its number in the `table`, and its
+    stiffness, N/m^2."""
+    entry = nodes.entry[places // ROW].astype(np.int64)
+    found = np.where(entry[:, None] < 0, table[:, 5], nodes.own[np.maximum(entry, 0), :, places % ROW])
+    node, k = np.nonzero(found)
+    return node, k, found[node, k]
