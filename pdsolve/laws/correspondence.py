@@ -203,18 +203,9 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
     """The gradient in m[i] from `at` on, nine."""
     none = m[i, at] * 0
     if d == 2:
-        return (m[i, at], m[i, at + 1], none, m[i, at + 2], m[i, at + 3], none, none, none, none)
-    return (
-        m[i, at],
-        m[i, at + 1],
-        m[i, at + 2],
-        m[i, at + 3],
-        m[i, at + 4],
-        m[i, at + 5],
-        m[i, at + 6],
-        m[i, at + 7],
-        m[i, at + 8],
-    )
+        xx, xy, yx, yy = square(m, i, at, (none, none))
+        return (xx, xy, none, yx, yy, none, none, none, none)
+    return square(m, i, at, (none, none, none))
 
 
 def tabled(law: Law, bonds: Bonds) -> Tabled:
