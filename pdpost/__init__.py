@@ -1,8 +1,8 @@
 """Pictures, histories and crack figures from a database of peridynamic results.
 
-For scripts: `Results.open` reads a database, `crack` says what its cracks did, `figures` draws it;
-`crack_table` and `study_table` are tables, which `pandas.DataFrame` takes as they are. What is measured
-besides is in `pdpost.measures`, files for other programs in `pdpost.exports`.
+For scripts: `Results.open` reads a database, `crack` returns what its cracks did, `figures` draws it. `crack_table` and
+`study_table` are tables that `pandas.DataFrame` accepts directly. `pdpost.measures` holds the other measures,
+`pdpost.exports` writes files for other programs.
 """
 
 from typing import TYPE_CHECKING

@@ -73,13 +73,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _paths(args: argparse.Namespace, name: str) -> list[Path]:
-    """The files that an option or an argument names, if the command has it."""
+    """Paths given for the option or argument `name`; empty if the command does not have it."""
     found = getattr(args, name, None)
     return found if isinstance(found, list) else [] if found is None else [found]
 
 
 def _say_what_is_lost(args: argparse.Namespace) -> None:
-    """Says how far the log of a killed run can be read; what cannot be opened is the command's to say."""
+    """Warn how far the log of a killed run can be read.
+
+    A file that cannot be opened is left to the command to report.
+    """
     from pdsolve.results import ResultsError, state_of
 
     for path in _paths(args, "results"):
@@ -89,7 +92,10 @@ def _say_what_is_lost(args: argparse.Namespace) -> None:
 
 
 def _refuse_bodies(args: argparse.Namespace) -> None:
-    """Raises ResultsError for results of bodies in space; what cannot be opened is the command's to say."""
+    """Raise ResultsError for results of bodies in space.
+
+    A file that cannot be opened is left to the command to report.
+    """
     from pdpost.reading.studies import StudyError, stands_for
     from pdsolve.results import Results, ResultsError
 

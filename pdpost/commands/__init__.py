@@ -1,1 +1,1 @@
-"""The commands of pdpost: a group of them a file, each with `add(commands)` that puts them on the command line."""
+"""The commands of pdpost, one group a file; the function `add(commands)` of each puts them on the command line."""

@@ -1,4 +1,4 @@
-"""Moving pictures: a whole run as a film, and a run that goes on."""
+"""Moving pictures: a film of a whole run, and a picture that follows a run in progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of bodies in space: a plane through one, and how it looks."""
+"""Pictures of bodies in space: a plane section, and a rendered view."""
 
 from __future__ import annotations
 

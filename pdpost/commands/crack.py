@@ -1,4 +1,4 @@
-"""When and where the crack ran, how fast, into how many pieces; and how far it is from another run's."""
+"""When, where and how fast the crack ran, how many pieces are left, and its distance from another run's crack."""
 
 from __future__ import annotations
 

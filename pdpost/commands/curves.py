@@ -144,7 +144,7 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
 
 
 def _usual(results: Results) -> list[Place]:
-    """Where to look if nobody said: the probes, or the node that has moved most at the end."""
+    """Places of the default history: the probes, or else the node with the largest final displacement."""
     from functools import reduce
 
     import numpy as np
@@ -160,7 +160,7 @@ def _usual(results: Results) -> list[Place]:
 
 
 def _curve(results: Results, place: Place, *what: str) -> History:
-    """The history at a place of a quantity and its component."""
+    """History of a quantity and its component at a place; `what` is (quantity, component)."""
     from pdpost.measures import histories
 
     option, values = place
@@ -300,7 +300,7 @@ def _gap(args: argparse.Namespace) -> int:
 
 
 def _axis(results: Results, args: argparse.Namespace) -> int | None:
-    """The component asked for, if there is one. Raises ResultsError for a z in the plane."""
+    """The component asked for, 0 to 2, or None. Raises ResultsError for z in a plate."""
     from pdsolve.results import ResultsError
 
     if args.component == "z" and results.dimension == 2:

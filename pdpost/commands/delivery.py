@@ -1,4 +1,4 @@
-"""What the commands that find numbers share: --json, --csv, and when a picture is drawn."""
+"""Options shared by the commands that compute numbers: --json, --csv, and when a picture is drawn."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
-    """A command that reads results, draws a picture and gives its numbers."""
+    """Add a command that reads results, draws a picture and prints its numbers."""
     command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
     add_results(command)
     commandline.add_common_options(
@@ -31,7 +31,7 @@ def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentP
 
 
 def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
-    """Where the picture goes; None if numbers alone were asked for. Raises UsageError."""
+    """Path of the picture; None if only numbers were asked for. Raises UsageError."""
     none = args.output is None and (args.json or args.csv is not None)
     picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
     check_csv(args, picture)
@@ -39,7 +39,8 @@ def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
 
 
 def styled(path: Path | None, settings: Mapping[str, str]) -> AbstractContextManager[None]:
-    """`style.styled`; without a picture and without settings to check nothing, and matplotlib is not imported."""
+    """`style.styled` if there is a picture or a setting to check; otherwise a null context, without importing
+    matplotlib."""
     if path is None and not settings:
         return nullcontext()
     from pdpost.figures import style
@@ -55,7 +56,7 @@ def deliver(
     rows: Iterable[Sequence[Any]],
     picture: Path | None,
 ) -> int:
-    """Print the result and write the table; returns the exit code. What is not a number becomes null or empty."""
+    """Print the result, write the table and return the exit code. Values that are not numbers become null or empty."""
     if args.csv is not None:
         write_csv(args, _table(header, rows))
         if args.csv == "-":
@@ -68,7 +69,7 @@ def deliver(
 
 
 def finite(value: Any) -> Any:
-    """A value as JSON has it: arrays and tuples as lists, None for what is not a finite number."""
+    """A value for JSON: arrays and tuples become lists, floats that are not finite become None."""
     import numpy as np
 
     if isinstance(value, Mapping):

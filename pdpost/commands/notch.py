@@ -1,4 +1,4 @@
-"""The cracks of a run that are particles, as pre-cracks of another run."""
+"""Write a run's cracks of particles as pre-cracks of another run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paths of the cracks of all runs of a study, over each other."""
+"""The crack paths of all runs of a study in one figure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pdpost.commands.shared import check_window
 
 
 def overlaid(args: argparse.Namespace, threshold: float) -> int:
-    """The paths of the cracks of all runs of a study, over each other, for `pdpost crack`."""
+    """Draw the crack paths of all runs of a study, for `pdpost crack`; returns the exit code."""
     from pdpost.measures import paths
     from pdpost.measures.plate_geometry import check_alike
     from pdpost.reading import studies

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Drawn(NamedTuple):
-    """A picture, and what is said of it."""
+    """A picture and the line printed about it."""
 
     figure: Figure
     told: dict[str, Any]  # for --json
@@ -122,7 +122,7 @@ def _field(args: argparse.Namespace) -> int:
 
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
-    """Several frames of a field."""
+    """Draw several frames of a field on one sheet; returns the exit code."""
     from pdpost.figures import frames_figure, style
     from pdsolve.results import Results
 
@@ -176,7 +176,7 @@ def _bonds(args: argparse.Namespace) -> int:
 
 
 def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
-    """Draw the frame asked for, and report what is shown there."""
+    """Draw the frame asked for and print what it shows; returns the exit code."""
     from pdpost.exports import csv_columns
     from pdpost.figures import style
     from pdpost.reading.times import told

@@ -1,4 +1,4 @@
-"""What several commands ask for: results, a frame, a scale, colours, numbers."""
+"""Options shared by several commands: results, frame, scale, colours, numbers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def add_journal(command: argparse.ArgumentParser) -> None:
 
 
 def add_frame(command: argparse.ArgumentParser, several: bool = False, default: int | None = -1) -> None:
-    """Which frame: --frame or --time, or, of `several`, --frames; of all where the `default` is none."""
+    """Add --frame and --time, and --frames if `several`. The `default` is a frame number; None means all frames."""
     which = command.add_mutually_exclusive_group()
     which.add_argument(
         "--frame", type=int, default=default, metavar="N", help="frame, from 0; from the end if negative"
@@ -57,7 +57,7 @@ def _frames(text: str) -> list[int]:
 
 
 def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
-    """The steps of --frames. Raises ResultsError, saying which there are."""
+    """Steps chosen by --frames. Raises ResultsError naming the frames there are."""
     _expect_plate(results, "--frames")
     found = []
     for number in args.frames:
@@ -67,7 +67,7 @@ def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
 
 
 def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float]:
-    """Step and time (s) of the frame asked for. Raises ResultsError, saying which there are."""
+    """Step and time (s) chosen by --frame or --time. Raises ResultsError naming the frames there are."""
     import numpy as np
 
     from pdpost.reading.frame_steps import frames
@@ -88,7 +88,7 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
 
 
 def add_scale(command: argparse.ArgumentParser, default: str) -> None:
-    """Add --scale: what displacements are multiplied by in a picture."""
+    """Add --scale: the factor on displacements in a picture."""
     command.add_argument(
         "--scale",
         type=_scale,
@@ -100,7 +100,7 @@ def add_scale(command: argparse.ArgumentParser, default: str) -> None:
 
 
 def _scale(text: str) -> float | None:
-    """A number from 0, or None for auto."""
+    """A number of at least 0, or None for "auto"."""
     if text == "auto":
         return None
     try:
@@ -113,7 +113,10 @@ def _scale(text: str) -> float | None:
 
 
 def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float:
-    """The scale asked for, or one that shows the displacements of a frame: 0 if it holds none. Raises ResultsError."""
+    """The scale asked for, or one at which the frame's displacements can be seen; 0 if it holds none.
+
+    Raises ResultsError.
+    """
     from pdpost.figures.sheets import chosen_scale
 
     if args.scale != 0:
@@ -127,7 +130,7 @@ def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float
 
 
 def add_window(command: argparse.ArgumentParser) -> None:
-    """What part of the plate is seen."""
+    """Add --window: the part of the plate in the picture."""
     command.add_argument(
         "--window",
         type=_window,
@@ -169,7 +172,7 @@ def point(text: str) -> tuple[float, float]:
 
 
 def check_window(results: Results, args: argparse.Namespace) -> None:
-    """Raises ResultsError where there is no plate to be seen."""
+    """Raise ResultsError if --window shows nothing of the plate."""
     if args.window is None:
         return
     _expect_plate(results, "--window")
@@ -183,7 +186,7 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
 
 
 def _expect_plate(results: Results, option: str) -> None:
-    """Raises ResultsError for a body in space, whose planes are drawn whole and where they were."""
+    """Raise ResultsError for a body in space: its sections are drawn whole and undeformed."""
     from pdsolve.results import ResultsError
 
     if results.dimension == 3:
@@ -221,7 +224,7 @@ def add_csv(command: argparse.ArgumentParser) -> None:
 
 
 def check_csv(args: argparse.Namespace, *others: Path | None) -> None:
-    """Raises UsageError where the numbers cannot go: `others` are written as well."""
+    """Raise UsageError if --csv names a file that is also in `others`, or stdout when --json writes to it."""
     if args.csv == "-" and args.json:
         raise commandline.UsageError("--csv -: found --json as well, expected one of them on stdout")
     if args.csv is None or args.csv == "-":
@@ -242,7 +245,7 @@ def write_csv(args: argparse.Namespace, table: bytes) -> None:
 
 
 def numbers(shown: Shown) -> dict[str, float | int | None]:
-    """The least and the largest value that is known and says something, and how many nodes have no such value."""
+    """Smallest and largest valid value, and the number of nodes without one."""
     import numpy as np
 
     known = shown.values[np.isfinite(shown.values) & ~shown.torn]
@@ -252,7 +255,7 @@ def numbers(shown: Shown) -> dict[str, float | int | None]:
 
 
 def add_every(command: argparse.ArgumentParser) -> None:
-    """Add --every N: only every Nth frame is taken."""
+    """Add --every N: take every Nth frame."""
     command.add_argument("--every", type=_count, default=1, metavar="N", help="take every Nth frame (default: 1)")
 
 
@@ -263,7 +266,7 @@ def _count(text: str) -> int:
 
 
 def counted(args: argparse.Namespace, doing: str) -> Callable[[list[int]], Iterable[int]]:
-    """Hands on steps with a bar of progress on stderr, where someone looks at it and did not ask for quiet."""
+    """An iterator over steps that shows a progress bar on stderr if it is a terminal and --quiet was not given."""
 
     def steps(given: list[int]) -> Iterable[int]:
         if args.quiet or not sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""What the tips of cracks feel: J, stress intensities, the stress along the crack, where it will turn to."""
+"""Fracture parameters at crack tips: J, stress intensities, T-stress, direction of growth."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _sif(args: argparse.Namespace) -> int:
 
 
 def _steps(results: Results, args: argparse.Namespace) -> list[int]:
-    """The steps of the frames that are asked for."""
+    """Steps of the frames asked for."""
     from pdpost.reading.frame_steps import chosen
 
     if args.frame is None and args.time is None:

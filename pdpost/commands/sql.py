@@ -1,4 +1,4 @@
-"""How to ask the database itself."""
+"""How to query the database in SQL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a study found: measures against parameters, with every run."""
+"""Results of a study: measures against parameters, one dot a run."""
 
 from __future__ import annotations
 

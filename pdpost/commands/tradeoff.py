@@ -1,4 +1,4 @@
-"""Results of one scene, cost against error."""
+"""Cost against error for several results of one scene."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
 
 
 def _points(files: list[Path], reference: Path) -> list[Point]:
-    """The results in `files` on the chart, named by their paths where their names are not different."""
+    """Points of the chart for the results in `files`, named by their paths if file names repeat."""
     from pdpost.measures import tradeoff
     from pdpost.reading.studies import stands_for
     from pdsolve.results import Results
@@ -111,7 +111,7 @@ def _points(files: list[Path], reference: Path) -> list[Point]:
 
 
 def _kinds(points: list[Point], asked: list[str]) -> list[str]:
-    """The errors that count: those asked for, or all there are. Raises UsageError, naming those there are."""
+    """The kinds of error to draw: those asked for, or all available. Raises UsageError naming the available ones."""
     there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
     missing = [kind for kind in asked if kind not in there]
     if missing or not there:

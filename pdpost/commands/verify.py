@@ -1,4 +1,4 @@
-"""Whether a database holds what was written to it."""
+"""Check that a database holds what was written to it."""
 
 from __future__ import annotations
 

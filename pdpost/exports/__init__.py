@@ -1,1 +1,1 @@
-"""What is written for other programs."""
+"""Files for other programs."""

@@ -1,4 +1,4 @@
-"""Numbers of the nodes as CSV."""
+"""Values at the nodes as CSV."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Columns = Mapping[str, NDArray[np.generic]]
 
 
 def csv(columns: Columns) -> bytes:
-    """A line of names and one a row: whole numbers as they are, others to nine digits, "nan" where there is none."""
+    """CSV text: a line of names, then one line a row. Integers in full, floats to nine digits, "nan" where missing."""
     kinds = ["%d" if column.dtype.kind in "iub" else "%.9g" for column in columns.values()]
     line = ",".join(kinds)
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
@@ -25,7 +25,7 @@ def csv(columns: Columns) -> bytes:
 def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.generic]]:
     """Node, reference position and all components of a field after `step`, in SI units.
 
-    With strain and stress the damage, which says where they say nothing.
+    Strain and stress come with the damage, which tells where they are unreliable.
     """
     nodes = results.nodes(step)
     found = fields.components(results, name, step)
@@ -35,8 +35,8 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
 
 
 def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
-    """Node, reference position, spacing, area (of a body volume), all fields a frame has stored, and those of `also`,
-    in SI units."""
+    """Node, reference position, spacing, area (volume in a body), all stored fields of a frame and those in `also`, in
+    SI."""
     nodes = results.nodes(step)
     stored = {name: results.field(name, step) for name in results.stored(step)}
     more = {
@@ -51,6 +51,6 @@ def _places(nodes: Nodes) -> dict[str, NDArray[np.generic]]:
 
 
 def of_bonds(results: Results, step: int, found: Pairs) -> dict[str, NDArray[np.generic]]:
-    """Both nodes of each bond `found` after `step`, and 1 if it is broken, else 0."""
+    """Both nodes of each bond in `found` after `step`, and 1 if it is broken, else 0."""
     ids = results.nodes(step).ids
     return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}

@@ -28,11 +28,11 @@ Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and
 
 
 class ExportError(ValueError):
-    """A file that cannot be exported to; the message says what was found and what was expected."""
+    """A file that cannot be written; the message says what was found and what was expected."""
 
 
 def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[str, NDArray[np.generic]]:
-    """What is known at each node: vectors (n, 3), scalars (n,), and of `also`, strain and stress, tensors (n, 9).
+    """Point data of a frame: vectors (n, 3), scalars (n,), and tensors (n, 9) for the fields in `also`, SI units.
 
     Raises ResultsError.
     """
@@ -60,19 +60,19 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
 
 
 def check_also(results: Results, also: Sequence[str]) -> None:
-    """Raises ExportError for what cannot be fitted."""
+    """Raise ExportError for a field in `also` that cannot be fitted."""
     if also and results.dimension == 3:
         raise ExportError(f"--also: found {also[0]}, expected none of a body in space; stress is written if stored")
 
 
 def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
-    """Data (n,) of the nodes that stay until nodes change: spacing, m, area, m^2, or volume, m^3, and id."""
+    """Node data (n,) that is constant until nodes change: spacing (m), area (m^2) or volume (m^3), and id."""
     nodes = results.nodes(step)
     return {"delta": nodes.delta, "area" if results.dimension == 2 else "volume": nodes.area, "node": nodes.ids}
 
 
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
-    """Write a frame as VTU: each node a vertex, or with `squares` a square of its size, a surface; of a body a cube."""
+    """Write a frame as VTU. Each node is a vertex or, with `squares`, a square (in a body a cube) of its size."""
     points, cells = _points(results, step, squares)
     data = _each(point_data(results, step, also) | node_data(results, step), cells[1].shape[1])
     mesh = meshio.Mesh(points, [cells], point_data=data)
@@ -88,7 +88,7 @@ def pvd(
     squares: bool = False,
     progress: Progress = iter,
 ) -> None:
-    """Write frames as VTU files in a folder named as `path` without its suffix, and `path`, which lists their times."""
+    """Write frames as VTU files in the folder `path` without its suffix, and `path` itself, which lists their times."""
     folder = path.with_suffix("")
     folder.mkdir(exist_ok=True)
     times = _times(results)
@@ -110,7 +110,7 @@ def xdmf(
     squares: bool = False,
     progress: Progress = iter,
 ) -> None:
-    """Write frames as XDMF, with a .bin file of the same name beside it."""
+    """Write frames as XDMF, and their numbers in a .bin file of the same name."""
     times = _times(results)
 
     def frames() -> Iterator[xdmf_file.Frame]:
@@ -134,7 +134,7 @@ def msh(
     squares: bool = False,
     progress: Progress = iter,
 ) -> None:
-    """Write frames as views of Gmsh, all in one file."""
+    """Write frames as views of Gmsh in one file."""
     times, lives = _times(results), results.lives()
     corners = np.arange(2**results.dimension if squares else 1)
 
@@ -158,19 +158,19 @@ def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> 
 
 
 def check_suffix(path: Path) -> str:
-    """The suffix of `path`. Raises ExportError, naming those there are, if it is none of ours."""
+    """The suffix of `path`. Raises ExportError, naming the supported suffixes."""
     if path.suffix.lower() not in SUFFIXES:
         raise ExportError(f"{path}: found suffix '{path.suffix}', expected one of {', '.join(SUFFIXES)}")
     return path.suffix.lower()
 
 
 def _points(results: Results, step: int, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
-    """Points (p, 3), m, and what kind of cells they are the corners of."""
+    """Points (p, 3), m, and the kind and corners of the cells on them."""
     return _placed(results.nodes(step), squares)
 
 
 def _placed(nodes: Nodes, squares: bool) -> tuple[NDArray[np.float64], tuple[str, NDArray[np.int64]]]:
-    """Points (p, 3), m, and the cells on them: a vertex for each node, or, with `squares`, its square or cube."""
+    """Points (p, 3), m, and their cells: a vertex for each node or, with `squares`, its square or cube."""
     count = len(nodes.ids)
     if squares:
         d = nodes.position.shape[1]
@@ -181,11 +181,11 @@ def _placed(nodes: Nodes, squares: bool) -> tuple[NDArray[np.float64], tuple[str
 
 
 def _in_space(vectors: NDArray[Any]) -> NDArray[Any]:
-    """Vectors (n, 2 or 3) with their z."""
+    """Vectors (n, 2 or 3) padded to (n, 3)."""
     flat: NDArray[Any] = np.zeros((len(vectors), 3 - vectors.shape[1]), dtype=vectors.dtype)
     return np.hstack([vectors, flat])
 
 
 def _each(data: dict[str, NDArray[np.generic]], corners: int) -> dict[str, NDArray[np.generic]]:
-    """Data for each node, or for each corner of its square or cube."""
+    """Data repeated for each corner of a node's square or cube."""
     return {name: np.repeat(values, corners, axis=0) for name, values in data.items()} if corners > 1 else data

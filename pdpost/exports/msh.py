@@ -1,8 +1,8 @@
-"""Frames as views of Gmsh: MSH 2.2, binary, which Gmsh of any age opens.
+"""Frames as views of Gmsh: MSH 2.2, binary, which every version of Gmsh opens.
 
-A view is a list of values for each frame ($NodeData, "MSH file format version 2", Gmsh reference manual). Nodes are
-those of all frames, by their rows in the table `node`; where nodes are born and die, a frame has values of those alone
-that are there.
+A view is a list of values for each frame ($NodeData, "MSH file format version 2", Gmsh reference manual). The file
+holds the nodes of all frames, numbered by their rows in the table `node`. Where nodes are born and die, a frame has
+values only at its living nodes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TAGS = (0, 1)  # of each element: physical group, the plate's surface
 
 
 class Frame(NamedTuple):
-    """Values at some points after a time."""
+    """Values at points at one time."""
 
     time: float  # s
     number: int  # of the frame, from 0
@@ -33,7 +33,7 @@ class Frame(NamedTuple):
 def write(
     path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[Frame]
 ) -> None:
-    """Write points (p, 3), m, cells of them, vertices, quads or hexahedra, and a view of each field with all frames."""
+    """Write points (p, 3), m, their cells (vertices, quads or hexahedra), and one view a field with all frames."""
     with replacing(path) as part, part.open("wb") as file:
         file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(b"$Nodes\n%d\n" % len(points))

@@ -1,6 +1,6 @@
-"""XDMF: what is where in a file of XML, the numbers as they are in a .bin file beside it (xdmf.org, Model and Format).
+"""XDMF: an XML file that describes the data, and the raw numbers in a .bin file beside it (xdmf.org, Model and Format).
 
-What does not change from frame to frame is written once, nodes when they change.
+Constant data is written once; nodes are written again when they change.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Data = Mapping[str, NDArray[np.generic]]  # (n,), (n, 3) or (n, 9) by name
 
 
 class Cloud(NamedTuple):
-    """Points and cells that data belong to."""
+    """Points and cells that the data belongs to."""
 
     points: NDArray[np.float64]  # (n, 3) m
     cells: tuple[str, NDArray[np.int64]]  # of which kind, and which points are its corners
@@ -33,7 +33,7 @@ class Cloud(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What is known at a time."""
+    """Data at one time."""
 
     time: float  # s
     data: Data
@@ -41,7 +41,7 @@ class Frame(NamedTuple):
 
 
 def write(path: Path, frames: Iterable[Frame]) -> None:
-    """Write frames, of which the first has a cloud."""
+    """Write frames; the first must have a cloud."""
     root = Element("Xdmf", Version="3.0")
     series = SubElement(
         SubElement(root, "Domain"), "Grid", Name="frames", GridType="Collection", CollectionType="Temporal"
@@ -69,12 +69,12 @@ def write(path: Path, frames: Iterable[Frame]) -> None:
 
 
 def beside(path: Path) -> Path:
-    """The file of numbers that goes with the XDMF file at `path`."""
+    """Path of the .bin file that belongs to the XDMF file at `path`."""
     return path.with_suffix(".bin")
 
 
 def _put(file: BinaryIO, name: str, array: NDArray[np.generic]) -> Element:
-    """Write an array (n,) or (n, k) to a file of that name in the end; what points at it there."""
+    """Append an array (n,) or (n, k) to the .bin file of that final name; returns the XML element that refers to it."""
     table = array.reshape(len(array), -1)
     item = Element(
         "DataItem",

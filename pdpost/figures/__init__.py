@@ -1,6 +1,6 @@
-"""What is drawn. A figure is matplotlib's and is returned, never shown; matplotlib's settings hold as they are.
+"""Figures. A figure is a matplotlib figure that is returned, never shown; matplotlib's current settings apply.
 
-`with styled():` draws in the house style, that of the commands, and `save` writes the same bytes each time.
+`with styled():` draws in the house style of the commands, and `save` writes the same bytes each time.
 """
 
 from typing import TYPE_CHECKING

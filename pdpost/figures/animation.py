@@ -1,4 +1,4 @@
-"""A run as a moving picture of a field: GIF by itself, MP4 where ffmpeg is found."""
+"""Films of a field: GIF directly, MP4 if ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def frames(
     dpi: float = DPI,
     progress: Progress = iter,
 ) -> Iterator[Pixels]:
-    """Pictures of the field `name` of every so many frames of a run, all of one size, with the same colours.
+    """Pictures of the field `name`, one for every `every`-th frame of a run, all of one size and colour range.
 
-    `part`, `scale`, `largest`, `window` as in `field_figure.field`; colours end at the usual largest value of all.
-    Of a body in space three planes through its middle, the whole of it, in the reference. Raises FieldError, and
-    ResultsError, naming what there is.
+    `part`, `scale`, `largest` and `window` are those of `field_figure.field`. The colour range ends at the usual
+    largest value of all frames. A body in space is shown undeformed on three planes through its middle. Raises
+    FieldError, and ResultsError naming what is available.
     """
     part = fields.component(name, part, results.dimension)
     if results.dimension == 3:
@@ -106,8 +106,10 @@ def gif(
     dpi: float = DPI,
     progress: Progress = iter,
 ) -> bytes:
-    """The frames of a run as a GIF that starts again, `rate` of them a second; see `frames`. The same bytes each
-    time. Raises FieldError and ResultsError."""
+    """The `frames` of a run as a GIF that repeats, at `rate` frames a second.
+
+    The same run gives the same bytes. Raises FieldError and ResultsError.
+    """
     palette = _palette(name, fields.component(name, part, results.dimension))
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
     shots = frames(results, name, dpi=dpi, progress=progress, **how)
@@ -122,7 +124,7 @@ def gif(
 
 
 def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
-    """Pictures as an MP4 film, by ffmpeg. Raises FigureError if there is none, or if it fails."""
+    """Pictures as an MP4 film, encoded by ffmpeg. Raises FigureError if ffmpeg is missing or fails."""
     program = ffmpeg()
     shots = iter(shots)
     first = next(shots)
@@ -154,7 +156,7 @@ def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
 
 
 def ffmpeg() -> str:
-    """Where ffmpeg is. Raises FigureError if it is nowhere."""
+    """Path of ffmpeg. Raises FigureError if it is not installed."""
     program = shutil.which("ffmpeg", path=trust.environment().get("PATH", os.defpath))
     if program is None:
         raise FigureError("found no ffmpeg, expected it on the PATH for .mp4 (a .gif needs none)")
@@ -162,7 +164,7 @@ def ffmpeg() -> str:
 
 
 def check_format(path: Path) -> str:
-    """ "gif" or "mp4", by the suffix of `path`. Raises FigureError if it is neither, or cannot be made here."""
+    """The format of the suffix of `path`: "gif" or "mp4". Raises FigureError for others, and for MP4 without ffmpeg."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("gif", "mp4"):
         raise FigureError(f"{path}: found suffix '{path.suffix}', expected .gif or .mp4")
@@ -172,7 +174,7 @@ def check_format(path: Path) -> str:
 
 
 def _palette(name: str, part: str) -> Image.Image:
-    """256 colours: those of the field, then greys for what is written."""
+    """256 colours: those of the field, then greys for text."""
     shown = colours.colours(name, part, np.zeros(1), 1.0)
     field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
     unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
@@ -183,7 +185,7 @@ def _palette(name: str, part: str) -> Image.Image:
 
 
 def _usual(results: Results, name: str, step: int, part: str, box: Box) -> float:
-    """Where the colours of a frame would end, of the nodes in a box, undeformed."""
+    """End of the colour range of a frame, over the nodes in an undeformed box."""
     shot = field_figure.values_of(results, name, step, part)
     values = shot.values[seen(results.nodes(step).position, box) & ~shot.torn]
     return colours.usual(values[np.isfinite(values)])

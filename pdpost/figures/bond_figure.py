@@ -1,4 +1,4 @@
-"""A picture of the bonds: intact ones sky blue, broken ones vermilion; of many, the share that is broken."""
+"""A picture of the bonds: intact ones sky blue, broken ones vermilion; with many bonds, the share that is broken."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def bonds(
     window: Box | None = None,
     found: Pairs | None = None,
 ) -> Figure:
-    """The bonds after `step`, by default the last frame's, on nodes displaced by `scale` times their displacement.
+    """The bonds after `step` (default: the last frame), on nodes displaced by `scale` times their displacement.
 
-    `window` is seen, m; `found` are the bonds if they are known already. Raises ResultsError.
+    `window` is the part in view, m; `found` are the bonds if the caller has them. Raises ResultsError.
     """
     step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)
@@ -70,7 +70,7 @@ def _draw_lines(on: Sheet, where: Shape, found: Pairs) -> None:
 
 
 def _count(on: Sheet, where: Shape, found: Pairs) -> None:
-    """The share of broken bonds among those whose middles are in a pixel, pixels no finer than the nodes."""
+    """Draw the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes."""
     middle = where.position[found.ends].mean(axis=1)
     x0, _, x1, _ = on.box
     columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))

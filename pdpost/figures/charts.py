@@ -1,4 +1,4 @@
-"""Curves with units, in colours that all can tell apart; a figure is returned, never shown."""
+"""Curves with units, in colours that colour-blind readers can tell apart; a figure is returned, never shown."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
 
 
 def look(number: int) -> dict[str, Any]:
-    """Colour and dashes of a curve; the dashes change when the colours are used up."""
+    """Colour and dashes of curve `number`; the dashes change after the last colour."""
     return {"color": COLOURS[number % len(COLOURS)], "ls": DASHES[number // len(COLOURS) % len(DASHES)]}
 
 
 def plain(axes: Axes) -> None:
-    """Axes without a box, with light lines to read values by."""
+    """Style axes: no box, light grid lines."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="0.9", lw=0.5)
     axes.set_axisbelow(True)
 
 
 def histories(curves: list[History], quantity: str) -> Figure:
-    """Histories over time, perhaps of several components; the range of several nodes as a band."""
+    """Histories over time, of one or several components; the range of several nodes as a band."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
@@ -65,7 +65,7 @@ def histories(curves: list[History], quantity: str) -> Figure:
 
 
 def balance(books: Balance, per: str = "/m") -> Figure:
-    """Energies over time, and below what the balance of energy misses; `per` the end of the unit."""
+    """Energies over time, with the error of the energy balance below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
     second, seconds = scaled([books.time], "s")
@@ -89,7 +89,7 @@ def balance(books: Balance, per: str = "/m") -> Figure:
 
 
 def masses(books: Masses) -> Figure:
-    """What there is of a substance over time and, where something dissolves, how much of it is left."""
+    """Amounts of a substance over time and, where a solid dissolves, the share of it that is left."""
     dissolves = bool(np.isfinite(books.left).any())
     figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
     panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]
@@ -113,8 +113,10 @@ def masses(books: Masses) -> Figure:
 
 
 def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -> Figure:
-    """Forces over time and over the mean displacement of their nodes, none at rest; along `axis` or each one's own,
-    `per` the end of their unit."""
+    """Forces over time and over the mean displacement of their nodes; without the time chart for a run at rest.
+
+    Components are along `axis`, or along each condition's own axis; `per` is the end of the unit.
+    """
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
     axes_of = [one.axis if axis is None else axis for one in found]
@@ -138,7 +140,7 @@ def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -
 
 
 def openings(found: list[Pulled], per: str = "/m") -> Figure:
-    """Forces against the opening of a gap, `per` the end of their unit."""
+    """Forces against the opening of a gap; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
@@ -153,7 +155,7 @@ def openings(found: list[Pulled], per: str = "/m") -> Figure:
 
 
 def line(found: Line, name: str, parts: Sequence[str], title: str) -> Figure:
-    """Components of the field `name` over the way along a line; gaps where there is no value."""
+    """Components of the field `name` along a line, with gaps where there is no value."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot(title=title)
     plain(axes)

@@ -1,4 +1,4 @@
-"""How the numbers of a field are shown: which colours, which unit, what is written above them."""
+"""How a field's values are shown: colours, unit and title."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PARTS = {"largest": "largest principal", "smallest": "smallest principal", "mise
 
 
 class Colours(NamedTuple):
-    """How a field's numbers are shown."""
+    """How a field's values are shown."""
 
     low: float  # SI
     high: float
@@ -32,7 +32,10 @@ class Colours(NamedTuple):
 
 
 def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
-    """Damage from 0 to 1, signed values from minus to plus, others from 0; up to `largest`, or the usual largest."""
+    """Range and palette of a component: damage 0 to 1, signed values symmetric about 0, others from 0.
+
+    The range ends at `largest` or, without it, at the usual largest value.
+    """
     finite = values[np.isfinite(values)]
     high = largest or (1.0 if name == "damage" else usual(finite))
     signed = fields.signed(name, part)
@@ -50,7 +53,7 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
 
 
 def usual(values: NDArray[np.float64]) -> float:
-    """The largest size of values (k,), or, where a few are far above the others, what 99.5 % stay below."""
+    """Upper end of a colour range: the largest |value| (k,), or the 99.5 % quantile if a few are far above."""
     size = np.abs(values)
     largest = float(size.max(initial=0.0))
     most = float(np.percentile(size, USUAL)) if len(size) else 0.0
@@ -58,25 +61,25 @@ def usual(values: NDArray[np.float64]) -> float:
 
 
 def mappable(shown: Colours) -> ScalarMappable:
-    """Turns numbers in the label's unit into colours."""
+    """A matplotlib mappable from numbers, in the label's unit, to colours."""
     low, high = shown.low * shown.factor, shown.high * shown.factor
     cmap = colormaps[shown.cmap].with_extremes(bad=UNKNOWN)
     return ScalarMappable(Normalize(low, high if high > low else low + 1.0), cmap)
 
 
 def caption(name: str, part: str) -> str:
-    """The name of a component as it is written above the colours."""
+    """Name of a component as the title shows it."""
     text = fields.FIELDS[name].title
     return text if part in ("", "magnitude") else f"{text}, {PARTS.get(part, part)}"
 
 
 def title(results: Results, name: str, part: str, step: int, scale: float) -> str:
-    """What is written above a picture."""
+    """Title of a picture."""
     return ("\n" if narrow() else " ").join([caption(name, part), at(results, step, scale)])
 
 
 def at(results: Results, step: int, scale: float = 0.0) -> str:
-    """When a picture is, and how deformed, in the unit of the run's last frame."""
+    """Time of a picture and its deformation scale, in the time unit of the run's last frame."""
     time_step = float(results.meta()["time_step"])
     _, times = results.frames()
     factor, prefix = prefixed(float(times[-1]) if len(times) else step * time_step)

@@ -1,4 +1,4 @@
-"""The crack of a run as a figure: its path over the plate, its length and its speed; two cracks over each other."""
+"""The crack of a run as a figure: its path over the plate, its length and its speed; or the paths of two runs."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
 
 def crack(results: Results, found: Summary | None = None, window: Box | None = None) -> Figure:
-    """Path, length over time and speed over time of the cracks in a summary; long branches in colours.
+    """Path, length over time and speed over time of the cracks in a summary; long branches have colours.
 
-    `found` is by default that of the whole run; of the plate, `window` is seen, m. Raises ResultsError if there is no
-    frame yet.
+    `found` is by default the summary of the whole run; `window` is the part of the plate in view, m. Raises
+    ResultsError if there is no frame yet.
     """
     found = crack_summary.crack(results) if found is None else found
     where = shape(results, found.step, 0.0)
@@ -69,7 +69,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
 
 
 def _charts(found: Summary) -> list[Chart]:
-    """What is drawn beside the plate: of what does not grow nothing, at rest no speed."""
+    """The charts beside the plate: none if no crack grows, and no speed for a run at rest."""
     if not found.branches:
         return []
     speed = [] if found.at_rest else [_speeds]
@@ -84,7 +84,7 @@ def comparison(
     title: str,
     window: Box | None = None,
 ) -> Figure:
-    """Two sets of paths over the plate of the first, grey with its damage after `step`; `window` is seen, m."""
+    """Two sets of paths over the plate of the first run, grey by its damage after `step`; `window` is in view, m."""
     where = shape(one, step, 0.0)
     box = window or box_of([where])
     height = float(np.clip(0.9 * WIDTH * _aspect(box), 2.0, 9.0))
@@ -106,7 +106,7 @@ def _aspect(box: Box) -> float:
 
 
 def _panels(box: Box, count: int) -> tuple[Figure, Axes, list[Axes]]:
-    """A plate, and so many charts: below a wide plate, to the right of a high one."""
+    """A figure with the plate and `count` charts: below a wide plate, to the right of a high one."""
     aspect = _aspect(box)
     if aspect <= 0.8 or not count:
         height = float(np.clip(0.85 * WIDTH * aspect, 0.17 * WIDTH, 6.5))
@@ -124,7 +124,7 @@ def _panels(box: Box, count: int) -> tuple[Figure, Axes, list[Axes]]:
 
 
 def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64]) -> Sheet:
-    """The plate in a light grey, darker where it is damaged."""
+    """Draw the plate in light grey, darker where it is damaged."""
     on = on_axes(axes, box)
     for artist in paint(on, where, PALE + (DARK - PALE) * damage, ScalarMappable(Normalize(0, 1), "Greys")):
         artist.set_rasterized(True)
@@ -133,7 +133,7 @@ def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64
 
 
 def _path(on: Sheet, branch: Branch, **style: Any) -> None:
-    """The way of a tip, dotted where it is no line."""
+    """Draw a branch, dotted where the cracked region is too wide to be a line."""
     pieces = on.factor * np.stack([branch.place[:-1], branch.place[1:]], axis=1)
     line = branch.line[:-1] & branch.line[1:]
     for some, more in ((line, {}), (~line, {"ls": ":"})):
@@ -160,7 +160,7 @@ def _style(number: int) -> dict[str, Any]:
 
 
 def _speeds(shown: list[Branch], speed: Axes, found: Summary) -> None:
-    """Speed, with the band it is sure to be in, over time."""
+    """Draw speed over time with its confidence band."""
     limit = found.rayleigh_speed
     second, seconds = scaled((one.time for one in shown), "s")
     fast, unit = scaled([np.array([limit])], "m/s")
@@ -181,7 +181,7 @@ def _speeds(shown: list[Branch], speed: Axes, found: Summary) -> None:
 
 
 def _released(shown: list[Branch], energy: Axes, found: Summary) -> None:
-    """Energy spent over crack advance, of all cracks together, beside G0."""
+    """Draw the energy spent over the advance of all cracks, beside G0."""
     spent = found.release
     second, seconds = scaled((one.time for one in shown), "s")
     joule, unit = scaled([spent.value, np.array([spent.G0])], "J/m²")

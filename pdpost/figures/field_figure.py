@@ -1,4 +1,4 @@
-"""Pictures of a field, of a plate or of a body in space. A figure is never shown."""
+"""Pictures of a field of a plate or of a body in space. A figure is returned, never shown."""
 
 from __future__ import annotations
 
@@ -39,13 +39,12 @@ def field(
     window: Box | None = None,
     shown: Shown | None = None,
 ) -> Figure:
-    """The field called `name`, by default damage or what diffuses, after `step`, by default the last frame's.
+    """The field `name` (default: damage, or the amount that diffuses) after `step` (default: the last frame).
 
-    Each node is a cell of the plate, what is nearer to it than to any other. `part` is the field's component, `scale`
-    what displacements are multiplied by (0: the reference), `largest` where the colours end, in SI units, `window`
-    what is seen, m, `shown` the component if it is known already. Of a body in space, whole and in the reference, three
-    planes through its middle, each node that they cut a square. Raises FieldError, and ResultsError, naming what
-    there is.
+    Each node is drawn as its Voronoi cell. `part` is the field's component, `scale` the factor on displacements (0:
+    undeformed), `largest` the end of the colour range in SI units, `window` the part in view, m, `shown` the component
+    if the caller has it. A body in space is drawn whole and undeformed on three planes through its middle; each node
+    that a plane cuts is a square. Raises FieldError, and ResultsError naming what is available.
     """
     step = last_frame(results) if step is None else step
     name = name or fields.usual(results, step)
@@ -65,12 +64,12 @@ def field(
 
 
 def values_of(results: Results, name: str, step: int, part: str) -> Shown:
-    """A component of a field after `step`, as it is drawn. Raises ResultsError."""
+    """A component of a field after `step`, with the nodes where it is unreliable. Raises ResultsError."""
     return Shown(fields.values(results, name, step, part or None), fields.torn(results, name, step))
 
 
 def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:
-    """Colours and words for the nodes without a place on the bar of colours, among those `where` (n,) is true."""
+    """Legend entries (colour, words) for the nodes in `where` (n,) whose value is not on the colour bar."""
     unknown = where & ~shown.torn & ~np.isfinite(shown.values)
     found = []
     for colour, nodes, words in (
@@ -83,7 +82,7 @@ def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tupl
 
 
 def bar(on: Sheet, shown: Colours) -> ScalarMappable:
-    """Put a bar of colours beside the plate; what it returns turns numbers in the label's unit into colours."""
+    """Put a colour bar beside the plate; returns the mappable from numbers, in the label's unit, to colours."""
     painted = mappable(shown)
     arrow = 0.1 / (on.axes.get_position().height * on.figure.get_figheight())
     label = shown.label.replace(", ", ",\n") if narrow() else shown.label
@@ -92,7 +91,7 @@ def bar(on: Sheet, shown: Colours) -> ScalarMappable:
 
 
 def beside(on: Sheet) -> Axes:
-    """A place for a bar of colours at the right of the plate."""
+    """Axes for a colour bar, to the right of the plate."""
     place = on.axes.get_position()
     width = on.figure.get_figwidth()
     return on.figure.add_axes((place.x1 + 0.12 / width, place.y0, 0.13 / width, place.height))

@@ -1,4 +1,4 @@
-"""Several frames of a field on one sheet, with the same colours: how a crack went, for a page of a paper."""
+"""Several frames of a field on one sheet with one colour range, such as the growth of a crack for a page of a paper."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ def frames(
     largest: float | None = None,
     window: Box | None = None,
 ) -> Figure:
-    """The field `name` after each of `steps`, side by side and below each other; the rest as in `field_figure.field`.
+    """The field `name` after each of `steps`, in rows and columns; other arguments are those of `field_figure.field`.
 
-    Colours end at the usual largest value of all. Raises FieldError, and ResultsError, naming what there is.
+    The colour range ends at the usual largest value of all frames. Raises FieldError, and ResultsError naming what is
+    available.
     """
     part = fields.component(name, part)
     shots = [field_figure.values_of(results, name, step, part) for step in steps]
@@ -68,7 +69,7 @@ def frames(
 
 
 def _figure(box: Box, count: int) -> tuple[Figure, int]:
-    """A figure for so many plates, and its columns: flat plates are below each other, high ones side by side."""
+    """A figure for `count` plates and its number of columns: wide plates are stacked, high ones stand side by side."""
     whole = float(matplotlib.rcParams["figure.figsize"][0])
     aspect = (box[3] - box[1]) / (box[2] - box[0])
     flat = 0.7 if narrow() else 0.25

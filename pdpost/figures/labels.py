@@ -1,4 +1,4 @@
-"""Numbers as they are written beside axes: in handy units."""
+"""Numbers beside axes in units with a convenient prefix."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def spelled(text: str) -> str:
-    """A text of the terminal as pictures and pages spell its units: mm², µs, MPa m^½."""
+    """A text of the terminal with the units spelled for pictures and pages: mm², µs, MPa m^½."""
     return MICRO.sub("µ", text).replace("m^0.5", "m^½").replace("^2", "²").replace("^3", "³")
 
 
 def prefixed(largest: float) -> tuple[float, str]:
-    """A factor and an SI prefix that turn numbers up to `largest` into handy ones."""
+    """A factor and an SI prefix for numbers up to `largest`."""
     power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**-power, PREFIXES[power]
 
 
 def unit(name: str, largest: float) -> tuple[float, str]:
-    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where none is usual."""
+    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where no prefix is usual."""
     factor, prefix = prefixed(largest)
     power = -round(np.log10(factor))
     if power and (not name or (power > 0 and name.startswith("m/"))):
@@ -34,7 +34,7 @@ def unit(name: str, largest: float) -> tuple[float, str]:
 
 
 def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
-    """A factor for values and the unit with its prefix, such as 1e3 and "mm"."""
+    """A factor for values and their unit with its prefix, such as 1e3 and "mm"."""
     sizes = [float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values]
     factor, prefix = prefixed(max(sizes, default=0.0))
     return factor, prefix + unit

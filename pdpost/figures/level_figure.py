@@ -1,4 +1,4 @@
-"""A picture of the nodes by level: where they are, and the spacing of each."""
+"""A picture of the nodes, coloured by their spacing."""
 
 from __future__ import annotations
 
@@ -22,12 +22,10 @@ DOT = 0.62  # of the spacing
 
 
 def nodes(results: Results, step: int | None = None, *, scale: float = 0.0, window: Box | None = None) -> Figure:
-    """The nodes after `step`, by default the last frame's, displaced by `scale` times their displacement.
+    """The nodes after `step` (default: the last frame), displaced by `scale` times their displacement.
 
-    Each spacing has a colour.
-
-    Above 20000 nodes squares stand for dots; above eight spacings, those of a mesh, a bar of colours for the legend.
-    `window` is seen, m. Raises ResultsError.
+    Each spacing has a colour. More than 20000 nodes are drawn as squares instead of dots. More than eight spacings, as
+    meshes have, get a colour bar instead of a legend. `window` is the part in view, m. Raises ResultsError.
     """
     step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)

@@ -1,4 +1,4 @@
-"""What a notebook shows of results: a picture of the last frame."""
+"""The picture that a notebook shows for results: the last frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ DPI = 110
 
 
 def notebook_png(results: Results) -> bytes | None:
-    """The damage, or of diffusion what diffuses, after the last frame as a PNG; None without a frame."""
+    """PNG of the damage, or of the amount that diffuses, in the last frame; None without a frame."""
     if not len(results.frames()[0]):
         return None
     with styled():

@@ -1,4 +1,4 @@
-"""Cells and plates as matplotlib's curves."""
+"""Cells and plates as matplotlib curves."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from pdpost.measures.plate_geometry import Cells
 def outlines(
     cell: Cells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
 ) -> list[Curve]:
-    """The cells as curves (n) around nodes at `position` (n, 2), m; `turned` (n, 2, 2) says what became of each.
+    """The cells as curves (n) around nodes at `position` (n, 2), m, with lengths multiplied by `factor`.
 
-    All lengths are multiplied by `factor`.
+    `turned` (n, 2, 2) is the linear map of each cell.
     """
     corners = cell.corners if turned is None else np.einsum("cab,cb->ca", turned[cell.owner], cell.corners)
     placed = factor * (corners + position[cell.owner])

@@ -1,6 +1,6 @@
-"""A run on one page of HTML that needs nothing else: what it found first, then what was solved and how.
+"""A report of a run as one self-contained HTML page: results first, then the model and how it was solved.
 
-Of bodies in space fields are planes through the middle, and cracks and the scene are not drawn.
+For bodies in space, fields are shown on planes through the middle; cracks and the scene are left out.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ PROVENANCE = {
 
 
 def report(results: Results, name: str) -> str:
-    """The page, titled `name`; the same text for the same results. Raises ResultsError if there is no frame yet."""
+    """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet."""
     steps, times = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
@@ -84,7 +84,7 @@ def report(results: Results, name: str) -> str:
 
 
 def _film(results: Results, name: str) -> bytes:
-    """A field over time, in at most `FRAMES` frames."""
+    """A film of a field in at most `FRAMES` frames, as HTML."""
     return gif(results, name, every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
 
 
@@ -111,7 +111,7 @@ def _pre_cracks(results: Results) -> str:
 
 
 def _later(results: Results) -> str:
-    """How many nodes there are in the end, where that has changed."""
+    """Words for the number of nodes at the end, if it changed; else ""."""
     changes = len(results.epochs()) - 1
     return f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
 

@@ -1,4 +1,4 @@
-"""Many nodes as an image: each paints the pixels of its square, several on one pixel are averaged."""
+"""Many nodes as an image: each node paints the pixels of its square; a pixel with several nodes shows their mean."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 def averages(
     position: NDArray[np.float64], size: NDArray[np.float64], values: NDArray[np.float64], box: Box, columns: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """An image (rows, columns) of `box`, lowest row first, and where nodes are in it.
+    """An image (rows, columns) of `box`, lowest row first, and a mask of the pixels that hold nodes.
 
-    A node (n, 2) takes the pixels whose centres are within its square of side `size` (n,), at least the one it is
-    in. A pixel is the mean of the `values` (n,) of its nodes that are numbers, NaN where there are none.
+    A node (n, 2) paints the pixels whose centres are within its square of side `size` (n,), and always the pixel that
+    contains it. A pixel is the mean of the finite `values` (n,) of its nodes, NaN without any.
     """
     low, high = np.array(box[:2]), np.array(box[2:])
     rows = max(round(columns * float((high[1] - low[1]) / (high[0] - low[0]))), 1)
@@ -42,7 +42,7 @@ def averages(
 def _painted(
     place: NDArray[np.float64], half: NDArray[np.float64], shape: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixel and node of each pixel that a node paints; nodes of one size together. Lengths are in pixels."""
+    """Pixel index and node index of each painted pixel; nodes of one size are processed together. Lengths in pixels."""
     first = np.ceil(place - half - 0.5 - TIE).astype(np.int64)
     after = np.ceil(place + half - 0.5 - TIE).astype(np.int64)
     thin = after <= first

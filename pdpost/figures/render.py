@@ -1,4 +1,4 @@
-"""A body as it looks, drawn without a window by PyVista, an extra: half of it with a field on it, or an isosurface."""
+"""A body rendered without a window by PyVista (an extra): cut open with a field on it, or as an isosurface."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def render(
     level: float | None = None,
     plane: tuple[str, float] | None = None,
 ) -> Figure:
-    """A picture of the `values` (n,) of a field.
+    """A rendered picture of the `values` (n,) of a field.
 
-    With a `level` the surface where they are that, else the body, in colours; what is in front of a `plane` (axis, m)
-    is cut away. Raises FigureError without PyVista, or where nothing is left to be seen.
+    With a `level`, the isosurface of that value; otherwise the body in colours. The part in front of `plane` (axis, m)
+    is cut away. Raises FigureError without PyVista, or if nothing is left to show.
     """
     seen = _seen(nodes, values, shown, level, plane)
     height = ABOVE + (WIDTH - BESIDE) * seen.shape[0] / seen.shape[1]
@@ -54,7 +54,7 @@ def _seen(
     level: float | None,
     plane: tuple[str, float] | None,
 ) -> NDArray[np.uint8]:
-    """Pixels (rows, columns, 3), but for the white around."""
+    """Pixels (rows, columns, 3) of the rendering, cropped to the body."""
     pyvista = _pyvista()
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background(LIGHT)
@@ -101,7 +101,7 @@ def _pyvista() -> Any:
 def _image(
     pyvista: Any, position: NDArray[np.float64], values: NDArray[np.float64], spacing: float, points: bool
 ) -> Any:
-    """Nodes of a lattice as an image, at its points or in its cells; None where they are of none."""
+    """Lattice nodes as a PyVista image, with data on points or in cells; None if they are not on a lattice."""
     place = (position - position.min(axis=0)) / spacing
     whole = np.rint(place).astype(np.int64)
     if np.abs(place - whole).max() > NEAR_LATTICE * (1 + whole.max()):

@@ -1,4 +1,4 @@
-"""The scene of a run as a figure: nodes by their spacing, pre-cracks, and where which condition acts."""
+"""The scene of a run as a figure: nodes by spacing, pre-cracks, and the nodes each condition acts on."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FEW = 150  # spacings across the plate: more are drawn without gaps between the 
 
 
 def scene(results: Results, model: dict[str, Any]) -> Figure:
-    """Each node its cell of the plate, grey by its level, in the colour of the last condition that acts on it.
+    """Each node as its cell, grey by its spacing, or in the colour of the last condition that acts on it.
 
-    `model` is the grid file as JSON has it.
+    `model` is the grid file as parsed JSON.
     """
     nodes = results.nodes(0)
     levels = np.unique(nodes.delta)
@@ -53,5 +53,5 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
 
 
 def acted_on(nodes: Nodes, condition: dict[str, Any]) -> NDArray[np.bool_]:
-    """Which nodes (n,) a condition of the grid file acts on."""
+    """Mask (n,) of the nodes that a condition of the grid file acts on."""
     return selected(nodes, condition.get("nodes"), condition.get("box"))

@@ -1,4 +1,4 @@
-"""The sheet a plate is drawn on: its size, its axes in handy units, and nodes on it, deformed or not."""
+"""The sheet that a plate is drawn on: its size, axes in convenient units, and nodes, deformed or not."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ROOM = 0.2  # of the plate, around it, for what is displaced
 
 
 class Shape(NamedTuple):
-    """Nodes where they are drawn, and their plate."""
+    """Nodes at the places where they are drawn, and their plate."""
 
     plate: Plate
     position: NDArray[np.float64]  # (n, 2) m
@@ -54,7 +54,7 @@ class Shape(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """A plate in a figure."""
+    """Axes of a figure that show a plate."""
 
     figure: Figure
     axes: Axes
@@ -63,10 +63,10 @@ class Sheet(NamedTuple):
 
 
 def shape(results: Results, step: int, scale: float, still: Shape | None = None) -> Shape:
-    """The nodes of a frame displaced by `scale` times their displacement, 0: the reference.
+    """The nodes of a frame, displaced by `scale` times their displacement; 0 is the reference.
 
-    `still` is the shape of another frame, if there is one: the plate is the same, and while no node is born or dies
-    its cells. Raises ResultsError if the frame does not hold displacements and `scale` is not 0.
+    `still` is the shape of another frame, if there is one: it lends its plate and, while no node is born or dies, its
+    cells. Raises ResultsError if the frame has no displacements and `scale` is not 0.
     """
     nodes, epoch = results.nodes(step), results.epoch(step)
     if still is None or still.epoch != epoch:
@@ -85,13 +85,13 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
-    """The displacements (n, 2), m, of a frame, 0 for what is no number. Raises ResultsError if it holds none."""
+    """Displacements (n, 2), m, of a frame, with 0 in place of NaN. Raises ResultsError if it holds none."""
     moved = vector(results, "displacement", step)
     return np.where(np.isfinite(moved), moved, 0.0)
 
 
 def chosen_scale(results: Results, step: int) -> float:
-    """1, 2 or 5 times a power of ten, at least 1, by which most displacements of a frame move nodes 5 % of the plate.
+    """1, 2 or 5 times a power of ten, at least 1: most displacements then move nodes by 5 % of the plate.
 
     Raises ResultsError if the frame does not hold displacements.
     """
@@ -103,7 +103,7 @@ def chosen_scale(results: Results, step: int) -> float:
 
 
 def box_of(shapes: list[Shape]) -> Box:
-    """What is to be seen so that all the shapes are, except for what is thrown far off the plate, m."""
+    """The box, m, that contains all the shapes, except for fragments thrown far off the plate."""
     bounds = np.reshape(shapes[0].plate.shape.bounds, (2, 2))
     size = float(np.ptp(bounds, axis=0).max())
     low, high = bounds
@@ -119,12 +119,12 @@ def box_of(shapes: list[Shape]) -> Box:
 
 
 def seen(places: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
-    """Which places (n, 2), m, are in a box."""
+    """Mask (n,) of the places (n, 2), m, inside a box."""
     return np.asarray(((places >= box[:2]) & (places <= box[2:])).all(axis=1), dtype=np.bool_)
 
 
 def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
-    """An empty sheet for what is in `box`, m, with room for a bar of colours beside it, and inches more below it."""
+    """An empty sheet for `box`, m, with space for a colour bar beside it and `room` inches below it."""
     width, height = box[2] - box[0], box[3] - box[1]
     whole = float(rcParams["figure.figsize"][0])
     across = min(whole - LEFT - RIGHT, TALLEST * width / height)
@@ -136,7 +136,7 @@ def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
 
 
 def on_axes(axes: Axes, box: Box) -> Sheet:
-    """A sheet for what is in `box`, m, on axes that are there already."""
+    """A sheet for `box`, m, on existing axes."""
     factor, prefix = prefixed(max(box[2] - box[0], box[3] - box[1]))
     axes.set(xlabel=f"x, {prefix}m", ylabel=f"y, {prefix}m", aspect="equal")
     axes.set_xlim(box[0] * factor, box[2] * factor)
@@ -149,7 +149,7 @@ def on_axes(axes: Axes, box: Box) -> Sheet:
 def paint(
     on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_] | None = None
 ) -> list[Artist]:
-    """Put each node's cell on the sheet, coloured by its value (n,), in the numbers of `colours`.
+    """Draw each node's cell, coloured by its value (n,) through `colours`.
 
     Nodes without a value are dark grey, those marked in `torn` (n,) light grey.
     """
@@ -167,7 +167,7 @@ def paint(
 
 
 def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) -> None:
-    """Put each node's cell on the sheet in a colour (n, 3) of its own; `lines` are what the edges of cells have."""
+    """Draw each node's cell in its own colour (n, 3); `lines` are matplotlib's settings for the cells' edges."""
     if nodes.cells is not None:
         _cells(on, outlines(nodes.cells, nodes.position, nodes.turned, on.factor), facecolors=colours, **lines)
         return
@@ -177,7 +177,7 @@ def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) ->
 
 
 def mark(on: Sheet, nodes: Shape) -> None:
-    """The edges of the plate and of its holes, and cracks; dotted where they were if nodes are displaced."""
+    """Draw cracks and the edges of the plate and its holes; the undeformed ones dotted if nodes are displaced."""
     style = {"linestyle": ":"} if nodes.scale else {}
     if nodes.plate.edges:
         rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
@@ -194,7 +194,7 @@ def mark(on: Sheet, nodes: Shape) -> None:
 
 
 def grown(on: Sheet, nodes: Shape) -> list[Artist]:
-    """The cracks that have grown as particles by now, where they were before displacements."""
+    """Draw the cracks of particles grown so far, in the reference configuration."""
     found: list[Artist] = []
     for colour, width, label in (("white", 1.8 * THICK, None), (GROWN, THICK, "grown crack")):
         if len(nodes.grown):
@@ -207,7 +207,7 @@ def grown(on: Sheet, nodes: Shape) -> list[Artist]:
 
 
 def border(on: Sheet, nodes: Shape) -> list[Artist]:
-    """The edge of the zone of finer nodes, where it moves, but across cracks that have opened; nothing elsewhere."""
+    """Draw the border of a moving fine zone, except across opened cracks; nothing if the zone does not move."""
     coarsest = float(nodes.delta.max())
     finer = nodes.delta < (1 - 1e-6) * coarsest
     if not nodes.plate.adapts or not finer.any():
@@ -230,7 +230,7 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
 
 
 def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
-    """What the lines on a plate and patches (colour, words) mean, below the plate."""
+    """Put a legend below the plate for its lines and for patches (colour, words)."""
     handles, _ = on.axes.get_legend_handles_labels()
     handles += [Patch(color=colour, label=words) for colour, words in patches]
     if handles:
@@ -248,7 +248,7 @@ def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
 
 
 def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
-    """Put an image (rows, columns, 4) of the sheet's box on it, lowest row first, clipped to the plate."""
+    """Draw an image (rows, columns, 4) of the sheet's box, lowest row first, clipped to the plate."""
     x0, y0, x1, y1 = (edge * on.factor for edge in on.box)
     image = on.axes.imshow(
         painted, origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest", aspect="equal", zorder=1
@@ -259,7 +259,7 @@ def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
 
 
 def pixels(on: Sheet) -> int:
-    """How many pixels across the sheet's box is, where it is saved."""
+    """Width of the sheet's box in pixels when it is saved."""
     dpi = rcParams["savefig.dpi"]
     dots = on.figure.dpi if dpi == "figure" else float(dpi)
     return max(round(on.axes.get_position().width * on.figure.get_figwidth() * dots), 16)
@@ -284,7 +284,7 @@ def _image(
 
 
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """`raster.averages` of the sheet's box; where the plate is and no node's square, the nearest node's value."""
+    """`raster.averages` of the sheet's box, with empty pixels of the plate filled from the nearest node."""
     mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
     if nodes.scale or not nodes.plate.edges or there.all():
         return mean, there

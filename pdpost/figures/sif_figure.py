@@ -1,4 +1,4 @@
-"""What tips feel as a figure: the rings on the plate, stress intensities and J over time with their bands."""
+"""Fracture parameters as a figure: the rings on the plate, stress intensities and J over time with their bands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHOWN = 6  # tips with curves
 
 
 def sif(results: Results, found: list[Series], spent: Release, window: Box | None = None) -> Figure:
-    """The tips with their rings at the last frame they have any, K1 and K2, and J with dD/da; `window` is seen, m."""
+    """The tips with their rings at the last frame that has any, K1 and K2, and J with dD/da; `window` is in view, m."""
     shown = [one for one in found if one.last is not None][:SHOWN]
     step = int(found[0].step[-1])
     where = shape(results, step, 0.0)
@@ -57,7 +57,7 @@ def _rings(on: Sheet, one: Series, colour: str) -> None:
 
 
 def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, label: str) -> None:
-    """Values with their bands over time; of one frame, points."""
+    """Draw values with their bands over time; points for a single frame."""
     second, seconds = scaled((one.time for one in shown), "s")
     factor, scale = scaled((side[name] for one in shown for name in names for side in (one.low, one.high)), unit)
     for number, one in enumerate(shown):

@@ -1,4 +1,4 @@
-"""Pictures of a body in space: a plane through it, or three through its middle; each node that it cuts is a square."""
+"""Sections of a body in space: one plane, or three through its middle. Each node that a plane cuts is a square."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 
 def plane(results: Results, found: Cut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
-    """The field `name` on a plane, its colours up to `largest` (SI) or the usual largest."""
+    """The field `name` on a plane; the colour range ends at `largest` (SI) or at the usual largest value."""
     range_of = colours(name, part, found.values, largest)
     size = np.ptp(found.place, axis=0) + found.delta.max()
     figure = Figure(figsize=(WIDTH, min(TALLEST, 1.0 + (WIDTH - 1.5) * size[1] / size[0])), layout="constrained")
@@ -46,7 +46,7 @@ def plane(results: Results, found: Cut, name: str, part: str, step: int, largest
 
 
 class Sections:
-    """Three planes through the middle of a body, as it is drawn: from the front, from a side, from above."""
+    """Three planes through the middle of a body: front, side and top views."""
 
     def __init__(self, results: Results, name: str, part: str, range_of: Colours) -> None:
         self._results, self._name, self._part, self._range = results, name, part, range_of
@@ -71,7 +71,7 @@ class Sections:
         )
 
     def draw(self, step: int, shown: NDArray[np.float64]) -> list[Artist]:
-        """Put a frame's values (n,) on the planes; what comes back may be removed again."""
+        """Draw a frame's values (n,) on the planes; returns the artists, which the caller may remove."""
         painted: list[Artist] = []
         for axis, axes in self._panels.items():
             found = cut(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
@@ -103,7 +103,7 @@ def film(
     largest: float | None,
     progress: Callable[[list[int]], Iterable[int]],
 ) -> Iterator[Pixels]:
-    """Pictures of `sections` of every so many frames, with the same colours, as `animation.frames` has them."""
+    """Pictures of `sections` for every `every`-th frame with one colour range, in the format of `animation.frames`."""
     steps = chosen(results, every)
     if largest is None and name != "damage":
         each = (values(results, name, step, part or None) for step in steps)

@@ -1,4 +1,4 @@
-"""What a study found: measures against a parameter, every run a dot; the paths of all its cracks over each other."""
+"""Results of a study: measures against a parameter, one dot a run; and the crack paths of all runs."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powe
 
 
 def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> Figure:
-    """Measures of the study whose table is at `path`, against the parameter `over`: every run a dot, with the median
-    and the range; by default those that say most, against the one of most values. Raises StudyError."""
+    """Measures of the study at `path` against the parameter `over`: a dot for each run, the median and the range.
+
+    By default the most informative measures, against the parameter with the most values. Raises StudyError.
+    """
     found = read(path)
     names, against = chosen(found, measures, over)
     return panels_of(found, {name: spreads(found, name, against) for name in names}, against)
 
 
 def panels_of(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
-    """A figure of the spread of `measured` quantities of a study, one panel for each, against the parameter `over`."""
+    """A figure with one panel for each measure: its spread against the parameter `over`."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
     figure = Figure(figsize=(WIDTH * (0.7 if columns == 1 else 1), 2.7 * rows + 0.3), layout="constrained")
@@ -81,7 +83,7 @@ def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str
 
 
 def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -> dict[object, float]:
-    """Where the values of the parameter are on the axis: numbers in their unit, words one after the other."""
+    """Position of each parameter value on the axis: numbers in their unit, words side by side."""
     values = list(dict.fromkeys(spread.value for spread in some))
     column = None if over is None else found.columns[over]
     if column is not None and all(isinstance(value, int | float) for value in values):
@@ -100,7 +102,7 @@ def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -
 
 
 def _show_all(axes: Axes, places: Mapping[object, float]) -> None:
-    """Make room at the axis for values too at which nothing happened."""
+    """Extend the axis to parameter values at which no run has a value."""
     low, high = min(places.values()), max(places.values())
     if axes.get_xscale() == "log":
         room = (high / low) ** ASIDE
@@ -110,7 +112,7 @@ def _show_all(axes: Axes, places: Mapping[object, float]) -> None:
 
 
 def _aside(number: int, count: int, places: Mapping[object, float]) -> float:
-    """How far a series is set aside, so that dots of several are told apart."""
+    """Offset of a series along the axis, so that the dots of several series are told apart."""
     at = np.sort(list(places.values()))
     room = float(np.diff(at).min()) if len(at) > 1 else 1.0
     return WIDE * room * ((number + 0.5) / count - 0.5)
@@ -119,7 +121,7 @@ def _aside(number: int, count: int, places: Mapping[object, float]) -> float:
 def overlay(
     results: Results, lines: Sequence[tuple[str, list[Polyline]]], title: str, window: Box | None = None
 ) -> Figure:
-    """Paths of many runs, named by their series, over the plate of `results`, grey with its damage; `window` in m."""
+    """Crack paths of many runs, named by series, over the plate of `results`, grey by its damage; `window` in m."""
     step = last_step(results)
     where = shape(results, step, 0.0)
     box = window or box_of([where])

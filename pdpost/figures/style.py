@@ -1,4 +1,4 @@
-"""How all pictures look and how they are written: fonts, lines, colours; the same bytes each time."""
+"""Style of all pictures and how they are written: fonts, lines, colours; equal input gives equal bytes."""
 
 from __future__ import annotations
 
@@ -78,18 +78,18 @@ class FigureError(ValueError):
 
 @contextmanager
 def styled(settings: Mapping[str, object] | None = None) -> Iterator[None]:
-    """While it lasts, figures are drawn in the house style, with a user's matplotlib settings over it.
+    """A context in which figures have the house style, overridden by a user's matplotlib settings.
 
-    Raises FigureError for one that matplotlib does not know, or that no picture can be drawn with.
+    Raises FigureError for a setting that matplotlib does not know or cannot draw with.
     """
     with matplotlib.rc_context(rc=_checked(settings or {})):
         yield
 
 
 def _checked(style: Mapping[str, object]) -> dict[str, Any]:
-    """The house style with a user's settings over it, each of which matplotlib knows. Raises FigureError.
+    """The house style overridden by a user's settings, each known to matplotlib. Raises FigureError.
 
-    The setting `journal` names a preset that lies between.
+    The setting `journal` names a preset, applied after the house style and before the other settings.
     """
     style = dict(style)
     journal = style.pop("journal", None)
@@ -111,7 +111,7 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _preset(name: str) -> dict[str, Any]:
-    """What figures of a journal are like. Raises FigureError."""
+    """Settings of a journal's preset. Raises FigureError."""
     if name not in JOURNALS:
         raise FigureError(f"--journal: found '{name}', expected one of {', '.join(JOURNALS)}")
     width, size, fonts = JOURNALS[name]
@@ -133,17 +133,17 @@ def _preset(name: str) -> dict[str, Any]:
 
 
 def narrow() -> bool:
-    """Whether a figure is to be so narrow that things go below each other."""
+    """Whether figures are too narrow for panels side by side."""
     return bool(matplotlib.rcParams["figure.figsize"][0] < NARROW)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure in the format of the path's suffix, the same bytes each time. Raises FigureError."""
+    """Write a figure in the format of the path's suffix, with reproducible bytes. Raises FigureError."""
     write_atomically(path, written(figure, check_format(path)))
 
 
 def written(figure: Figure, kind: str, dpi: float | None = None) -> bytes:
-    """A figure in a format such as "png", the same bytes each time; `dpi` if it is not the style's."""
+    """Bytes of a figure in a format such as "png", reproducible; `dpi` overrides the style's."""
     picture = io.BytesIO()
     more: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
     tight = matplotlib.rcParams["savefig.bbox"] == "tight"
@@ -154,7 +154,7 @@ def written(figure: Figure, kind: str, dpi: float | None = None) -> bytes:
 
 
 def _as_wide(figure: Figure, width: float) -> Bbox:
-    """The part of a figure, inches, that is exactly so wide and has all in it; the figure is made to fit."""
+    """Bounding box, inches, of exactly this width that contains everything; the figure is resized to fit."""
     wide, tall = figure.get_size_inches()
     if figure.get_layout_engine() is not None:  # which finds room for words of any size
         figure.set_size_inches(width, tall * (width / wide) ** FLATTER)
@@ -170,7 +170,7 @@ def _as_wide(figure: Figure, width: float) -> Bbox:
 
 
 def check_format(path: Path) -> str:
-    """The format of the path's suffix. Raises FigureError, naming those there are, if there is none."""
+    """Format of the path's suffix. Raises FigureError, naming the supported formats."""
     formats = Figure().canvas.get_supported_filetypes()
     kind = path.suffix.lower().removeprefix(".")
     if kind not in formats:
@@ -179,7 +179,7 @@ def check_format(path: Path) -> str:
 
 
 def _try(style: Mapping[str, Any], named: str) -> None:
-    """Draw a small picture: matplotlib takes settings that it cannot draw with. Raises FigureError."""
+    """Draw a small picture, as matplotlib accepts settings that it cannot draw with. Raises FigureError."""
     try:
         with matplotlib.rc_context(rc=dict(style)), warnings.catch_warnings():
             warnings.simplefilter("ignore")

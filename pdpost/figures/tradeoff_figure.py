@@ -39,7 +39,7 @@ def tradeoff(points: Sequence[Point], by: str, kinds: Sequence[str], within: flo
 
 
 def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], names: Sequence[str]) -> None:
-    """Points (k,) of a panel, those on the Pareto front filled, linked and named."""
+    """Draw the points (k,) of a panel; those on the Pareto front are filled, joined and named."""
     plain(axes)
     axes.set_xscale("log")
     axes.set_yscale("log")

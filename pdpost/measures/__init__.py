@@ -1,1 +1,1 @@
-"""What is computed of results: fields, cracks, energies, forces, costs."""
+"""Quantities computed from results: fields, cracks, energies, forces, costs."""

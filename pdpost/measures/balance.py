@@ -1,4 +1,4 @@
-"""The ledger of a run as curves: where the energy went, and how much of it was lost or found."""
+"""The energy ledger of a run as curves, with the error of the balance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pdsolve.results import Results, ResultsError
 
 
 class Balance(NamedTuple):
-    """The books of t steps, of a plate per unit thickness: its J/m are J of a body."""
+    """Energy balance at t steps; J/m for a plate (per unit thickness), J for a body."""
 
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
@@ -31,17 +31,17 @@ class Balance(NamedTuple):
 
 
 def per_thickness(results: Results) -> str:
-    """What units of energies and forces end in: those of a plate are per metre of thickness."""
+    """End of the units of energies and forces: "/m" for a plate, per metre of thickness, "" for a body."""
     return "/m" if results.dimension == 2 else ""
 
 
 def damping(books: NDArray[np.void]) -> NDArray[np.float64]:
-    """The energy (t,) that damping has taken, J/m; NaN in older files, which have it in the dissipated energy."""
+    """Energy (t,) taken by damping, J/m; NaN in older files, where it is part of the dissipated energy."""
     return np.asarray(books["damped"] if "damped" in (books.dtype.names or ()) else np.full(len(books), np.nan))
 
 
 def put_in(books: NDArray[np.void], initial: float) -> float:
-    """The most energy, J/m, that a run was ever given, of which it had `initial` at the start."""
+    """Largest total energy supplied to a run so far, J/m, including the `initial` energy at the start."""
     return max(float(np.abs(books["work"]).max()), initial)
 
 
@@ -53,7 +53,7 @@ class _Solved(msgspec.Struct):
 
 
 def remarks(results: Results) -> list[str]:
-    """What there is to say of where energy went besides into cracks, if it is much."""
+    """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
     books, model = results.history(), read(results, _Solved)
     given = put_in(books, float(results.meta()["initial_energy"]))
     damped = float(np.nan_to_num(damping(books))[-1])
@@ -62,7 +62,7 @@ def remarks(results: Results) -> list[str]:
 
 
 def balance(results: Results) -> Balance:
-    """The balance of energy of a run. Raises ResultsError if nothing was booked yet."""
+    """The energy balance of a run. Raises ResultsError if its ledger is empty."""
     books = results.history()
     if not len(books):
         expect_mechanics(results)

@@ -1,4 +1,4 @@
-"""The bonds as pairs of nodes, and which of them are broken."""
+"""Bonds as pairs of nodes, and which of them are broken."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pdsolve.results import Results
 
 
 class Pairs(NamedTuple):
-    """The bonds there were of the nodes there are, each pair of nodes once."""
+    """The bonds between the nodes of a frame, each pair once."""
 
     ends: NDArray[np.int64]  # (b, 2) rows of its nodes
     broken: NDArray[np.bool_]  # (b,) from either side
 
 
 def pairs(results: Results, step: int) -> Pairs:
-    """The pairs of bonded nodes and whether they are broken after `step`; those cut by a pre-crack are left out.
+    """Pairs of bonded nodes after `step` and whether each is broken; bonds cut by a pre-crack are left out.
 
-    Bonds that broke before their nodes were born anew are broken, unless the nodes are bonded again.
+    A bond that broke before its nodes were born anew counts as broken, unless the nodes are bonded again.
     """
     families = results.families(step)
     state = 2 + broken(results, families, step).astype(np.int8)

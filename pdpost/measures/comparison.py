@@ -1,4 +1,4 @@
-"""Two runs' cracks, one over the other."""
+"""Comparison of the cracks of two runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from pdsolve.results import Results
 
 
 class Comparison(NamedTuple):
-    """How far two cracks are apart; None where one of the two runs has none. Differences are the other's less one's."""
+    """Distances of two runs' cracks; None where one run has none.
+
+    Differences are the other's value minus the first's.
+    """
 
     paths: tuple[list[Polyline], list[Polyline]]
     mean: float | None  # m, symmetric, see `paths.distance`
@@ -29,9 +32,9 @@ def compare(
     direction: tuple[float, float] = (1.0, 0.0),
     threshold: float = CRACKED,
 ) -> Comparison:
-    """The paths of two runs after their `steps`, and when their cracks started, branched and split the plate.
+    """Compare the paths of two runs after their `steps`, and when their cracks started, branched and split the plate.
 
-    Raises ResultsError if they are not of one plate.
+    Raises ResultsError if the plates differ.
     """
     check_alike(other, one)
     paths = path(one, steps[0], threshold), path(other, steps[1], threshold)

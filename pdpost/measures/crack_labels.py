@@ -1,11 +1,11 @@
-"""Which crack each cracked node belongs to, and when that crack reached it; from the steps nodes cracked in.
+"""The crack that each cracked node belongs to, and when that crack reached it, from the step each node cracked in.
 
-Nodes are added in the order they cracked in. A patch of touching nodes that grows to `SHORTEST` spacings is a crack;
-one that meets a crack before is a part of that crack, which had broken a little ahead of it or beside it. Cracks that
-meet stay two (what persistent homology does with the basins of a function: H. Edelsbrunner, J. Harer, Computational
-Topology, 2010, chapter VII). Then the cracks spread from where they began over all nodes that touch, each node by the
-way that gets to it first, by the older of two cracks, by the shorter of two ways. Nodes that crack in one step are
-added at once, so that what is symmetric stays so.
+Nodes are added in the order in which they cracked. A patch of touching nodes that grows to `SHORTEST` spacings is a
+crack. A patch that meets a crack before it has grown so far is part of that crack: material that broke a little ahead
+of it or beside it. Two cracks that meet stay two, as in the persistent homology of the basins of a function (H.
+Edelsbrunner, J. Harer, Computational Topology, 2010, chapter VII). Then each crack spreads from its origin over the
+nodes that touch it. A node takes the front that reaches it first, then the older of two cracks, then the shorter of two
+ways. Nodes that crack in one step are added together, so that symmetric input gives symmetric labels.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class Grown(NamedTuple):
 
 
 class _Root(NamedTuple):
-    """Where a crack began."""
+    """The origin of a crack."""
 
     step: int
     nodes: list[int]
 
 
 def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
-    """The nodes cracked after `step`, but for those that were at the start, shared out to cracks."""
+    """The nodes cracked after `step`, without those cracked at the start, each assigned to a crack."""
     nodes, since = results.nodes(step), cracked_since(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
@@ -58,7 +58,7 @@ def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
 
 
 def _touching(position: NDArray[np.float64], delta: NDArray[np.float64]) -> csr_array:
-    """Nodes (c, 2) within 1.5 of the larger spacing of each other, and how many mean spacings they are apart."""
+    """Graph (c, c) of nodes within 1.5 times the larger spacing of each other; weights: distance in mean spacings."""
     size = len(position)
     near = cKDTree(position).query_pairs((LINKED + ROUND_OFF) * float(delta.max(initial=0.0)), output_type="ndarray")
     far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
@@ -68,7 +68,7 @@ def _touching(position: NDArray[np.float64], delta: NDArray[np.float64]) -> csr_
 
 
 class _Patches:
-    """Touching nodes, joined step by step; each patch is known by one of its nodes."""
+    """A union-find of touching nodes, joined step by step; each patch is represented by one of its nodes."""
 
     def __init__(self, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]) -> None:
         self.position, self.delta = position, delta
@@ -77,14 +77,14 @@ class _Patches:
         self.roots: list[_Root | None] = [_Root(step, [node]) for node, step in enumerate(when.tolist())]
 
     def of(self, node: int) -> int:
-        """The patch of a node."""
+        """The representative node of a node's patch."""
         while self.parent[node] != node:
             self.parent[node] = self.parent[self.parent[node]]
             node = self.parent[node]
         return node
 
     def join(self, patches: list[int]) -> _Root | None:
-        """Make one patch of several; where a crack comes of it, where that began. A crack's own root is None."""
+        """Join several patches; returns the origin if the result becomes a crack. The root of a crack is None."""
         whole = max(patches, key=lambda patch: len(self.members[patch]))
         roots = [self.roots[patch] for patch in patches]
         for patch in patches:
@@ -106,7 +106,7 @@ class _Patches:
         return None
 
     def _ends(self, first: list[int], rows: list[int]) -> list[int]:
-        """Where a crack began: the nodes that cracked first, or, of many, those furthest from the middle of all."""
+        """Origin of a crack: the nodes that cracked first or, if they are many, those furthest from their centre."""
         apart = np.hypot(*(self.position[first] - self.position[first].mean(axis=0)).T)
         if (apart <= SHORTEST / 2 * self.delta[first]).all():
             return first
@@ -117,7 +117,7 @@ class _Patches:
 def _roots(
     graph: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]
 ) -> list[_Root]:
-    """Where the cracks began, the oldest first."""
+    """Origins of the cracks, oldest first."""
     patches = _Patches(position, delta, when)
     found = []
     for links in _by_step(graph, when):
@@ -132,7 +132,7 @@ def _roots(
 
 
 def _by_step(graph: csr_array, when: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
-    """Pairs of touching nodes, those together that are both cracked from the same step on."""
+    """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
     links = graph.tocoo()
     once = links.row < links.col
     one, other = links.row[once], links.col[once]
@@ -163,9 +163,9 @@ def _connected(pairs: set[tuple[int, int]]) -> list[list[int]]:
 def _spread(
     graph: csr_array, when: NDArray[np.int64], roots: list[_Root]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Let the cracks spread from their roots: crack, reached and level (c,) of `Grown`.
+    """Let the cracks spread from their roots; returns crack, reached and level (c,) of `Grown`.
 
-    Two of one age that meet in one step are one crack that began twice.
+    Two cracks of equal age that meet in one step are one crack with two origins.
     """
     count = len(when)
     crack, reached, level = np.full(count, -1), np.full(count, -1), np.full(count, np.inf)

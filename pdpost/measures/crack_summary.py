@@ -1,4 +1,4 @@
-"""Everything there is to say about the crack of a run, as numbers and as sentences."""
+"""A summary of the cracks of a run, as numbers and as sentences."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOTHING = 0.005  # of all that was spent: less before cracks grew is not mention
 
 @dataclass(frozen=True)
 class Summary:
-    """What became of the cracks of a run until a step."""
+    """What the cracks of a run did until a step."""
 
     step: int
     time_step: float  # s
@@ -45,10 +45,10 @@ class Summary:
 
 
 def crack(results: Results, step: int | None = None, threshold: float = CRACKED, along: str | None = None) -> Summary:
-    """Follow the cracks of a run until `step`, by default its last; nodes are cracked above the damage `threshold`.
+    """Follow the cracks of a run until `step` (default: the last); a node is cracked above the damage `threshold`.
 
-    `along` is "right", "left", "up" or "down", by default where most of their length goes. Raises ResultsError if
-    there is no frame yet.
+    `along` is "right", "left", "up" or "down"; by default the direction of most of the cracks' length. Raises
+    ResultsError if there is no frame yet.
     """
     step = last_step(results) if step is None else step
     limit, rest = rayleigh_of(results), at_rest(results)
@@ -78,7 +78,7 @@ def _mean_speed(branch: Branch, found: Summary) -> float | None:
 
 
 def _possible(found: Speeds, limit: float) -> Speeds:
-    """Speeds without those that are surely above the Rayleigh speed: there no tip ran, a stretch broke at once."""
+    """Speeds with NaN where they are surely above the Rayleigh speed: there a whole stretch broke at once."""
     too_fast = found.low > limit
     return Speeds(*(np.where(too_fast, np.nan, column) for column in found))
 
@@ -125,7 +125,7 @@ def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
 
 
 def crack_table(results: Results) -> Columns:
-    """Every point of the paths of a run's cracks, as columns: time, place, length, speed. Raises ResultsError."""
+    """Every point of a run's crack paths as columns: time, place, length, speed. Raises ResultsError."""
     return columns_of(*table(crack(results)))
 
 
@@ -156,7 +156,7 @@ def sentences(found: Summary) -> list[str]:
 
 
 def _way(branch: Branch, found: Summary) -> str:
-    """From where to where and when a tip went, and how fast."""
+    """Where and when a tip started and ended, and its speed, in words."""
     ways = [f"{_place(branch.place[at])} at {told(branch.time[at])}" for at in (0, -1)]
     mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
     if found.at_rest:
@@ -171,7 +171,7 @@ def _way(branch: Branch, found: Summary) -> str:
 
 
 def _spent(release: Release) -> list[str]:
-    """What the cracks spent, beside G0."""
+    """Words for the energy that the cracks spent, relative to G0."""
     known = release.value[np.isfinite(release.value)]
     if not len(known):
         return []
@@ -183,13 +183,13 @@ def _spent(release: Release) -> list[str]:
 
 
 def _left(way: Direction) -> str:
-    """Which way a crack left its notch."""
+    """Words for the direction in which a crack left its notch."""
     band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
     angle, whole = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
     return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {whole} as a whole"
 
 
 def _place(point: Sequence[float] | NDArray[np.float64]) -> str:
-    """A place in mm, its zeros without round-off."""
+    """A place in mm, without round-off in zeros."""
     x, y = (round(float(value) * 1e3, 6) + 0.0 for value in point)
     return f"({x:.4g}, {y:.4g}) mm"

@@ -1,7 +1,7 @@
-"""Which nodes are cracked, and since when; from the bonds that broke, to the step.
+"""Which nodes are cracked and since which step, from the steps in which their bonds broke.
 
-Damage is 1 - intact / initial bonds, bonds cut by a pre-crack counted as broken; a node is cracked above `CRACKED`.
-A node that is born cracked takes the place of one that was, and is cracked since that was.
+Damage is 1 - intact / initial bonds; bonds cut by a pre-crack count as broken. A node is cracked above `CRACKED`. A
+node that is born cracked takes the place of an earlier cracked node, and is cracked since that one was.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ROUND_OFF = 1e-6
 
 
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
-    """Damage (n,) of the nodes there are after any step, between frames as well."""
+    """Damage (n,) of the living nodes after any step, also between frames."""
     lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
     before = breaks.step <= step
     row = lives.at(breaks.node[before], breaks.step[before])
@@ -28,9 +28,9 @@ def damage_at(results: Results, step: int) -> NDArray[np.float64]:
 
 
 def cracked_since(results: Results, threshold: float = CRACKED, step: int | None = None) -> NDArray[np.int64]:
-    """The step (n,) from which on each node's damage is above `threshold`; -1 for nodes that stay sound.
+    """The step (n,) from which each node's damage exceeds `threshold`; -1 for nodes that stay sound.
 
-    They are those there are at `step`, by default those of the last frame.
+    The nodes are those at `step`, by default those of the last frame.
     """
     lives, breaks = results.lives(), results.breaks()
     nodes = lives.nodes
@@ -59,10 +59,10 @@ def _inherit(
     since: NDArray[np.int64],
     broken: NDArray[np.bool_],
 ) -> None:
-    """Let nodes that are born cracked be so since those that die then and whose squares they overlap were.
+    """For nodes born cracked, set `since` to that of the overlapping nodes that die at the same time.
 
-    Where none of these was cracked and none had lost bonds on the way, a pre-crack cut them: that is since step 0.
-    `since` (r,) and `broken` (r,), whether bonds broke in the course of the run, are of all nodes that ever were.
+    If none of these was cracked and none had lost bonds during the run, a pre-crack cut them: since step 0. `since`
+    (r,) and `broken` (r,), whether bonds broke during the run, cover all nodes that ever lived.
     """
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
     if len(born) and len(died):
@@ -81,7 +81,7 @@ def _inherit(
 
 
 def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Ends of pre-cracks (k, 4) that no other segment touches, with the unit vector the crack arrives with."""
+    """Ends of pre-cracks (k, 4) that no other segment touches, each with the unit vector of the arriving crack."""
     ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
     starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])
     return [

@@ -1,8 +1,7 @@
-"""What became of a crack: when it started, branched and split the plate.
+"""Events in the life of a crack: when it started, branched and split the plate.
 
-A crack runs along a direction, x unless another is given: its tip is the furthest cracked node along it, or, of cracks
-that are particles, the furthest of these. Where all tips were, and when, is in `tips`; which way a crack left its notch
-in `directions`.
+A crack runs along a direction, by default x. Its tip is the cracked node (or crack particle) furthest along it. The
+module `tips` has the positions of all tips over time, `directions` the direction in which a crack left its notch.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ DIRECTIONS = {"right": (1.0, 0.0), "left": (-1.0, 0.0), "up": (0.0, 1.0), "down"
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a crack, and how far along its direction; no place where none has a meaning."""
+    """Something that happened to a crack, and how far along its direction; None where a place has no meaning."""
 
     step: int
     time: float  # s
@@ -38,7 +37,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Growth:
-    """What became of a crack. Events that did not happen are None."""
+    """Events of a crack; those that did not happen are None."""
 
     first_break: Event | None
     initial_tip: float | None  # m; None where nothing was cracked before
@@ -55,11 +54,11 @@ def growth(
     step: int | None = None,
     branches: Sequence[Branch] | None = None,
 ) -> Growth:
-    """What became of the cracks of a run until `step` (default: its end), along `direction`, a unit vector.
+    """Events of the cracks of a run until `step` (default: its end), along the unit vector `direction`.
 
-    Damage above `threshold` is cracked. Start: a node is cracked that is 1.5 of the finest spacings away from all that
-    were at first, or, where none was, the first; of cracks that are particles, the first that grows. Branching: the
-    first fork of `branches`, those of `tips` unless given. Split: see `is_split`.
+    A node is cracked above the damage `threshold`. Start: the first cracked node at least 1.5 of the finest spacings
+    away from all that were cracked at first, or the first cracked node of all if none was; for cracks of particles, the
+    first growth. Branching: the first fork of `branches`, by default those of `tips`. Split: see `is_split`.
     """
     nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
     until = np.inf if step is None else step
@@ -90,7 +89,7 @@ def growth(
 def _of_particles(
     particles: Particles, until: float, time_step: float, axis: NDArray[np.float64]
 ) -> tuple[Event | None, tuple[float | None, float | None]]:
-    """When cracks that are particles started, and the furthest tips at first and `until` a step."""
+    """When cracks of particles started, and the furthest tip at the start and at the time `until`."""
     along, step = particles.place @ axis, particles.step
     grew, start = step[(step > 0) & (step <= until)], None
     if len(grew):
@@ -100,7 +99,7 @@ def _of_particles(
 
 
 def _start(nodes: Nodes, since: NDArray[np.int64]) -> int | None:
-    """The step in which a crack starts, of nodes (n,) that are cracked since a step, -1 if they are not."""
+    """First step of crack growth, from the step (n,) since which nodes are cracked (-1: never); None without growth."""
     grown = since > 0
     if (since == 0).any():
         away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
@@ -113,7 +112,7 @@ def _furthest(along: NDArray[np.float64]) -> float | None:
 
 
 def clusters(position: NDArray[np.float64], delta: NDArray[np.float64], link: float = LINKED) -> NDArray[np.int64]:
-    """The number (c,) of each node's cluster; nodes within `link` of the larger spacing are linked."""
+    """Cluster number (c,) of each node; nodes within `link` times the larger spacing of each other are linked."""
     tree = cKDTree(position)
     reach = (link + ROUND_OFF) * float(delta.max(initial=0.0))
     near = tree.query_pairs(reach, output_type="ndarray")
@@ -125,8 +124,8 @@ def clusters(position: NDArray[np.float64], delta: NDArray[np.float64], link: fl
 def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     """Whether cracked nodes, with the holes between them, part the plate.
 
-    A chain of cracked nodes no more than 1.5 spacings from link to link leads from side to side just where no
-    path of neighbours along rows and columns leads around it: sound nodes are then in more than one piece.
+    A chain of cracked nodes with links of at most 1.5 spacings leads from side to side exactly if no path of neighbours
+    along rows and columns leads around it. The sound nodes are then in more than one piece.
     """
     sound = ~cracked
     if sound.all() or not sound.any():
@@ -136,7 +135,7 @@ def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
 
 
 def _split(nodes: Nodes, since: NDArray[np.int64], time_step: float) -> Event | None:
-    """The first step at which the plate is split, by bisection: what is cracked stays so."""
+    """The first step at which the plate is split, by bisection, as a cracked node stays cracked."""
     steps = np.unique(since[since >= 0])
     low, high = 0, len(steps)
     while low < high:

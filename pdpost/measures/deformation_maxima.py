@@ -1,4 +1,4 @@
-"""How far a plate or a body has moved and how far its bonds are stretched: what there is to say where nothing broke."""
+"""Largest displacement and bond stretch, which describe a run in which nothing broke."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ TOGETHER = 2_000_000  # bonds that are looked at at once
 
 
 def largest_displacement(results: Results) -> float | None:
-    """The largest displacement of a node in all frames, m; None where no frame holds displacements."""
+    """The largest displacement of any node in all frames, m; None if no frame holds displacements."""
     found = (_displacement(results, step) for step in frames(results)[0].tolist())
     return max((float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in found if u is not None), default=None)
 
 
 def largest_stretch(results: Results) -> float | None:
-    """The largest stretch of a bond that is whole in the last frame; None where that has no displacements."""
+    """The largest stretch of a bond that is intact in the last frame; None if it has no displacements."""
     step = last_frame(results)
     u = _displacement(results, step)
     if u is None:
@@ -37,7 +37,7 @@ def largest_stretch(results: Results) -> float | None:
 
 
 def _displacement(results: Results, step: int) -> NDArray[np.float64] | None:
-    """The displacements (n, d) of a frame, m, if it holds them."""
+    """Displacements (n, d) of a frame, m, or None if it has none."""
     names, there = ("ux", "uy", "uz")[: results.dimension], results.stored(step)
     if not set(names) <= set(there):
         return None

@@ -1,7 +1,7 @@
-"""Which way cracks leave the tips of pre-cracks: straight lines through the first stretch of each.
+"""The direction in which cracks leave the tips of pre-cracks: a straight line fitted to the beginning of each.
 
-The stretch begins three spacings from the tip, where what is crushed around it ends, and goes on as long as the crack
-is straight, no further than to where it forks.
+The fit begins three spacings from the tip, beyond the crushed region around it. It extends as far as the crack is
+straight, at most to its first fork.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BEHIND = 135.0  # degrees: what turns back further runs along its notch
 
 @dataclass(frozen=True)
 class Direction:
-    """Which way a crack left the tip of a pre-crack, to the left (positive) or right of its line."""
+    """The angle between a crack and the pre-crack that it starts from, positive to the left."""
 
     tip: tuple[float, float]  # m
     angle: float  # degrees from the line of the pre-crack
@@ -39,10 +39,10 @@ class Direction:
 
 
 def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
-    """The directions of the cracks from each tip of a pre-crack, of all `branches` (see `tips`).
+    """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `tips`).
 
-    A crack that forks within five spacings of the tip leaves it in each of its arms. Of cracks that are particles:
-    the direction of the first arm.
+    A crack that forks within five spacings of the tip has a direction for each arm. A crack of particles has the
+    direction of its first arm.
     """
     found = []
     for tip, heading in pre_crack_tips(results.cracks()):
@@ -57,7 +57,7 @@ def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
 
 
 def _leaving(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
-    """A branch, or, where that is too short to have a direction, its arms."""
+    """The branch itself or, if it is too short for a direction, its arms."""
     arms = [other for other in branches if other.begin == branch.end]
     if branch.exact or branch.length >= SHORTEST * branch.spacing[0] or not arms:
         return [branch]
@@ -65,7 +65,7 @@ def _leaving(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
 
 
 def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> Direction | None:
-    """The direction of a branch; None where it has too few points."""
+    """The direction of a branch; None if it has too few points."""
     place = (float(tip[0]), float(tip[1]))
     if branch.exact:
         angle, whole = (_angle(way, heading) for way in (branch.direction[0], axis_of(branch.place)))
@@ -82,8 +82,8 @@ def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.flo
 
 
 def _straight(points: NDArray[np.float64], spacing: NDArray[np.float64], far: NDArray[np.float64]) -> int:
-    """How many of the first points are on a straight line: those within ten spacings, and further ones as far as no
-    point is off the line through them by more than one."""
+    """Number of leading points on a straight line: all within ten spacings, then as many as stay within one spacing of
+    the line fitted through them."""
     count = max(FEWEST, int((far <= ARM * spacing[0]).sum()))
     while count < len(points):
         across = _across(points[: count + 1])
@@ -94,7 +94,7 @@ def _straight(points: NDArray[np.float64], spacing: NDArray[np.float64], far: ND
 
 
 def _band(points: NDArray[np.float64], spacing: NDArray[np.float64]) -> float:
-    """How far, degrees, a line through points may be off: by Student's distribution, no better than nodes allow."""
+    """Uncertainty of a fitted line's direction, degrees: Student's, but not below the resolution of the nodes."""
     free = len(points) - 2
     along = (points - points.mean(axis=0)) @ axis_of(points)
     seen = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(points) ** 2).sum() / free)
@@ -103,11 +103,11 @@ def _band(points: NDArray[np.float64], spacing: NDArray[np.float64]) -> float:
 
 
 def _across(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far (k,) points are off the straight line through them, m."""
+    """Distances (k,) of points from the straight line through them, m."""
     x, y = axis_of(points)
     return np.asarray((points - points.mean(axis=0)) @ np.array([-y, x]))
 
 
 def _angle(way: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
-    """Degrees from a heading to a way, both unit vectors, to the left positive."""
+    """Angle in degrees from the unit vector `heading` to the unit vector `way`, positive to the left."""
     return float(np.degrees(np.arctan2(heading[0] * way[1] - heading[1] * way[0], heading @ way)))

@@ -1,4 +1,4 @@
-"""What can be shown of the nodes of a frame: damage, energy, vectors, tensors, and their components."""
+"""Fields at the nodes of a frame: damage, energy, vectors, tensors, and their components."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ TENSOR = ("largest", "smallest", "xx", "yy", "xy", "zz")  # principal ones in th
 
 
 class FieldError(ValueError):
-    """A field or a component that there is none of; the message names those there are."""
+    """An unknown field or component; the message names those available."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity of the nodes. Its first component is the one that is shown unless another is asked for."""
+    """A quantity at the nodes. Its first component is the default."""
 
     name: str
     title: str
@@ -36,12 +36,11 @@ class Field:
 
     @property
     def fitted(self) -> bool:
-        """Whether it is fitted to the bonds that are left: strain and stress."""
+        """Whether the field is fitted to the intact bonds: strain and stress."""
         return self.components[: len(TENSOR)] == TENSOR
 
     def parts(self, dimension: int = 2) -> tuple[str, ...]:
-        """The components of this field in the plane, or, for `dimension` 3, in space. Raises FieldError for a field
-        that bodies do not have."""
+        """The components of this field in 2 or 3 dimensions. Raises FieldError for a field that bodies do not have."""
         if dimension == 2 or not self.components:
             return self.components
         if self.name == "strain":
@@ -50,7 +49,7 @@ class Field:
 
 
 def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
-    """A field that results hold, its unit as it is set in figures."""
+    """A field stored in results, with its unit from the table of stored fields."""
     unit = output_fields.FIELDS[name].unit
     return Field(name, title, "" if unit == "1" else unit.translate(POWERS), components)
 
@@ -76,7 +75,7 @@ FIELDS = {
 
 
 def component(name: str, given: str | None, dimension: int = 2) -> str:
-    """The component of a field to show: the given one, or its first; "" of a scalar. Raises FieldError."""
+    """The component to show: the given one or the first; "" for a scalar. Raises FieldError."""
     if name not in FIELDS:
         raise FieldError(f"found no field '{name}', expected one of {', '.join(FIELDS)}")
     there = FIELDS[name].parts(dimension)
@@ -89,7 +88,7 @@ def component(name: str, given: str | None, dimension: int = 2) -> str:
 
 
 def usual(results: Results, step: int) -> str:
-    """The field that is shown if none is asked for: damage, of what dissolves its content, else the concentration."""
+    """The default field: damage in mechanics; content where a solid dissolves, otherwise concentration."""
     if not diffuses(results):
         return "damage"
     first = "content" if results.masses()["solid"][0] > 0 else "concentration"
@@ -98,9 +97,9 @@ def usual(results: Results, step: int) -> str:
 
 
 def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
-    """Nodes (n,) whose value says nothing: of strain and stress, where more than 0.35 of the bonds are broken.
+    """Mask (n,) of nodes whose value is unreliable: for strain and stress, more than 0.35 of the bonds are broken.
 
-    What is fitted to the few bonds left there is the opening of a crack, not a strain.
+    A gradient fitted to so few bonds measures the opening of a crack, not a strain.
     """
     if not FIELDS[name].fitted:
         return np.zeros(len(results.rows(step)), dtype=bool)
@@ -108,21 +107,21 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
 
 
 def signed(name: str, part: str) -> bool:
-    """Whether the values of a component can be negative as well as positive."""
+    """Whether a component takes both signs."""
     return name == "rotation" or (bool(part) and part not in ("magnitude", "mises"))
 
 
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
     """A component (n,) of the field `name` after `step`, in SI units; NaN where a node has none.
 
-    Damage is known at every step, the others at frames that stored what they need. Raises FieldError, and
-    ResultsError naming what is stored.
+    Damage is known at every step, other fields at frames that store them. Raises FieldError, and ResultsError naming
+    what is stored.
     """
     return components(results, name, step)[component(name, part, results.dimension)]
 
 
 def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
-    """All components (n,) of the field `name` after `step`, a scalar's own under ""."""
+    """All components (n,) of the field `name` after `step`, by name; a scalar's name is ""."""
     field = FIELDS[name]
     if name == "damage" and not diffuses(results):
         return {"": damage_at(results, step)}
@@ -153,7 +152,7 @@ def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
 
 
 def _in_space(stress: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Components (n,) of xx, yy, xy, zz, xz and yz (n, 6)."""
+    """Symmetric tensors (n, 6), in the order xx, yy, xy, zz, xz, yz, by component name."""
     xx, yy, xy, zz, xz, yz = stress.T
     principal = np.linalg.eigvalsh(np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0))
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))

@@ -1,4 +1,4 @@
-"""What the conditions of a run did: force against time, and against the displacement of their nodes."""
+"""Forces of a run's conditions against time and against the displacement of their nodes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WHAT = ("force", "displacement")
 
 
 class Reaction(NamedTuple):
-    """The force and displacement of one condition at t steps, of a plate per metre of thickness; d is 2 or 3."""
+    """Force and displacement of one condition at t steps, for a plate per metre of thickness; d is 2 or 3."""
 
     number: int  # in the model's list of conditions
     name: str  # its name there, or its number
@@ -35,12 +35,12 @@ class Reaction(NamedTuple):
 
     @property
     def axis(self) -> int:
-        """0, 1 or 2: the direction it acts in."""
+        """The axis (0, 1 or 2) along which the condition acts."""
         return int(np.abs(self.force).max(axis=0).argmax())
 
 
 def reactions(results: Results) -> list[Reaction]:
-    """All conditions that act throughout the run. Raises ResultsError if there are none."""
+    """Reactions of all conditions over the run. Raises ResultsError if there are none."""
     rows, ways = results.reactions(), "xyz"[: results.dimension]
     conditions = read(results, _Named).conditions
     found = []
@@ -59,8 +59,7 @@ def reactions(results: Results) -> list[Reaction]:
 
 
 def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
-    """The reactions with these names or numbers; all for no names. Raises ResultsError, naming the conditions there
-    are."""
+    """The reactions with these names or numbers; all if `names` is empty. Raises ResultsError naming the conditions."""
     by_name = {str(one.number): one for one in all_of_them} | {one.name: one for one in all_of_them}
     for name in names:
         if name not in by_name:

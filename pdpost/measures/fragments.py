@@ -1,4 +1,4 @@
-"""What a plate is broken into: pieces of sound nodes."""
+"""Fragments of a plate: connected pieces of sound nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pdsolve.results import Results
 
 
 class Fragment(NamedTuple):
-    """A piece of the plate."""
+    """One fragment of the plate."""
 
     nodes: int
     area: float  # m^2
@@ -21,7 +21,7 @@ class Fragment(NamedTuple):
 
 
 class Fragments(NamedTuple):
-    """All pieces of a plate; their areas, that of the crumbs and that of what is cracked add up to the plate's."""
+    """All fragments; their areas, that of the crumbs and the cracked area add up to the plate's."""
 
     pieces: tuple[Fragment, ...]  # the largest first
     crumbs: int  # pieces of no more than 2 per cent of the nodes
@@ -30,7 +30,7 @@ class Fragments(NamedTuple):
 
 
 def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragments:
-    """The pieces after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
+    """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
     nodes, cracked = results.nodes(step), damage_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)

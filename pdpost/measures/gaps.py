@@ -1,4 +1,4 @@
-"""How far two places of a plate have come apart, and the force it took."""
+"""The opening between two places of a plate, and the force against it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Gap(NamedTuple):
 
 
 class Pulled(NamedTuple):
-    """A force against a gap, at t times that both are known of."""
+    """A force against a gap, at the t times at which both are recorded."""
 
     name: str  # of the condition
     axis: int  # 0, 1 or 2
@@ -33,9 +33,9 @@ class Pulled(NamedTuple):
 
 
 def gap(results: Results, one: Place, other: Place) -> Gap:
-    """The gap between the nodes nearest to two places, m: of probes where there are any, else of frames.
+    """The gap between the nodes nearest to two places, m, from probes if there are any, else from frames.
 
-    Raises ResultsError for places off the plate, for one node, and where nothing was noted of them.
+    Raises ResultsError for places off the plate, for places with the same nearest node, and where nothing is recorded.
     """
     ways = "xyz"[: results.dimension]
     ends = [[at_place(results, place, "displacement", component) for component in ways] for place in (one, other)]
@@ -51,7 +51,7 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
 
 
 def against(found: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:
-    """The force of a condition along an axis against a gap; with `smooth` both are means over so many steps.
+    """The force of a condition along an axis against a gap; `smooth` is the number of steps in a running mean.
 
     Raises ResultsError where fewer than two steps are left.
     """

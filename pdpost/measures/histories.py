@@ -1,4 +1,4 @@
-"""Displacement, velocity and acceleration of nodes against time; of nodes that come and go, no numbers beside that."""
+"""Displacement, velocity and acceleration of nodes against time; NaN while a node does not exist."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Place = tuple[float, ...]  # x, y and in a body z, m
 
 
 class History(NamedTuple):
-    """A quantity of a node, or the mean of several, at t times."""
+    """A quantity of one node, or the mean of several nodes, at t times."""
 
     label: str
     component: str  # x, y, of a body z, or magnitude
@@ -39,7 +39,7 @@ class History(NamedTuple):
 
 
 def of_node(results: Results, node: int, quantity: str = "displacement", component: str = "magnitude") -> History:
-    """The history of one node: from its probe if there is one, else from the frames. Raises ResultsError."""
+    """The history of one node, from its probe if there is one, else from the frames. Raises ResultsError."""
     nodes = results.lives().nodes
     (rows,) = np.nonzero(nodes.ids == node)
     if not len(rows):
@@ -60,9 +60,9 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
 
 
 def at_place(results: Results, place: Place, quantity: str = "displacement", component: str = "magnitude") -> History:
-    """The history of the node nearest to a place, m; where nodes change, of whichever is nearest at each frame.
+    """The history of the node nearest to a place, m; where nodes change, the nearest one at each frame.
 
-    Raises ResultsError where that is not on the plate.
+    Raises ResultsError if the place is not on the plate.
     """
     _expect(results, "--at", place, 1)
     nodes = results.nodes()
@@ -93,8 +93,10 @@ def in_box(
     quantity: str = "displacement",
     component: str = "magnitude",
 ) -> History:
-    """The mean of all nodes in a box, m, with the smallest and the largest; of a plate x0, y0, x1, y1, of a body six
-    numbers. Raises ResultsError."""
+    """The mean, smallest and largest value of all nodes in a box, m: x0, y0, x1, y1 in a plate, six numbers in a body.
+
+    Raises ResultsError.
+    """
     _expect(results, "--box", box, 2)
     corners = np.sort(np.reshape(box, (2, -1)), axis=0)
     nodes = results.lives().nodes
@@ -120,14 +122,14 @@ def in_box(
 def _of_frames(
     results: Results, rows: Callable[[Nodes], NDArray[np.int64]], quantity: str, component: str
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Times (t,) of the frames and the quantity of the nodes that are meant there, of each frame's (k,)."""
+    """Times (t,) of the frames, and for each frame the quantity of the k nodes that `rows` selects."""
     steps, times = frames(results)
     found = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
     return times, [_component(ways, component) for ways in found]
 
 
 def _booked(results: Results, node: int) -> int:
-    """How many entries the ledger has from a node's life."""
+    """Number of ledger entries during a node's life."""
     steps = results.history()["step"].astype(np.int64)
     return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
 
@@ -137,8 +139,7 @@ def _away(nodes: Nodes, place: Place) -> NDArray[np.float64]:
 
 
 def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]:
-    """A component, or the magnitude, (t,) of vectors (t, d). Raises FieldError for a component that they do not
-    have."""
+    """A component (t,), or the magnitude, of vectors (t, d). Raises FieldError for a component they do not have."""
     if component == "magnitude":
         return reduce(np.hypot, ways.T)
     if component not in "xyz"[: ways.shape[1]]:
@@ -147,7 +148,7 @@ def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]
 
 
 def _expect(results: Results, option: str, given: tuple[float, ...], places: int) -> None:
-    """Raises ResultsError where places have not as many coordinates as the nodes."""
+    """Raise ResultsError if a place has not as many coordinates as the nodes."""
     expected = places * results.dimension
     if len(given) != expected:
         raise ResultsError(f"{option}: found {len(given)} numbers, expected {expected} in a {_kind(results)}")

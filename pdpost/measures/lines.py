@@ -1,4 +1,4 @@
-"""A field along a straight line: linear between nodes that are bonded, the nearest node's elsewhere."""
+"""A field along a straight line: linear between bonded nodes, elsewhere that of the nearest node."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Line(NamedTuple):
 def line(results: Results, name: str, step: int, start: tuple[float, float], end: tuple[float, float]) -> Line:
     """All components of the field `name` after `step`, at two places a spacing from `start` to `end`, m.
 
-    A value is linear in the triangle of three nodes all bonded to each other; where bonds are cut or broken, and at
-    the edge of the plate, it is that of the nearest node. Off the plate, and where the nearest node's says nothing
-    (see `fields.torn`), there is none. Raises ResultsError for a line without length or beside the plate, and for a
-    frame that does not hold the field.
+    A value is linear in the triangle of three nodes that are all bonded to each other. Where bonds are cut or broken,
+    and at the edge of the plate, it is that of the nearest node. It is NaN off the plate and where the nearest node's
+    value is unreliable (see `fields.torn`). Raises ResultsError for a line without length or outside the plate, and for
+    a frame without the field.
     """
     ends = np.array([start, end], dtype=float)
     length = float(np.hypot(*(ends[1] - ends[0])))
@@ -72,7 +72,7 @@ def _on_plate(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> ND
 def _weights(
     results: Results, nodes: Nodes, rows: NDArray[np.int64], places: NDArray[np.float64], step: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Three of `rows` for each place (k, 3), by their numbers there, and what they weigh (k, 3)."""
+    """For each place, three indices into `rows` (k, 3) and their weights (k, 3)."""
     unit, origin = float(nodes.delta.min()), nodes.position[rows].mean(axis=0)
     points, targets = (nodes.position[rows] - origin) / unit, (places - origin) / unit
     nearest = cKDTree(points).query(targets)[1]

@@ -1,4 +1,4 @@
-"""What there is of a substance that diffuses, and where it has gone, over time."""
+"""Amounts of a diffusing substance over time: inside, passed through the boundary, supplied."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdsolve.results import Results, ResultsError
 
 
 class Masses(NamedTuple):
-    """The books of a run of diffusion at t times; of a plate, per unit thickness."""
+    """Mass balance of a diffusion run at t times; for a plate, per unit thickness."""
 
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
@@ -26,7 +26,7 @@ class Masses(NamedTuple):
 
 
 def masses(results: Results) -> Masses:
-    """The books of a run. Raises ResultsError for one of mechanics."""
+    """The mass balance of a run. Raises ResultsError for a run of mechanics."""
     table = results.masses()
     if not len(table):
         raise ResultsError(f"{results.name}: found no masses, expected results of a model of diffusion")

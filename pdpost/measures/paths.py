@@ -1,4 +1,4 @@
-"""Lines that cracks have drawn: where they run, and how far two sets of them are apart."""
+"""Crack paths as polylines, and the distance between two sets of them."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class PathError(ValueError):
 
 
 def path(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
-    """The path of the cracks after `step`, a polyline (k, 2), m, for each branch; the longest first."""
+    """The crack paths after `step`: a polyline (k, 2), m, for each branch, the longest first."""
     return [branch.place for branch in tips(results, step, threshold)]
 
 
 def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float, float]:
-    """How far two sets of lines are apart, m: the mean over the length of both, and the Hausdorff distance.
+    """Distances between two sets of lines, m: the mean over the length of both, and the Hausdorff distance.
 
-    The mean is that of the two means from one set to the nearest points of the other. Both are measured at some
-    2000 points of each set. Raises PathError where one is empty.
+    The mean is that of the two mean distances from one set to the nearest points of the other. Each set is sampled at
+    about 2000 points. Raises PathError if one is empty.
     """
     if not one or not other:
         raise PathError("found no path of a crack, expected one in both runs")
@@ -41,9 +41,9 @@ def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float,
 
 
 def heading(lines: Sequence[Polyline]) -> str:
-    """Where a crack runs: the name in `cracks.DIRECTIONS` that most of its length goes by; "right" without any.
+    """The direction in `cracks.DIRECTIONS` along which most of a crack's length runs; "right" without a crack.
 
-    Lines shorter than 0.4 of the longest do not count; of directions within a tenth of each other it is the first.
+    Lines shorter than 0.4 of the longest do not count. Of directions within a tenth of each other, the first is taken.
     """
     way = np.array(list(DIRECTIONS.values()))
     lengths = np.zeros(len(way))
@@ -55,7 +55,7 @@ def heading(lines: Sequence[Polyline]) -> str:
 
 
 def _from_to(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
-    """Mean and largest distance of points of `lines` from the nearest points of `others`, m."""
+    """Mean and largest distance from points of `lines` to the nearest points of `others`, m."""
     points, weight = _samples(lines)
     start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
     end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
@@ -64,7 +64,7 @@ def _from_to(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[flo
 
 
 def _samples(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points of lines, their corners among them, and the length that each stands for."""
+    """Sample points of lines, including their corners, and the length that each stands for, m."""
     pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
     whole = sum(float(piece.sum()) for piece in pieces)
     if whole == 0:

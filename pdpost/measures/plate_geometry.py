@@ -1,4 +1,4 @@
-"""The plate that is drawn: its edges, its pre-cracks, and the cell of each node, clipped to it."""
+"""Geometry of a plate for figures: its edges, its pre-cracks, and the clipped Voronoi cell of each node."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Ring: TypeAlias = Annotated[list[tuple[float, float]], msgspec.Meta(min_length=3
 
 
 class Plate(NamedTuple):
-    """What is drawn of a model besides its nodes, m."""
+    """What a figure shows of a model besides its nodes, m."""
 
     edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
     cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
@@ -32,7 +32,7 @@ class Plate(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The cells of n nodes, the rings of a node together; a ring's last corner is its first."""
+    """The cells of n nodes. The rings of a node are consecutive; a ring's last corner is its first."""
 
     corners: NDArray[np.float64]  # (c, 2) m, from their nodes
     closes: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
@@ -50,8 +50,8 @@ class _Drawn(msgspec.Struct):
 def plate(results: Results) -> Plate:
     """The plate of a run.
 
-    Without an outline it is where the squares of its nodes are at the start, gaps between spacings closed; of many
-    nodes, their box.
+    Without an outline it is the union of its nodes' squares at the start, with gaps between spacings closed; for many
+    nodes, their bounding box.
     """
     drawn = read(results, _Drawn)
     edges = tuple(np.array(ring) for ring in (*drawn.outline, *drawn.holes))
@@ -77,7 +77,7 @@ def _around(nodes: Nodes) -> shapely.Geometry:
 
 
 def check_alike(results: Results, other: Results) -> None:
-    """Raises ResultsError if two results are not of one plate, but for a strip of two of the larger spacings."""
+    """Raise ResultsError if two plates differ by more than a strip of two of the larger spacings."""
     one, expected = plate(results).shape, plate(other).shape
     reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, other))
     off = shapely.symmetric_difference(one, expected).buffer(-reach)
@@ -93,9 +93,9 @@ def check_alike(results: Results, other: Results) -> None:
 
 
 def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
-    """The part of the plate that is nearer to each node than to any other, its Voronoi cell clipped by `shape`.
+    """The Voronoi cell of each node, clipped by `shape`.
 
-    Raises ResultsError for nodes in one place.
+    Raises ResultsError for coincident nodes.
     """
     if not len(nodes.ids):
         return Cells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))

@@ -1,8 +1,8 @@
-"""What cracks spend on their way: the dissipation of the ledger over the length of all cracks, beside G0.
+"""Energy spent by cracks: dissipation in the ledger over the length of all cracks, relative to G0.
 
-A crack is as long as its nodes are cracked. Where bonds soften before they break, some of what it spends at a place is
-spent before it comes there, and at first before there is a crack: a crack whose softening zone becomes shorter spends
-less on its advance than it costs. So all that was spent over all of the length is given too.
+A crack is as long as its cracked nodes. Where bonds soften before they break, a crack spends part of its energy ahead
+of its tip, and some before it exists. While its softening zone shrinks, it spends less on its advance than it costs.
+The ratio of total energy to total length is therefore given too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pdsolve.results import Results
 
 
 class Release(NamedTuple):
-    """Energy released over crack advance, dD/da, at k entries of the ledger while cracks grew."""
+    """Energy released over crack advance, dD/da, at k ledger entries while cracks grew."""
 
     time: NDArray[np.float64]  # (k,) s
     length: NDArray[np.float64]  # (k,) m, of all cracks together
@@ -47,8 +47,10 @@ class _Plate(msgspec.Struct):
 
 
 def release(results: Results, branches: Sequence[Branch]) -> Release:
-    """dD/da of a run, over the length of all `branches` together: D is the dissipated energy of its ledger, and
-    at rest what the plate gives up on its way there too."""
+    """dD/da of a run, where a is the length of all `branches` together.
+
+    D is the dissipated energy of the ledger; at rest it includes the energy that the plate releases on the way to rest.
+    """
     books = results.history()
     spent = books["dissipated"] + (np.nan_to_num(damping(books)) if at_rest(results) else 0.0)
     return over_length(books["time"], spent, branches, read(results, _Plate).material.G0)
@@ -57,7 +59,7 @@ def release(results: Results, branches: Sequence[Branch]) -> Release:
 def over_length(
     time: NDArray[np.float64], spent: NDArray[np.float64], branches: Sequence[Branch], G0: float
 ) -> Release:
-    """dD/da: D the energy `spent` (t,) at times (t,), s, a the length of all `branches` together, whichever grows."""
+    """dD/da, where D is the energy `spent` (t,) at times (t,), s, and a the length of all `branches` together."""
     length = np.sum([_reached(branch, time) for branch in branches], axis=0) if branches else np.zeros(len(time))
     grew = np.flatnonzero(np.diff(length) > 0)
     if not len(grew):
@@ -74,7 +76,7 @@ def over_length(
 
 
 def _reached(branch: Branch, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The length (t,) of a branch at times (t,), s, in m; where several points have one time, the last counts."""
+    """The length (t,) of a branch at times (t,), s, in m; of several points at one time, the last counts."""
     keep = np.append(np.diff(branch.time) > 0, True)
     at, far = branch.time[keep], branch.along[keep] - branch.along[0]
     if at[0] > branch.time[0]:

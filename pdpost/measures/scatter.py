@@ -1,4 +1,4 @@
-"""How the runs of a study scatter: a measure against a parameter, the runs of each value together."""
+"""Scatter of a study: a measure against a parameter, with the runs of each value together."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PANELS = 4
 
 
 class Spread(NamedTuple):
-    """The runs with one value of the parameter, all else being the same but disturbances."""
+    """The runs with one value of the parameter that differ only in their disturbances."""
 
     series: str  # the values of what else was varied
     value: Any  # of the parameter; None where it was not given
@@ -30,25 +30,25 @@ class Spread(NamedTuple):
 
     @property
     def known(self) -> NDArray[np.float64]:
-        """The values (m,) of the runs that have one."""
+        """Values (m,) of the runs that have one."""
         return self.measured[np.isfinite(self.measured)]
 
     @property
     def median(self) -> float:
-        """The median of the known values; NaN where there is none."""
+        """Median of the known values; NaN without any."""
         return float(np.median(self.known)) if len(self.known) else float("nan")
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The smallest and the largest known; NaN where there is none."""
+        """Smallest and largest known value; NaN without any."""
         known = self.known
         return (float(known.min()), float(known.max())) if len(known) else (float("nan"), float("nan"))
 
 
 def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
-    """The runs of a study, those alike together, series by series, in the order of the parameter `over`.
+    """The runs of a study grouped by equal parameters, series by series, in the order of the parameter `over`.
 
-    Without a parameter all runs that are alike are a series of its own.
+    Without a parameter, each group of equal runs is a series of its own.
     """
     others = [name for name in study.varied if name != over]
     together: dict[tuple[str, Any], list[tuple[int, float]]] = {}
@@ -65,7 +65,10 @@ def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
 
 
 def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list[str], str | None]:
-    """The measures and the parameter asked for, or those that say most. Raises StudyError, naming those there are."""
+    """The measures and the parameter asked for, or the most informative ones.
+
+    Raises StudyError naming the available ones.
+    """
     kinds = {name: column.kind for name, column in study.columns.items()}
     known = [name for name, kind in kinds.items() if kind == "measure"]
     for name in measures:
@@ -78,13 +81,13 @@ def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list
 
 
 def empty(study: Read, measures: Sequence[str]) -> list[str]:
-    """What happened in no run: of these measures, or else of those that are drawn where they happen."""
+    """Measures without a value in any run, of those given or else of those drawn if present."""
     names = measures or [name for name in FIRST if name in study.columns]
     return [name for name in names if all(row.values[name] is None for row in study.rows)]
 
 
 def _telling(study: Read) -> list[str]:
-    """The measures that say most: that differ between runs, those first that happened in half of them or more."""
+    """The most informative measures: those that differ between runs, first those known in at least half of the runs."""
     there = ["wall_time"] if set(HOW) & set(study.varied) else []
     there += [name for name in FIRST if name in study.columns]
     values = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in there}
@@ -94,14 +97,14 @@ def _telling(study: Read) -> list[str]:
 
 
 def _axis(study: Read) -> str | None:
-    """The parameter with the most values, of those that are numbers if there are any; the first varied of such."""
+    """The parameter with the most values, numeric ones preferred; of several, the first that was varied."""
     values = {name: {row.values[name] for row in study.rows} - {None} for name in study.varied}
     numbers = [name for name in values if all(isinstance(value, int | float) for value in values[name])]
     return max(numbers or values, key=lambda name: len(values[name]), default=None)
 
 
 def _rank(value: Any) -> tuple[int, float, str]:
-    """To sort by: what was not given, numbers, words."""
+    """Sort key: not given, then numbers, then words."""
     if value is None:
         return (0, 0.0, "")
     return (1, float(value), "") if isinstance(value, int | float) else (2, 0.0, str(value))

@@ -1,4 +1,4 @@
-"""Straight lines and points."""
+"""Distances of points from straight segments."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ BLOCK = 256  # points at a time, so that memory stays small
 
 
 def distances(points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far points (n, 2) are from the nearest of the segments from `start` (k, 2) to `end` (k, 2)."""
+    """Distances (n,) of points (n, 2) from the nearest segment from `start` (k, 2) to `end` (k, 2), m."""
     way = end - start
     squared = np.maximum((way**2).sum(axis=1), 1e-300)
     nearest = np.full(len(points), np.inf)

@@ -1,10 +1,10 @@
-"""Lines through cracked nodes, as a graph: points along each crack, linked from where it began to its ends.
+"""The centre lines of cracked nodes as a graph: points along each crack, linked from its origin to its ends.
 
-The nodes of a crack are cut into slabs by their level, how far along the crack they are; each connected part of a slab
-becomes a point and is linked to the parts it touches in the slabs before and after (A. Verroust, F. Lazarus, The
-Visual Computer 16 (2000) 15-25). That follows cracks that turn, fork and meet, and does not ask for a direction.
-Short ends are the crack's rough edge and are taken off, all of several that are equal; short ways between the same
-two points become one. So what is symmetric stays so.
+The nodes of a crack are cut into slabs by their level, the distance along the crack. Each connected part of a slab
+becomes a point, linked to the parts it touches in the slabs before and after (A. Verroust, F. Lazarus, The Visual
+Computer 16 (2000) 15-25). This follows cracks that turn, fork and meet, without a given direction. Short ends are the
+rough edge of the crack and are removed; several of equal length are removed together. Short ways between the same two
+points are merged. Symmetric input therefore gives a symmetric graph.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Chain = list[int]  # numbers of parts from joint to joint, away from where the c
 
 
 class Skeleton:
-    """Parts of slabs and their links; one that is taken off has no links left."""
+    """Parts of slabs and their links; a removed part has no links."""
 
     def __init__(self, grown: Grown) -> None:
         mine = np.flatnonzero(grown.crack >= 0)
@@ -48,7 +48,7 @@ class Skeleton:
             self.links[a].add(b)
 
     def chains(self) -> list[Chain]:
-        """All parts, from joint to joint; cracks begin, end, fork and meet at joints."""
+        """All parts as chains from joint to joint; joints are where cracks begin, end, fork and meet."""
         joints = {at for at in range(len(self.links)) if self._is_joint(at)}
         found = []
         for joint in sorted(joints):
@@ -60,14 +60,14 @@ class Skeleton:
         return found
 
     def is_end(self, at: int) -> bool:
-        """Whether a crack ends at a part, without meeting another."""
+        """Whether a crack ends at a part without meeting another."""
         return len(self.links[at]) == 1 and at not in self.begins
 
     def prune(self) -> None:
-        """Take off short ends, make one of short ways between the same joints, drop cracks that are short as a whole.
+        """Remove short ends, merge short ways between the same joints, and drop cracks that are short as a whole.
 
-        The shortest go first; of those that share a joint one length at a time, as the rest may then be part of
-        something longer.
+        The shortest go first. Of those that share a joint, one length is removed at a time, as the rest may then be
+        part of a longer chain.
         """
         while short := sorted(self._short()):
             touched: dict[int, float] = {}
@@ -84,17 +84,17 @@ class Skeleton:
         return bool(self.links[at]) and (at in self.begins or len(self.links[at]) != 2 or len(self._further(at)) != 1)
 
     def _further(self, at: int) -> list[int]:
-        """The parts after one, away from where the crack began."""
+        """The parts that follow one, away from the crack's origin."""
         return [other for other in self.links[at] if self.slab[other] > self.slab[at]]
 
     def _length(self, chain: Chain) -> float:
-        """How long a chain is, in spacings, to its last node if it ends there."""
+        """Length of a chain in spacings, up to its last node if it ends there."""
         last = self.level[self.members[chain[-1]]]
         first = 0.0 if chain[0] in self.begins else float(self.level[self.members[chain[0]]].mean())
         return float(last.max() if self.is_end(chain[-1]) else last.mean()) - first
 
     def _short(self) -> Iterator[tuple[float, Chain, Chain]]:
-        """Short chains that lead nowhere, and those that lead where another one, given as well, leads too."""
+        """Pairs of a short chain and itself if it is a dead end, or another chain that joins the same two joints."""
         ways: dict[tuple[int, int], Chain] = {}
         for chain in self.chains():
             length, way = self._length(chain), (chain[0], chain[-1])
@@ -109,7 +109,7 @@ class Skeleton:
             self.links[other].discard(one)
 
     def _merge(self, chain: Chain, way: Chain) -> None:
-        """Give the nodes of a chain to another between the same joints, slab by slab."""
+        """Move the nodes of a chain to another between the same joints, slab by slab."""
         self._cut(chain)
         for part, into in zip(chain[1:-1], way[1:-1], strict=True):
             self.members[into] = np.concatenate([self.members[into], self.members[part]])

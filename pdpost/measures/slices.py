@@ -1,4 +1,4 @@
-"""Fields of bodies in space: what nodes have where a plane cuts through their cells."""
+"""Fields of bodies in space on plane sections: values of the nodes whose cells a plane cuts."""
 
 from __future__ import annotations
 
@@ -26,20 +26,22 @@ class Cut(NamedTuple):
 
 
 def expect_body(results: Results) -> None:
-    """Raises ResultsError for a plate."""
+    """Raise ResultsError for a plate."""
     if results.dimension != 3:
         raise ResultsError(f"{results.name}: found a plate, expected a body in space")
 
 
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
-    """A component (n,) of a field after `step`, NaN where it says nothing. Raises FieldError, ResultsError."""
+    """A component (n,) of a field after `step`, NaN where it is unreliable. Raises FieldError, ResultsError."""
     part = fields.component(name, part, results.dimension)
     return np.where(fields.torn(results, name, step), np.nan, fields.values(results, name, step, part or None))
 
 
 def middle(results: Results) -> NDArray[np.float64]:
-    """The middle (3,) of the box around the nodes at the start, m, or, along an axis without nodes there, of the
-    nearest of them."""
+    """The centre (3,) of the bounding box of the nodes at the start, m.
+
+    Where no node lies at that coordinate along an axis, it is the nearest node's.
+    """
     nodes = results.nodes(0)
     found = (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2
     away = np.abs(nodes.position - found)
@@ -49,7 +51,7 @@ def middle(results: Results) -> NDArray[np.float64]:
 
 
 def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: float) -> Cut:
-    """What nodes have, `shown` (n,), where the plane `axis` = `at` (m) cuts. Raises ResultsError where it cuts none."""
+    """The values `shown` (n,) of the nodes cut by the plane `axis` = `at` (m). Raises ResultsError if it cuts none."""
     nodes, number = results.nodes(step), AXES.index(axis)
     along = nodes.position[:, number]
     # a plane between two layers of cells shows the upper one, whatever places were rounded to

@@ -1,4 +1,4 @@
-"""How fast a crack's tip ran, and how well that is known: the slope of time over length along its own path."""
+"""Speed of a crack tip with its uncertainty: the slope of time over length along its path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ VAGUE = 0.5  # of the slope: where it is less sure than this, no speed is told
 
 
 class Speeds(NamedTuple):
-    """Speeds of a tip at k places, m/s; not numbers where they cannot be told."""
+    """Speeds of a tip at k places, m/s; NaN where they are unknown."""
 
     value: NDArray[np.float64]  # (k,)
     low: NDArray[np.float64]  # (k,)
@@ -29,12 +29,12 @@ def speeds(
     told: NDArray[np.bool_],
     time_step: float,
 ) -> Speeds:
-    """Speeds at k points of a path, from the length there, m, and the time a tip came past, s.
+    """Speeds at k points of a path, from the length there, m, and the time the tip passed, s.
 
-    One over the slope of a straight line, by least squares, through times over lengths of the points around, at least
-    ten spacings from first to last; with Student's band of the slope. Lengths have the window, not times: cracks
-    wait and jump. Nothing is told of a stretch that is shorter, that has a point which is not `told`, or whose slope
-    is known to no better than a half.
+    A speed is one over the slope of a least-squares line of time over length, through the surrounding points, at least
+    ten spacings from first to last, with Student's band of the slope. The window is one of length, not of time, as
+    cracks wait and jump. A speed is NaN if the stretch is shorter, if one of its points is not `told`, or if the
+    uncertainty of the slope exceeds one half.
     """
     found = np.full((3, len(along)), np.nan)
     for at in range(len(along)):
@@ -55,9 +55,9 @@ def speeds(
 
 
 def window(along: NDArray[np.float64], at: int, length: float) -> slice | None:
-    """The points around one, first to last at least `length` apart, as far to both sides as there is path.
+    """The points around one, first to last at least `length` apart, extending equally to both sides if the path allows.
 
-    None where the whole path is shorter.
+    None if the whole path is shorter.
     """
     slack = 1e-9 * length
     if along[-1] - along[0] < length - slack:

@@ -1,10 +1,10 @@
-"""Strain and stress of the nodes: the gradient of the displacement fitted to each family's intact bonds.
+"""Strain and stress at the nodes: the gradient of the displacement fitted to each family's intact bonds.
 
-The gradient H of a node is the weighted least squares fit of eta = H xi to its bonds, xi the bond and eta the
-difference of the displacements, weighted by the neighbour's area over |xi|: exact where the displacement is affine,
-at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which a piece that turns does not feel; stress is Hooke's with
-it, for the Poisson's ratio that the model has. Cut and broken bonds do not count; a node whose bonds lie on a line, or
-are all gone, has no strain: NaN.
+The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
+difference of the displacements, the weight the neighbour's area over |xi|. The fit is exact for affine displacements,
+at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress follows from it by
+Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not count. A node without bonds, or with bonds
+along one line only, has strain NaN.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Materials(msgspec.Struct):
 
 
 def gradients(results: Results, step: int) -> NDArray[np.float64]:
-    """The gradient (n, 2, 2) of the displacement of a frame, H[i, a, b] = du_a / dx_b; NaN where there is none.
+    """The displacement gradient (n, 2, 2) of a frame, H[i, a, b] = du_a / dx_b; NaN where it is undefined.
 
     Raises ResultsError if the frame does not hold ux and uy.
     """
@@ -40,7 +40,7 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
 
 def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
-    """The gradient (n, k, 2) of values (n, k) at the nodes, fitted to the bonds of `families`."""
+    """The gradient (n, k, 2) of nodal values (n, k), fitted to the bonds of `families`."""
     return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
 
 
@@ -54,7 +54,7 @@ def intact(results: Results, families: Families, step: int) -> Families:
 
 
 def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
-    """Whether each bond (b,) of `families` is broken after `step`, from its own node's side."""
+    """Whether each bond (b,) of `families` is broken after `step`; its two directions are separate entries."""
     node, neighbour, _ = broken_ends(results, step)
     count = len(families.start) - 1
     torn = np.zeros(count, dtype=bool)
@@ -69,9 +69,9 @@ def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]
 def broken_ends(
     results: Results, step: int, earlier: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Places (b,) among the nodes at `step` of both ends of the bonds broken until then, and their steps.
+    """Rows (b,) of both end nodes at `step` of the bonds broken until then, and the steps in which they broke.
 
-    Bonds that broke before the node they were of was born are in nobody's family any more: left out, unless `earlier`.
+    Bonds that broke before one of their nodes was born belong to no present family: left out, unless `earlier`.
     """
     breaks, lives, rows = results.breaks(), results.lives(), results.rows(step)
     here = lives.at(breaks.node, step)
@@ -83,9 +83,9 @@ def broken_ends(
 
 
 def stiffness(results: Results, step: int) -> Stiffness:
-    """What the nodes at `step` are made of. Raises ResultsError.
+    """Elastic constants of the nodes at `step`. Raises ResultsError.
 
-    Nodes that were born later are of the material of the node of the start that is nearest.
+    A node that was born later has the material of the nearest initial node.
     """
     model = read(results, _Materials)
     nodes = results.nodes(0)

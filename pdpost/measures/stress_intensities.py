@@ -1,9 +1,9 @@
-"""J, stress intensities, the stress along the crack and the angle of growth of every tip of a run, frame by frame.
+"""J, stress intensities, T-stress and angle of growth of every crack tip of a run, frame by frame.
 
-Each is found on three rings around the tip; the middle one's is told, the range of the three is its band. The fields
-are those that `fields` and `strain` show: gradients fitted to the bonds that are left, and the stress that goes with
-them. In a run in time, velocities and accelerations are taken too. The auxiliary fields are those of a crack at rest:
-intensities of a crack that runs are those a standing one would have with the same fields; J needs no such fields.
+Each is computed on three rings around the tip: the value is that of the middle ring, the band is the range of the
+three. The fields are those of `fields` and `strain`: gradients fitted to the intact bonds, and the stress computed from
+them. In a run in time, velocities and accelerations enter too. The auxiliary fields are those of a stationary crack, so
+the intensities of a running crack are those of a stationary one with the same fields. J needs no auxiliary fields.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred
 
 
 class Rings(NamedTuple):
-    """The rings around a tip of a frame, and what was found on each."""
+    """The rings around a tip in one frame, and the values on each."""
 
     tip: Tip
     rings: tuple[Ring, ...]
@@ -44,7 +44,7 @@ class Rings(NamedTuple):
 
 
 class Series(NamedTuple):
-    """What a tip feels at t frames; NaN where it is not there or has no room."""
+    """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room."""
 
     front: Front
     step: NDArray[np.int64]  # (t,)
@@ -59,8 +59,7 @@ class Series(NamedTuple):
 
     @property
     def differs(self) -> NDArray[np.bool_]:
-        """At which frames (t,) what K1 and K2 say of J is not in the band of J; J, which no tip and no field of another
-        crack go into, is the one to trust then."""
+        """Frames (t,) with (K1^2 + K2^2)/E' outside the band of J. Trust J there: it needs no auxiliary field."""
         slack = ROUND_OFF * np.abs(self.value["J"])
         return (self.of_K < self.low["J"] - slack) | (self.of_K > self.high["J"] + slack)
 
@@ -82,11 +81,10 @@ def follow(
     ring: Ring | None = None,
     progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
 ) -> list[Series]:
-    """What the tips of a run feel at the frames `steps`: all of them, or the one that comes nearest to a place, m.
+    """Fracture parameters of a run's tips at the frames `steps`: of all tips, or of the one nearest to a place, m.
 
-    `ring` is the widest of the rings, m; by default they fill the room there is. Raises ResultsError where there is
-    no tip inside the plate, where none of them ever has room for a ring, naming them all, and for frames that lack
-    fields.
+    `ring` is the widest of the rings, m; by default the rings fill the available room. Raises ResultsError if no tip is
+    inside the plate, if none has room for a ring (all are named), and for frames that lack fields.
     """
     every = fronts(results, max(steps))
     time_step = float(results.meta()["time_step"])
@@ -115,7 +113,7 @@ def follow(
 
 
 class State:
-    """The fields of a frame as the integrals take them; those of one frame are kept."""
+    """The fields of a frame as the integrals need them, cached for one frame."""
 
     def __init__(self, results: Results) -> None:
         self._results, self._rest = results, at_rest(results)
@@ -124,7 +122,7 @@ class State:
         self._model = read(results, _Model)
 
     def around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> Rings:
-        """What a tip feels on rings after a step."""
+        """Fracture parameters of a tip on rings after a step."""
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample(step)
         nodes = self._results.nodes(step)
@@ -163,7 +161,7 @@ def _spacing(results: Results, step: int, tip: Tip) -> float:
 
 
 def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
-    """Why a tip has no room for rings, and what spacing would give it; "" if it has."""
+    """Why a tip has no room for rings, and the spacing that would give it room; "" if it has."""
     x, y = tip.place
     spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
@@ -182,13 +180,13 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
 
 
 def _rounded_down(number: float) -> str:
-    """Two digits of a positive number, no more than it."""
+    """A positive number rounded down to two digits."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1)
     return f"{np.floor(number / unit * (1 + ROUND_OFF)) * unit:.2g}"
 
 
 def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None) -> tuple[Ring, ...]:
-    """Three rings, the middle one that which is told."""
+    """Three rings; the middle one gives the reported value."""
     if given is not None:
         quarter = (given.outer - given.inner) / 4
         return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)

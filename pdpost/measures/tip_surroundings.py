@@ -1,7 +1,7 @@
-"""Where each tip is at a time, be it of a pre-crack or of a crack that runs, and how much room there is around it.
+"""Position of each crack tip at a time, and the undisturbed room around it.
 
-The way of a tip is that of `tips`; before a crack leaves the tip of its pre-crack, that is where it is. Around a tip
-there is room up to the first thing that is not the elastic plate with one straight crack.
+A tip moves as in `tips`. Until a crack grows from a pre-crack, the tip stays at the pre-crack's end. The room around a
+tip reaches to the first obstacle: anything that is not elastic plate with one straight crack.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FREE = ("initial velocity",)  # conditions that leave their nodes alone
 
 @dataclass(frozen=True)
 class Front:
-    """A tip through a run: that of a pre-crack, the branch it becomes, or both."""
+    """A tip through a run: the end of a pre-crack, the branch that grows from it, or both."""
 
     name: str
     start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
@@ -39,7 +39,7 @@ class Front:
     last: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 
     def at(self, time: float) -> Tip | None:
-        """The tip at a time, s; None where it is not there yet or not any more."""
+        """The tip at a time, s; None before it exists and after it ends."""
         branch = self.branch
         if branch is None or time < branch.time[0]:
             return None if self.start is None else Tip(self.start, self.heading)
@@ -57,21 +57,21 @@ class Front:
 
 
 class Tip(NamedTuple):
-    """Where a tip is, and which way it came."""
+    """Position of a tip and the direction in which it arrived."""
 
     place: NDArray[np.float64]  # (2,) m
     way: NDArray[np.float64]  # (2,) unit vector
 
 
 class Room(NamedTuple):
-    """How far from a tip there is nothing but elastic plate and its own straight crack."""
+    """Radius around a tip that holds only elastic plate and the tip's own straight crack."""
 
     radius: float  # m
     limit: str  # what is there
 
 
 def fronts(results: Results, step: int) -> list[Front]:
-    """The tips of all cracks until `step`: of branches, the longest first, then of pre-cracks that stay as they are.
+    """Tips of all cracks until `step`: branches, the longest first, then pre-cracks that do not grow.
 
     Ends of pre-cracks on the edge of the plate or off it are no tips.
     """
@@ -95,7 +95,7 @@ def fronts(results: Results, step: int) -> list[Front]:
 
 
 def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
-    """When the tip of a branch, one of all, was there last, s."""
+    """The last time, s, at which the tip of a branch existed."""
     arms = [other for other in branches if other.begin == branch.end]
     if not branch.exact:
         met = any(other.end == branch.end for other in branches if other is not branch)
@@ -121,7 +121,7 @@ def inside(results: Results, place: NDArray[np.float64]) -> bool:
 
 
 def passed(branch: Branch, time: float) -> NDArray[np.float64]:
-    """The points (k, 2) of a branch up to where its tip is at a time, s, not before its first."""
+    """Points (k, 2) of a branch up to its tip's position at a time, s, and at least the first."""
     count = int(np.searchsorted(branch.time, time, side="right"))
     place = branch.place[:count]
     if count < len(branch.time) and not branch.exact:
@@ -132,7 +132,7 @@ def passed(branch: Branch, time: float) -> NDArray[np.float64]:
 
 
 class Obstacles:
-    """What fields around a tip may meet, of one run."""
+    """Obstacles to the fields around a tip, in one run."""
 
     def __init__(self, results: Results, all_of_them: Sequence[Front]) -> None:
         self._results, self._fronts = results, all_of_them
@@ -161,7 +161,7 @@ class Obstacles:
         return np.array([place for place in there if not np.array_equal(place, tip.place)]).reshape(-1, 2)
 
     def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
-        """Points of all cracks that are not on the line behind a tip."""
+        """Points of all cracks except those on the line behind the tip."""
         segments = [self._results.cracks().reshape(-1, 2, 2)]
         for front in self._fronts:
             if front.branch is not None and time >= front.branch.time[0]:

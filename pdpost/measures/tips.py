@@ -1,12 +1,12 @@
-"""Where the tips of cracks were, when, and which way they went: one branch a tip, and their forks.
+"""Positions of crack tips over time: one branch a tip, and their forks.
 
     for branch in tips(results):
         branch.time, branch.place, branch.direction, branch.speed
 
-A tip comes to a place when the nodes there crack, or, where they cracked ahead of it, when the crack joins them (see
-`regions`); its way is the skeleton of the nodes that cracked (see `skeleton`). So time never falls along a branch.
-Nodes cracked from the start, by a pre-crack, are left out: a crack begins at the pre-crack's tip, if it does.
-Cracks that are particles need no looking for: their arms are branches as they stand, and a tip is at a particle.
+A tip reaches a place when the nodes there crack or, where they cracked ahead of it, when the crack joins them (see
+`crack_labels`). Time therefore never decreases along a branch. The path of a tip is the skeleton of the cracked nodes
+(see `skeleton`). Nodes that a pre-crack cracked from the start are left out: a crack begins at the tip of its
+pre-crack. The arms of cracks of particles are branches directly; their tips are at particles.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WIDE = 8.0  # local spacings: what is cracked over a greater width is crushed, a
 
 @dataclass(frozen=True)
 class Branch:
-    """The way of a tip, from where the crack began or forked to where it ends, forks or meets another; k points."""
+    """The path of a tip from the crack's origin or a fork to where it ends, forks or meets another; k points."""
 
     place: NDArray[np.float64]  # (k, 2) m
     time: NDArray[np.float64]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
@@ -55,7 +55,7 @@ class Branch:
 
     @property
     def mean_speed(self) -> float | None:
-        """Length over time, m/s, from the first point to the last; None where it took no time or is not a line."""
+        """Length over time, m/s, from the first point to the last; None if no time passes or it is not a line."""
         took = float(self.time[-1] - self.time[0])
         return self.length / took if took > 0 and self.line.all() else None
 
@@ -71,7 +71,7 @@ class Fork:
 
 
 class _Point(NamedTuple):
-    """Some cracked nodes as a point of a line."""
+    """Some cracked nodes, merged to one point of a line."""
 
     place: NDArray[np.float64]  # (2,) m
     step: float  # a mean, when the tip came past
@@ -82,8 +82,8 @@ class _Point(NamedTuple):
 def tips(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
     """All branches of the cracks after `step` (default: the last), the longest first.
 
-    Nodes of more damage than `threshold` are cracked; where cracks are particles, that is not asked. Mirrored cracks
-    have mirrored branches.
+    A node is cracked above the damage `threshold`, which cracks of particles do not use. Mirrored cracks have mirrored
+    branches.
     """
     particles = results.particles()
     if len(particles.place):
@@ -106,7 +106,7 @@ def tips(results: Results, step: int | None = None, threshold: float = CRACKED) 
 
 
 def forks(branches: Sequence[Branch]) -> list[Fork]:
-    """Where one of the `branches` ends and two or more begin, in the order of time.
+    """Forks, where one of the `branches` ends and two or more begin, in the order of time.
 
     Directions are those of straight lines through the ten spacings next to the fork.
     """
@@ -125,7 +125,7 @@ def forks(branches: Sequence[Branch]) -> list[Fork]:
 
 
 def _of_particles(results: Results, particles: Particles) -> list[Branch]:
-    """The arms that were grown, from the tip of a pre-crack or a fork to an end or the next fork."""
+    """The grown arms of cracks of particles, from the tip of a pre-crack or a fork to an end or the next fork."""
     place, _, parent, step = particles
     after: list[list[int]] = [[] for _ in parent]
     for number in np.flatnonzero(step > 0).tolist():
@@ -153,7 +153,7 @@ def _of_particles(results: Results, particles: Particles) -> list[Branch]:
 
 
 def _branch(chain: Chain, points: list[_Point], began: float, length: float, time_step: float) -> Branch:
-    """A chain as a branch, measured on from the time and the length at which its parent ends."""
+    """A chain as a branch; time and length continue from the end of its parent."""
     place, step, spacing, line = (np.array(column) for column in zip(*points, strict=True))
     smooth = place.copy()  # the lattice's zigzag is no way that the tip went
     smooth[1:-1] = (place[:-2] + 2 * place[1:-1] + place[2:]) / 4
@@ -164,7 +164,7 @@ def _branch(chain: Chain, points: list[_Point], began: float, length: float, tim
 
 
 def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArray[np.float64]) -> list[_Point]:
-    """The points of a chain, led back to the first nodes and on to the last, and to the tips of pre-cracks there."""
+    """The points of a chain, extended to its first and last nodes and to adjacent tips of pre-cracks."""
     points = [_point(cracked, skeleton.members[at]) for at in chain]
     level, first, last = cracked.level, skeleton.members[chain[0]], skeleton.members[chain[-1]]
     if chain[0] in skeleton.begins:
@@ -180,7 +180,7 @@ def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArra
 
 
 def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
-    """The middle of nodes. However wide they are, the crack came past with the first of each spacing of length."""
+    """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
     steps = [int(cracked.reached[rows][layer == one].min()) for one in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
@@ -189,7 +189,7 @@ def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
 
 
 def _tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
-    """The tip of a pre-crack if one is near a point and not at it; the crack was there at the same time."""
+    """The tip of a pre-crack near a point but not at it, reached at the same time; empty without one."""
     far = np.hypot(*(pre_cracks - point.place).T)
     near = len(far) > 0 and 0.1 * point.spacing < far.min() <= NEAR_TIP * point.spacing
     return [point._replace(place=pre_cracks[far.argmin()])] if near else []
@@ -198,20 +198,20 @@ def _tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
 def _directions(
     place: NDArray[np.float64], along: NDArray[np.float64], spacing: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The way (k, 2) that a path goes at its points, of the stretch that its speeds are measured over."""
+    """Directions (k, 2) of a path at its points, over the stretch used for its speeds."""
     near = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))
     return np.array([axis_of(place[points]) for points in near])
 
 
 def _heading(points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-    """The unit vector that a line leaves its first point with, over `reach` (m) of it."""
+    """The unit vector along which a line leaves its first point, over its first `reach`, m."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     near = points[far <= max(reach, far[1] * (1 + ROUND_OFF))]
     return axis_of(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
 
 
 def axis_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The unit vector (2,) along a straight line through points, from the first to the last."""
+    """The unit vector (2,) of a straight line fitted to points, from the first to the last."""
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis: NDArray[np.float64] = axes[0]
     return axis if axis @ (points[-1] - points[0]) >= 0 else -axis

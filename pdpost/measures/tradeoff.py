@@ -1,8 +1,7 @@
-"""Speed against accuracy: what results of one scene cost, and how far they are from a reference's.
+"""Speed against accuracy: the cost of results of one scene, and their errors relative to a reference.
 
-Errors are shares of the reference's own: of its displacements, the length of its crack's path, its times, its energy.
-What happened in the reference and not in the other run is an infinite error; what did not happen in the reference
-has none.
+Errors are relative to the reference's displacements, length of crack path, times and energy. An event in the reference
+that is missing in the other run is an infinite error. An event that is missing in the reference has no error.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Cost(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """How far a run is from its reference; shares, None where the reference has nothing to compare with."""
+    """Relative errors of a run against its reference; None where the reference has nothing to compare with."""
 
     displacement: float | None  # L2 norm over the nodes away from cracks, at the last common time
     path: float | None  # mean distance of the cracks' paths then, over the length of the reference's
@@ -47,7 +46,7 @@ class Errors(NamedTuple):
 
     @property
     def worst(self) -> float:
-        """The largest of those there are."""
+        """The largest of the known errors."""
         return max((error for error in self if error is not None), default=float("nan"))
 
 
@@ -66,7 +65,7 @@ def point(results: Results, file: Path, reference: Results) -> Point:
 
 
 def cost(results: Results, file: Path) -> Cost:
-    """What a run took. Raises ResultsError if it is not over."""
+    """The cost of a run. Raises ResultsError if it is not finished."""
     summary = results.summary()
     if not summary:
         raise ResultsError(f"{results.name}: found a run without a summary, expected one that is over")
@@ -75,7 +74,7 @@ def cost(results: Results, file: Path) -> Cost:
 
 
 def errors(results: Results, reference: Results) -> Errors:
-    """How far a run is from its reference. Raises ResultsError if they are not of one scene or have no frame."""
+    """Errors of a run against its reference. Raises ResultsError if the scenes differ or a frame is missing."""
     time = _common_time(results, reference)
     lines = [path(run, _step(run, time)) for run in (results, reference)]
     direction = DIRECTIONS[heading(lines[1])]
@@ -90,7 +89,7 @@ def errors(results: Results, reference: Results) -> Errors:
 
 
 def front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> list[int]:
-    """The points (k,) that none beats in both cost and error, the cheapest first."""
+    """Pareto front of points (k,): those that no other beats in both cost and error, the cheapest first."""
     best, least = [], np.inf
     for at in np.lexsort((error, cost)).tolist():
         if error[at] < least:
@@ -115,10 +114,9 @@ def _step(results: Results, time: float) -> int:
 
 
 def displacement(results: Results, reference: Results) -> float | None:
-    """The error of the displacements, a share of the reference's; None if there is nothing to compare. Raises
-    ResultsError.
+    """Relative error of the displacements; None if there is nothing to compare. Raises ResultsError.
 
-    They are compared at the nodes of the coarser run, those of the finer run interpolated linearly.
+    The comparison is at the nodes of the coarser run; displacements of the finer run are interpolated linearly.
     """
     time = _common_time(results, reference)
     runs = sorted((results, reference), key=lambda run: len(run.nodes(_frame(run, time)).ids))
@@ -146,15 +144,15 @@ def displacement(results: Results, reference: Results) -> float | None:
 
 
 def _frame(results: Results, time: float) -> int:
-    """The step of the first frame at a time or after it, or else of the last."""
+    """The step of the first frame at or after a time, or else of the last frame."""
     steps, times = results.frames()
     return int(steps[np.searchsorted(times, time).clip(max=len(times) - 1)])
 
 
 def _at(results: Results, time: float) -> NDArray[np.float64]:
-    """The displacements (n, 2), m, at a time between two frames, of the nodes there are at the second one.
+    """Displacements (n, 2), m, at a time between two frames, at the nodes of the second.
 
-    Where nodes were others at the first, the displacements there are linear between them.
+    Where the first frame has other nodes, its displacements are interpolated linearly.
     """
     steps, times = results.frames()
     after = int(np.searchsorted(steps, _frame(results, time)))

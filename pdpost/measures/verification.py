@@ -1,4 +1,4 @@
-"""Whether a database of results holds what was written to it, and whether its parts agree with each other."""
+"""Checks that a database of results holds what was written to it and that its parts agree."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MASS_CLOSE = 1e-6  # of the substance there is
 
 
 class Verified(NamedTuple):
-    """What a database holds, all of it read and found as it should be."""
+    """Contents of a database that has been read and found consistent."""
 
     nodes: int  # at the end
     bonds: int  # directed, at their nodes' births
@@ -32,7 +32,7 @@ class Verified(NamedTuple):
 
 
 def verified(results: Results) -> Verified:
-    """Read all there is. Raises ResultsError, saying what is wrong and where."""
+    """Read and check everything. Raises ResultsError naming the error and its place."""
     results.verify(older=True)
     meta, (steps, times) = results.meta(), frames(results)
     run = run_of(results)
@@ -82,7 +82,7 @@ def _expect_order(results: Results, books: NDArray[np.void], steps: NDArray[np.i
 def _expect_times(
     results: Results, table: str, step: NDArray[np.generic], time: NDArray[np.float64], time_step: float
 ) -> None:
-    """The times (t,) of steps (t,), s."""
+    """Raise ResultsError unless the times (t,), s, are those of the steps (t,)."""
     off = np.abs(time - np.asarray(step, dtype=float) * time_step) > CLOSE * np.maximum(np.abs(time), time_step)
     if off.any():
         at = int(off.argmax())
@@ -92,7 +92,7 @@ def _expect_times(
 
 
 def _expect_bonds(results: Results) -> None:
-    """Each broken bond is one there was, and broke once; damage and the ledger count the same ones."""
+    """Raise ResultsError unless each broken bond exists and broke once, and damage and ledger count the same bonds."""
     nodes, families, breaks, books = results.nodes(), results.families(), results.breaks(), results.history()
     count, order = len(nodes.ids), np.argsort(nodes.ids)
     own, other = (order[np.searchsorted(nodes.ids, ids, sorter=order)] for ids in breaks[1:])
@@ -126,7 +126,7 @@ def _expect_bonds(results: Results) -> None:
 
 
 def _expect_energies(results: Results) -> None:
-    """The energy of the nodes is that of the ledger."""
+    """Raise ResultsError unless the energies of the nodes add up to the ledger's."""
     books, nodes = results.history(), results.nodes()
     for step in results.frames()[0].tolist() if len(books) else ():
         if "energy" not in results.stored(step):

@@ -1,4 +1,4 @@
-"""Speeds of waves in a plate, as limits of the speed of cracks."""
+"""Wave speeds of a plate, as limits of crack speeds."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ class _Plate(msgspec.Struct):
 
 
 def rayleigh_of(results: Results) -> float:
-    """Speed of Rayleigh waves of the plate's own material, m/s, regions of others aside."""
+    """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
     material = read(results, _Plate).material
     return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

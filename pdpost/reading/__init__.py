@@ -1,1 +1,1 @@
-"""What is read: the frames and tables of a database of results, and the grid file in it."""
+"""Reading: frames and tables of a database of results, and the grid file in it."""

@@ -1,4 +1,4 @@
-"""What pdpost reads of the grid file that a database holds; the rest, mostly nodes, is passed over."""
+"""The parts of the grid file in a database that pdpost needs; the rest, mostly nodes, is skipped."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class _Named(msgspec.Struct):
 
 
 class _Solved(msgspec.Struct):
-    """The key of the grid file that says how it is solved."""
+    """The key of the grid file that says how the model is solved."""
 
     run: Run = Run()
 
 
 class _Model(Settings, frozen=True, kw_only=True):
-    """All of a grid file but its nodes."""
+    """A grid file without its nodes."""
 
     notch: tuple[Crack, ...] = ()
     nodes: msgspec.Raw = msgspec.Raw()
@@ -44,7 +44,7 @@ class _Model(Settings, frozen=True, kw_only=True):
 
 
 def read(results: Results, kind: type[T]) -> T:
-    """The keys of the model that `kind` has. Raises ResultsError, saying what is wrong with them."""
+    """The keys of the model that are fields of `kind`. Raises ResultsError naming what is wrong with them."""
     if "material" in kind.__struct_fields__:
         expect_mechanics(results)
     try:
@@ -56,7 +56,7 @@ def read(results: Results, kind: type[T]) -> T:
 
 
 def whole(results: Results) -> dict[str, Any]:
-    """The model as JSON has it, its keys but the nodes checked. Raises ResultsError."""
+    """The model as parsed JSON, checked except for its nodes. Raises ResultsError."""
     read(results, _Named)
     try:
         found: dict[str, Any] = json.loads(results.model())
@@ -66,7 +66,7 @@ def whole(results: Results) -> dict[str, Any]:
 
 
 def _check(results: Results, model: _Model) -> None:
-    """Raises ResultsError for numbers that cannot be, and for conditions and regions that mean no nodes."""
+    """Raise ResultsError for impossible numbers, and for conditions and regions without nodes."""
 
     def refuse(place: str, found: object, expected: str) -> None:
         raise ResultsError(f"{results.name}: model: {place}: found {found}, expected {expected}")
@@ -89,7 +89,7 @@ def _check(results: Results, model: _Model) -> None:
 
 
 def expect_mechanics(results: Results) -> None:
-    """Raises ResultsError for a model of anything else, saying what shows it."""
+    """Raise ResultsError for a model that is not one of mechanics; the message names the commands that show it."""
     physics = read(results, _Named).physics
     if physics != "mechanics":
         raise ResultsError(
@@ -99,10 +99,10 @@ def expect_mechanics(results: Results) -> None:
 
 
 def run_of(results: Results) -> Run:
-    """How the model was to be solved. Raises ResultsError."""
+    """The solver settings of the model. Raises ResultsError."""
     return read(results, _Solved).run
 
 
 def at_rest(results: Results) -> bool:
-    """Whether the model was solved at rest: times are those of load steps, and no motion's. Raises ResultsError."""
+    """Whether the model was solved at rest, so that times are those of load steps. Raises ResultsError."""
     return run_of(results).solver == "static"

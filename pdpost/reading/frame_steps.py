@@ -1,4 +1,4 @@
-"""Which frames a run has, and how far it has come."""
+"""The frames of a run and its last step."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ def frames(results: Results) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 
 def chosen(results: Results, every: int) -> list[int]:
-    """The steps of every so many frames, from the first on. Raises ResultsError if there is none yet."""
+    """Steps of every `every`-th frame, beginning with the first. Raises ResultsError if there is no frame yet."""
     steps: list[int] = frames(results)[0][::every].tolist()
     return steps
 
 
 def last_frame(results: Results) -> int:
-    """The step of the last frame. Raises ResultsError if there is none yet."""
+    """Step of the last frame. Raises ResultsError if there is none yet."""
     return int(frames(results)[0][-1])
 
 
 def last_step(results: Results) -> int:
-    """The last step of the ledger, which may be later than that of the last frame. Raises ResultsError as `frames`."""
+    """The last step of the ledger, which may follow the last frame. Raises ResultsError if there is no frame yet."""
     steps = results.history()["step"]
     return int(steps[-1]) if len(steps) else last_frame(results)

@@ -1,4 +1,4 @@
-"""Fields of a frame as they were stored, and how to store those that were not."""
+"""Stored fields of a frame, and the option that stores a missing one."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ OF_DIFFUSION = ("concentration", "content", "solid")
 
 
 def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:
-    """A field (n,) of the frame at `step`, SI. Raises ResultsError, naming those there are."""
+    """A field (n,) of the frame at `step`, SI. Raises ResultsError naming the stored fields."""
     return _columns(results, name, step)[0]
 
 
 def vector(results: Results, name: str, step: int) -> NDArray[np.float64]:
-    """The components (n, c) of a field of the frame at `step`, SI: x and y, and z in a body.
+    """Components (n, c) of a field of the frame at `step`, SI: x and y, in a body also z.
 
-    Raises ResultsError, naming what there is.
+    Raises ResultsError naming the stored fields.
     """
     return np.column_stack(_columns(results, name, step))
 

@@ -1,4 +1,4 @@
-"""Studies as they are read: runs grouped by what was varied, and results that a study may stand for."""
+"""Studies: runs grouped by the varied parameters, and the results that a study stands for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdsolve.study.table import FINISHED, Column, Row, Table, is_study
 
 
 class Read(NamedTuple):
-    """The runs of a study that are finished."""
+    """The finished runs of a study."""
 
     path: Path
     rows: list[Row]
@@ -22,14 +22,14 @@ class Read(NamedTuple):
 
 
 class Named(NamedTuple):
-    """A database of results, and how it is called."""
+    """A database of results and its name."""
 
     name: str
     path: Path
 
 
 def read(path: Path) -> Read:
-    """The study whose table is at `path`. Raises StudyError if no run of it is finished."""
+    """The study at `path`. Raises StudyError if no run is finished."""
     with Table.open(path) as table:
         rows, columns = table.rows(), table.columns()
     done = [row for row in rows if row.status == FINISHED]
@@ -42,24 +42,24 @@ def read(path: Path) -> Read:
 
 
 def label(row: Row, names: Sequence[str]) -> str:
-    """What tells a run from others: the values of these parameters, by the ends of their names."""
+    """A run's label: the values of these parameters, named by the last part of their names."""
     return ", ".join(f"{short(name)} {value_of(row.values[name])}" for name in names)
 
 
 def short(name: str) -> str:
-    """The end of a parameter's name: G0 of material.G0, Spacing of Zones/fine/Spacing."""
+    """The last part of a parameter's name: G0 of material.G0, Spacing of Zones/fine/Spacing."""
     return name.replace("/", ".").rsplit(".", 1)[-1]
 
 
 def value_of(value: Any) -> str:
-    """A value as it is read; what a run was not given is the drawing's own."""
+    """A value as text; a parameter that a run was not given is the drawing's own."""
     if value is None:
         return "as drawn"
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
 def stands_for(paths: Sequence[Path]) -> list[Named]:
-    """The databases that files stand for: a study for all its runs that are finished. Raises StudyError."""
+    """The databases that files stand for; a study stands for all its finished runs. Raises StudyError."""
     found = []
     for path in paths:
         if not is_study(path):

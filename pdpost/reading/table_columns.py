@@ -1,4 +1,4 @@
-"""A table as columns by their names: `pandas.DataFrame(table)` takes it as it is, and a notebook shows it."""
+"""A table as columns by name; `pandas.DataFrame(table)` accepts it directly, and a notebook shows it."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ SHOWN = 12  # rows
 
 
 class Columns(dict[str, NDArray[Any]]):
-    """Arrays (k,) of the same length by the names of their columns."""
+    """Arrays (k,) of equal length, by column name."""
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(next(iter(self.values()), ()))
 
     def _repr_html_(self) -> str:
-        """The first rows as a table of HTML."""
+        """The first rows as an HTML table."""
         head = "".join(f"<th>{escape(name)}</th>" for name in self)
         lines = [
             "<tr>" + "".join(f"<td>{escape(_word(column[row]))}</td>" for column in self.values()) + "</tr>"
@@ -36,13 +36,13 @@ class Columns(dict[str, NDArray[Any]]):
 
 
 def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Columns:
-    """A table of rows as columns; numbers as floats with NaN where there is none, all else as objects."""
+    """A table of rows as columns: numbers as floats with NaN where missing, anything else as objects."""
     listed = list(rows)
     return Columns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
 
 
 def study_table(path: Path) -> Columns:
-    """All runs of the study whose table is at `path`: number, status, repetition, parameters, measures.
+    """All runs of the study at `path`: number, status, repetition, parameters, measures.
 
     Raises StudyError.
     """

@@ -1,4 +1,4 @@
-"""The tables of a database, for those who ask it in SQL: columns, units, and queries to begin with."""
+"""The tables of a database for SQL users: columns, units, and example queries."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Query(NamedTuple):
 
 
 def tables(results: Results) -> list[Table]:
-    """The tables meant to be read, those that a user wants first at the top."""
+    """The tables for users, the most useful first."""
     found, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {})
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
@@ -68,7 +68,7 @@ def tables(results: Results) -> list[Table]:
 
 
 def queries(results: Results) -> list[Query]:
-    """Three queries that this database answers."""
+    """Three example queries that this database can answer."""
     ids = results.nodes().ids
     node = 7 if 7 in ids else int(ids[0])
     return [

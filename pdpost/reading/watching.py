@@ -1,4 +1,4 @@
-"""Following a run that is still writing, without keeping it from anything: short looks at its database, then none."""
+"""Follow a run that is still writing, without blocking it: the database is open only for short reads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FIRST_WORD = 10.0  # s of silence after which something is said; then after twic
 
 
 class SilentError(ResultsError):
-    """A run that says it is running and writes nothing: most likely it was killed."""
+    """A run that has the status "running" but writes nothing: most likely it was killed."""
 
 
 def frames(
@@ -24,10 +24,11 @@ def frames(
     clock: Callable[[], float] = time.monotonic,
     wait: Callable[[float], None] = time.sleep,
 ) -> Iterator[int]:
-    """The step of each frame that is new in the database at `path`, until its run has ended; the newest, if several.
+    """The step of each new frame in the database at `path` until its run ends; of several new frames, the newest.
 
-    `tell` is given a word where nothing comes for long. The database is open only while it is looked at, and need not
-    be there yet. Raises SilentError after `patience` seconds without a frame, ResultsError if it is not one of ours.
+    `tell` receives a message after a long silence. The database is open only during a read and need not exist yet.
+    Raises SilentError after `patience` seconds without a frame, ResultsError for a file that is not a database of
+    results.
     """
     last, since, word = -1, clock(), FIRST_WORD
     while True:
@@ -51,7 +52,7 @@ def frames(
 
 
 def _look(path: Path) -> tuple[str, int | None]:
-    """The run's status, read before its frames so that none is missed, and the step of its last frame."""
+    """The run's status and the step of its last frame; the status is read first, so that no frame is missed."""
     if not path.exists():
         return "not there yet", None
     try:
