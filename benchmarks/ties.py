@@ -7,8 +7,8 @@ at faces, are a part of a spacing of crack more or less.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import types
 from typing import NamedTuple
 from unittest import mock
 
@@ -22,6 +22,7 @@ from pdmesh.model.full_lattice import calibration, lattice_ratios
 from pdmesh.model.node_grid import Grid
 from pdpost.measures.stress_intensities import follow
 from pdsolve.laws import MODELS, ordinary
+from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -77,9 +78,9 @@ class Felt(NamedTuple):
     leans: float
 
 
-def published() -> types.SimpleNamespace:
+def published() -> Law:
     """The ordinary solid without what makes it exact at surfaces and on lattices."""
-    return types.SimpleNamespace(**{**vars(ordinary), "columns": functools.partial(ordinary.columns, corrected=False)})
+    return dataclasses.replace(ordinary.LAW, columns=functools.partial(ordinary.columns, corrected=False))
 
 
 def felt(law: str, ties: str = "cut", kind: str = "edge", wide: int = 40) -> Felt:

@@ -41,12 +41,12 @@ VARIANTS = {
     "wan-neo-hooke": SVK | {"control": "wan", "solid": "neo hooke"},
 }
 MODULES = {
-    "neo-hooke": correspondence,
-    "order-3": higher_order_correspondence,
-    "constant-term": higher_order_correspondence,
-    "wan-neo-hooke": wan,
+    "neo-hooke": correspondence.LAW,
+    "order-3": higher_order_correspondence.LAW,
+    "constant-term": higher_order_correspondence.LAW,
+    "wan-neo-hooke": wan.LAW,
 }
-EVERY = LAWS | MODELS | MODULES | {"breitzman-dayal": breitzman_dayal, "wan": wan}
+EVERY = LAWS | MODELS | MODULES | {"breitzman-dayal": breitzman_dayal.LAW, "wan": wan.LAW}
 
 
 class Case(NamedTuple):
@@ -63,14 +63,9 @@ class Case(NamedTuple):
         return self.precision == "float32"
 
     @property
-    def breaks(self) -> bool:
-        """Whether its bonds do."""
-        return "broken" in EVERY[self.law].Law._fields
-
-    @property
     def softens(self) -> bool:
         """Whether bonds remember how far they were stretched."""
-        return "worst" in getattr(EVERY[self.law], "MEMORY", ())
+        return "worst" in EVERY[self.law].memory
 
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"

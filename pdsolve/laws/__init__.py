@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,30 +21,32 @@ from pdsolve.laws import (
     wan,
 )
 from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError, ModelWarning
 
-LAWS: dict[str, ModuleType] = {"brittle": brittle, "bilinear": bilinear}  # of bonds alone
-MODELS: dict[str, ModuleType] = {  # of families, and of beams
-    "ordinary": ordinary,
-    "correspondence": correspondence,
-    "micropolar": micropolar,
+LAWS: dict[str, Law] = {"brittle": brittle.LAW, "bilinear": bilinear.LAW}  # of bonds alone
+MODELS: dict[str, Law] = {  # of families, and of beams
+    "ordinary": ordinary.LAW,
+    "correspondence": correspondence.LAW,
+    "micropolar": micropolar.LAW,
 }
-PAIRS = (brittle, bilinear)  # which the fast kernel knows, too
+MIXED = (brittle.LAW, bilinear.LAW)  # in one plate: a bilinear bond whose peak is its limit is brittle
 
 
 def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
     """Stretches at which a material's bonds change, by its law, given those they would break at if brittle."""
-    limits: Limits = LAWS[material.law].limits(material, critical)
-    return limits
+    pair = LAWS[material.law].pair
+    assert pair is not None
+    return pair.limits(material, critical)
 
 
-def law_of(model: Model) -> ModuleType:
+def law_of(model: Model) -> Law:
     """The law of a model's bonds.
 
     Raises ModelError for one that is not known or cannot be, and for several that do not mix; warns where a material
     was measured to have a Poisson's ratio that its law does not have.
     """
-    laws: dict[str, ModuleType] = {}
+    laws: dict[str, Law] = {}
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         name, law = law_named(material, place)
@@ -53,27 +54,27 @@ def law_of(model: Model) -> ModuleType:
         for wrong in of_material(material, place):
             raise ModelError(str(wrong))
         fixed = BONDS_NU[material.plane]
-        if law in PAIRS and material.nu is not None and abs(material.nu - fixed) > 0.01:
+        if law.pair is not None and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
                 f"{model.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
                 ModelWarning,
                 stacklevel=2,
             )
     first, *others = laws.values()
-    if others and any(law not in PAIRS for law in laws.values()):
+    if others and any(law not in MIXED for law in laws.values()):
         raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
-    return bilinear if others else first  # a bilinear bond whose peak is its limit is brittle
+    return bilinear.LAW if others else first
 
 
-def law_named(material: Material, place: str) -> tuple[str, ModuleType]:
+def law_named(material: Material, place: str) -> tuple[str, Law]:
     """The law of a material's bonds and its name. Raises ModelError for one that is not known."""
     if material.model != "bond":
         if material.control == "breitzman-dayal":
-            return f"{material.model} with {material.control}", breitzman_dayal
+            return f"{material.model} with {material.control}", breitzman_dayal.LAW
         if material.control == "wan":
-            return f"{material.model} with {material.control}", wan
+            return f"{material.model} with {material.control}", wan.LAW
         if material.order > 1 or material.constant_term:
-            return f"{material.model} of order {material.order}", higher_order_correspondence
+            return f"{material.model} of order {material.order}", higher_order_correspondence.LAW
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""

@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
-from pdsolve.laws.bond_arrays import left
+from pdsolve.laws.bond_arrays import List, left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, List
+from pdsolve.laws.law import INLINE, Again, Failure, Law, Passes
 from pdsolve.laws.materials.solid import Solid, holds, respond
 from pdsolve.model import Model
 
 
-class Law(NamedTuple):
+class Columns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
@@ -45,38 +45,33 @@ class Law(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Law:
+def columns(model: Model, bonds: Bonds) -> Columns:
     """The law of these bonds (b,) and their nodes."""
     nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
     own = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(own, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
-    shared = {name: getattr(nodal, name) for name in Law._fields if name != "total"}
-    return Law(total=total, **shared)
+    shared = {name: getattr(nodal, name) for name in Columns._fields if name != "total"}
+    return Columns(total=total, **shared)
 
 
-def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
     """K^-1 and w of these nodes (k,) from the bonds that are left."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
     some = left(bonds, law.weight, law.broken, rows)
     law.total[rows] = np.bincount(some.own, some.weight, minlength=len(rows))
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     return correspondence.scale(law, bonds)  # type: ignore[arg-type]
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """A, H, sigma, J, as in `correspondence`."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def spread(law: Law) -> bool:
-    """True: this law needs a pass between the first and the last one."""
-    return True
-
-
-def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
     """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
     remembers."""
     return correspondence.shown(law.d, law.solid, m, law.d * law.d)
@@ -222,3 +217,17 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         return 0.0, 0.0
     held = holds(law.solid, i, _gradient(law, bond, m, i, j))[0]
     return law.weight[k] / law.total[i] * held, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Passes(pull, gather, close),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    again=Again(gather_again, close_again),
+    mend=mend,
+    fields=fields,
+)

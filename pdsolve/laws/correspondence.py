@@ -28,12 +28,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import left, shapes
+from pdsolve.laws.bond_arrays import List, Tabled, left, list_of, shapes
+from pdsolve.laws.calls import exchange as force_of
+from pdsolve.laws.calls import numbers as numbers_of
+from pdsolve.laws.calls import shows as shown_of
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, INNER, List, Tabled, list_of
-from pdsolve.laws.law import exchange as force_of
-from pdsolve.laws.law import numbers as numbers_of
-from pdsolve.laws.law import shows as shown_of
+from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
 from pdsolve.laws.materials.solid import (
     ALPHA_RATE,
     ALPHA_TOTAL,
@@ -51,13 +51,12 @@ from pdsolve.laws.materials.tensors import det
 from pdsolve.laws.small_tensors import blank_square, mapped, product, square, summed, with_dyad
 from pdsolve.model import Model
 
-NODE_MEMORY = ("history",)
 NEVER, STRETCH, ENERGY, STRESS = range(4)
 FAILURES = {"stretch": STRETCH, "energy": ENERGY, "stress": STRESS}
 FLAT = 0.01  # least over sum of a family's moments: less is as good as a line
 
 
-class Law(NamedTuple):
+class Columns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
@@ -72,14 +71,14 @@ class Law(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Law:
+def columns(model: Model, bonds: Bonds) -> Columns:
     """The law of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     own = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(own, bonds.weight, minlength=nodes).astype(float)
     solid, first = solid_of(model, kind, d), model.materials[0]
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
-    law = Law(
+    law = Columns(
         inverse=np.zeros((nodes, d * d), kind),
         control=control.astype(kind),
         weight=bonds.weight,
@@ -105,7 +104,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
 
-def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
     """K^-1 of these nodes (k,) from the bonds that are left."""
     K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
     values = np.linalg.eigvalsh(K)
@@ -114,7 +113,7 @@ def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     trace = law.inverse[:, :: law.d + 1].sum(axis=1)
     own = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
@@ -123,12 +122,12 @@ def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
     return np.asarray((law.solid.first + 2 * law.solid.shear) * usual + 0 * trace)
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """A, H, sigma (in the plane xx, yy, zz, xy), J."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
     """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
     remembers."""
     return shown(law.d, law.solid, m, law.d * law.d)
@@ -208,13 +207,13 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
     return square(m, i, at, (none, none, none))
 
 
-def tabled(law: Law, bonds: Bonds) -> Tabled:
+def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """What blocks want of bonds (b,)."""
     own = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
     return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), shown=4)
 
 
-def watched(law: Law, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
+def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
     """These columns, and limits of what is looked at bond by bond."""
     if law.failure in (NEVER, STRESS):
         return Tabled(columns, tuple(range(len(columns))), shown, False)
@@ -237,12 +236,12 @@ def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     return found, c[len(c) - 1]
 
 
-def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """What `finish` wants of nodes: K^-1, lambda, mu, Z."""
     return np.vstack([law.inverse[rows].T, law.solid.first[rows], law.solid.shear[rows], law.control[rows]])
 
 
-def by_lanes(law: Law) -> bool:
+def by_lanes(law: Columns) -> bool:
     """Where all nodes are of one solid without a history."""
     kind = law.solid.kind
     return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
@@ -334,3 +333,18 @@ def deviation(bond, m, i, at, a):  # type: ignore[no-untyped-def]
     for b in range(len(bond.xi)):
         rest -= m[i, at + len(bond.xi) * a + b] * bond.xi[b]
     return rest
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    nodes=NodeMemory(("history",), remember, hold),
+    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
+    mend=mend,
+    fields=fields,
+)

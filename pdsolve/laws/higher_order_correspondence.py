@@ -23,17 +23,17 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws import correspondence
+from pdsolve.laws.bond_arrays import List, list_of
 from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, INNER, List, list_of
+from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
 from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
 from pdsolve.model import Model, ModelError
 
-NODE_MEMORY = ("history",)
 CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
 
 
-class Law(NamedTuple):
+class Columns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions, with p components of a fit."""
 
     q: NDArray[np.floating]  # (b, p) Q
@@ -56,7 +56,7 @@ class Law(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Law:
+def columns(model: Model, bonds: Bonds) -> Columns:
     """The law of these bonds (b,) and their nodes. Raises ModelError for an order that no family carries."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
@@ -67,7 +67,7 @@ def columns(model: Model, bonds: Bonds) -> Law:
     itself = np.zeros(nodes)
     if constant:
         np.maximum.at(itself, bonds.neighbour, np.sqrt(bonds.weight))
-    law = Law(
+    law = Columns(
         q=np.zeros((len(source), wide), kind),
         own=np.zeros((nodes, wide), kind),
         t=np.zeros((nodes, wide, d), kind),
@@ -134,7 +134,7 @@ def fit(
     return Q, t, 0
 
 
-def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
     """The fits of these nodes (k,) to the bonds that are left."""
     for i in rows.tolist():
         own = slice(bonds.start[i], bonds.start[i + 1])
@@ -149,17 +149,17 @@ def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
         law.t[i] = t
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     return np.asarray((law.solid.first + 2 * law.solid.shear) / law.horizon**2)
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """What pulls, a_r, H, sigma, J."""
     return 2 * dimension * int(law.q.shape[1]) + dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
     """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
     remembers."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
@@ -270,3 +270,17 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         missed = _missed(law, m, i, law.q[k], law.root[k], bond.eta[a], a)
         held += missed * missed
     return law.control[i] * held / 2, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Passes(pull, gather, close),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    nodes=NodeMemory(("history",), remember, hold),
+    mend=mend,
+    fields=fields,
+)

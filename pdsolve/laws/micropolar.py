@@ -22,12 +22,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.law import INLINE
+from pdsolve.laws.law import INLINE, Failure, Law, Passes
 from pdsolve.model import Model, ModelError
 from pdsolve.state import Unknown
 
 
-class Law(NamedTuple):
+class Columns(NamedTuple):
     """Columns of n nodes and b bonds."""
 
     along: NDArray[np.floating]  # (b,) c w / |xi|, N/m^4, w the neighbour's cell as far as it counts
@@ -39,7 +39,7 @@ class Law(NamedTuple):
     breaks: bool
 
 
-def columns(model: Model, bonds: Bonds) -> Law:
+def columns(model: Model, bonds: Bonds) -> Columns:
     """The law of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
         raise ModelError(f"{model.place_of(0)}.model: found 'micropolar' in space, expected it in the plane")
@@ -57,7 +57,7 @@ def columns(model: Model, bonds: Bonds) -> Law:
     kind = bonds.xi.dtype
     broken, breaks = np.zeros(len(bonds.limit), np.int32), model.materials[0].failure == "stretch"
     along, across, bending, turn = (np.asarray(column, dtype=kind) for column in numbers)
-    return Law(along, across, bending, turn, bonds.limit, broken, breaks)
+    return Columns(along, across, bending, turn, bonds.limit, broken, breaks)
 
 
 def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
@@ -72,18 +72,18 @@ def unknowns(dimension: int) -> tuple[Unknown, ...]:
     return Unknown("u", 2, 2), Unknown("rotation", 1, 2)
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     return np.bincount(own, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """Nothing is gathered; bonds fail all at once, and forces are sums over them."""
     return 1
 
 
-def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
     """The rotation (n,) of nodes, rad, as a field of results."""
     return {"rotation": (law.turn * value[:, 2]).astype(float)}
 
@@ -120,3 +120,16 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         return 0.0, 0.0
     _, _, e, w, bent = _beam(law, bond, now, i, j)
     return (law.along[k] * e * e + law.across[k] * w * w + law.bending[k] * bent * bent) / 4, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Passes(pull),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    fields=fields,
+    unknowns=unknowns,
+)

@@ -34,9 +34,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import bulk_modulus
 from pdsolve.bonds.assembly import Bonds, find
-from pdsolve.laws.law import INLINE, Tabled
-from pdsolve.laws.law import numbers as numbers_of
-from pdsolve.laws.law import shows as shown_of
+from pdsolve.laws.bond_arrays import Tabled
+from pdsolve.laws.calls import numbers as numbers_of
+from pdsolve.laws.calls import shows as shown_of
+from pdsolve.laws.law import INLINE, Failure, Lanes, Law, Sums
 from pdsolve.laws.small_tensors import along
 from pdsolve.model import Model
 
@@ -46,7 +47,7 @@ LEAST = 0.1  # of the mean shear weight: less leaves a bond without stiffness of
 KNOWN = 1e-6  # of the largest: smaller eigenvalues of moments are round-off, or of ways that families do not reach
 
 
-class Law(NamedTuple):
+class Columns(NamedTuple):
     """Columns of n nodes and b bonds."""
 
     bulk: NDArray[np.floating]  # (n,) K, Pa
@@ -62,7 +63,7 @@ class Law(NamedTuple):
     d: int  # dimensions
 
 
-def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Law:
+def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Columns:
     """The law of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
     bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
@@ -74,7 +75,7 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Law:
     every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
     numbers = [np.asarray(column, dtype=kind) for column in every]
-    return Law(
+    return Columns(
         bulk=numbers[0],
         shear=numbers[1],
         dilating=numbers[2],
@@ -95,7 +96,7 @@ def _moduli(material, dimension: int) -> tuple[float, float]:  # type: ignore[no
     return bulk_modulus(material.E, material.nu, space), material.E / (1 + material.nu)
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """The width of `m`: the numbers that a node has between the two passes."""
     return ROWS
 
@@ -161,7 +162,7 @@ def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray
     return np.asarray(np.einsum("nab,nb,ncb,nc->na", vectors, inverse, vectors, wanted, optimize=True))
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     own, nodes = _sources(bonds), len(bonds.start) - 1
     squared = np.bincount(own, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
@@ -201,7 +202,7 @@ def pressure(bulk, d, theta, sheared, moment):  # type: ignore[no-untyped-def]
     return bulk * theta - (sheared - theta * moment / d) / d
 
 
-def tabled(law: Law, bonds: Bonds) -> Tabled:
+def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """What blocks want of bonds (b,)."""
     columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
     if law.failure == NEVER:
@@ -210,12 +211,12 @@ def tabled(law: Law, bonds: Bonds) -> Tabled:
     return Tabled((*columns, limit), (0, 0, 1, 1, 2), shown=2, watched=True)
 
 
-def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """What `finish` wants of nodes: K."""
     return law.bulk[None, rows]
 
 
-def by_lanes(law: Law) -> bool:
+def by_lanes(law: Columns) -> bool:
     """True: nodes can be finished in lanes, whatever they are."""
     return True
 
@@ -270,3 +271,15 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     rest = e - m[i, 0] * bond.length / law.d
     # K theta^2 / 2 is the sum over bonds of K theta D e / 2
     return (law.bulk[i] * m[i, 0] * law.dilating[k] * e + law.shearing[k] * rest * rest) / 2, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
+)

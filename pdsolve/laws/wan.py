@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
+from pdsolve.laws.bond_arrays import List, Tabled
 from pdsolve.laws.correspondence import closed, deviation, failing, lifted, looked_at, stressed
-from pdsolve.laws.law import INLINE, INNER, List, Tabled
+from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, holds, keep
 from pdsolve.laws.materials.tensors import (
     det,
@@ -45,37 +46,32 @@ from pdsolve.laws.small_tensors import (
 )
 from pdsolve.model import Model
 
-NODE_MEMORY = ("history",)
 
-
-class Wan(correspondence.Law):
+class Columns(correspondence.Columns):
     """Columns of n nodes and b bonds, in d dimensions; those of the control are of no use."""
 
 
-Law = Wan  # a name of its own: what is compiled for types of one name and one content is one, to linkers
-
-
-def columns(model: Model, bonds: Bonds) -> Law:
+def columns(model: Model, bonds: Bonds) -> Columns:
     """The law of these bonds (b,) and their nodes."""
-    return Law(*correspondence.columns(model, bonds))
+    return Columns(*correspondence.columns(model, bonds))
 
 
-def mend(law: Law, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
     """K^-1 of these nodes (k,) from the bonds that are left."""
     correspondence.mend(law, bonds, rows)
 
 
-def scale(law: Law, bonds: Bonds) -> NDArray[np.floating]:
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """How the resistance of nodes (n,) compares, N/m^4."""
     return correspondence.scale(law, bonds)
 
 
-def rows(law: Law, dimension: int) -> int:
+def rows(law: Columns, dimension: int) -> int:
     """A, Z, and H, sigma, J as in `correspondence`."""
     return 3 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Law, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
     """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
     remembers."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.d)
@@ -172,12 +168,12 @@ def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
     return (P[0] - g * s, P[1] - g * c, P[2] + g * c, P[3] - g * s), Z
 
 
-def tabled(law: Law, bonds: Bonds) -> Tabled:
+def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """What blocks want of bonds (b,)."""
     return correspondence.watched(law, (law.weight,), shown=8)
 
 
-def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """What `finish` wants of nodes: K^-1, lambda, mu, and Z, four."""
     first, shear, K = law.solid.first[rows], law.solid.shear[rows], law.inverse[rows].T
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
@@ -185,7 +181,7 @@ def standing(law: Law, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     return np.vstack([K, first, shear, double * K[0] + trace, double * K[1], double * K[2], double * K[3] + trace])
 
 
-def by_lanes(law: Law) -> bool:
+def by_lanes(law: Columns) -> bool:
     """Whether nodes can be finished in lanes: all of one solid without a history."""
     return correspondence.by_lanes(law)
 
@@ -242,3 +238,18 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         for b in range(d):
             held += m[i, d * (d + a) + b] * deviation(bond, m, i, at, a) * deviation(bond, m, i, at, b)
     return law.weight[k] * held / 2, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    energy=energy,
+    width=rows,
+    scale=scale,
+    failure=Failure(alert, fails),
+    nodes=NodeMemory(("history",), remember, hold),
+    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
+    mend=mend,
+    fields=fields,
+)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import ModuleType
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,9 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
 from pdsolve.checkpoint import entry, like
-from pdsolve.laws.law import Now, bind, in_tuples, list_of
+from pdsolve.laws.bond_arrays import Now, list_of
+from pdsolve.laws.calls import bind
+from pdsolve.laws.law import Law, Sums
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
@@ -30,7 +31,7 @@ class BondList:
 
     def __init__(
         self,
-        law: ModuleType,
+        law: Law,
         model: Model,
         exact: Bonds,
         symmetric: bool,
@@ -39,12 +40,12 @@ class BondList:
     ) -> None:
         """The law of the model for bonds in double precision, to be summed in this `precision`."""
         bind(law)
-        self._loops = (loops.say_rows, loops.exchange_rows) if in_tuples(law) else (loops.gather_rows, loops.pull_rows)
+        sums = isinstance(law.passes, Sums)
+        self._loops = (loops.say_rows, loops.exchange_rows) if sums else (loops.gather_rows, loops.pull_rows)
         bonds = in_precision(exact, precision)
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
-        dimension, unknowns = bonds.xi.shape[1], getattr(law, "unknowns", None)
-        self.unknowns: tuple[Unknown, ...] = unknowns(dimension) if unknowns else (Unknown("u", dimension, 2),)
+        self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
         self._stiffest = self._bound(law, model, exact)
         self.law, self._bonds, self._model = law, bonds, model
         self._take(law.columns(model, bonds), bonds)
@@ -54,11 +55,11 @@ class BondList:
         """Go on with these columns of these bonds."""
         self.columns, self._list = columns, list_of(bonds)
 
-    def _bound(self, law: ModuleType, model: Model, exact: Bonds) -> NDArray[np.float64]:
+    def _bound(self, law: Law, model: Model, exact: Bonds) -> NDArray[np.float64]:
         """What resists each node's motion at rest, bonds in double precision."""
         columns = law.columns(model, exact)
-        if not hasattr(law, "rows"):
-            return stiffness_bound(exact, law.springs(columns, exact), self.symmetric)
+        if law.scale is None:
+            return stiffness_bound(exact, columns.stiffness, self.symmetric)
         self.law = law
         self._take(columns, exact)
         width = sum(unknown.width for unknown in self.unknowns)
@@ -78,7 +79,7 @@ class BondList:
         if not between.shape[1]:
             self._share(loops.add_rows, now, between, out, state.dissipated)
             return
-        torn = self._torn(now, between) if step > 0 and hasattr(self.columns, "broken") else None
+        torn = self._torn(now, between) if step > 0 else None
         if torn is not None:
             before = np.zeros_like(out)
             self._pull(now, between, before)
@@ -111,8 +112,7 @@ class BondList:
         the passes."""
         start, touched = self._list.start, rows
         bonds = np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
-        spread = hasattr(self.law, "spread") and self.law.spread(self.columns)
-        if spread:
+        if self.law.again is not None:
             near = np.zeros(self._nodes, dtype=np.bool_)
             near[rows] = True
             near[self._list.neighbour[np.concatenate([np.arange(start[i], start[i + 1]) for i in rows])]] = True
@@ -123,7 +123,7 @@ class BondList:
         self.columns.broken[bonds] = now.step
         self._failing[bonds] = False
         self._lose(bonds, rows)
-        if spread:
+        if self.law.again is not None:
             between = self._between(now)
         else:
             self._share_some(self._loops[0], rows, now, between)
@@ -143,13 +143,11 @@ class BondList:
         self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
         return held, spent
 
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+    def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
         """The stored fields (n,) of nodes beside the displacements, by the names of result columns, in SI units."""
-        if not hasattr(self.law, "fields"):
+        if self.law.fields is None:
             return {}
-        between = self._between(Now(state.value, state.rate, 0, 0.0))
-        found: dict[str, NDArray[np.float64]] = self.law.fields(self.columns, state.value, between)
-        return found
+        return self.law.fields(self.columns, state.value, self._between(Now(state.value, state.rate, 0, 0.0)))
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
@@ -165,8 +163,8 @@ class BondList:
             return out
 
         value = state.value.astype(np.complex128)
-        if hasattr(self.law, "rows"):
-            return tangent.of_passes(self._list, pulls, value, 3 if hasattr(self.law, "spread") else 2)
+        if self.law.width is not None:
+            return tangent.of_passes(self._list, pulls, value, 2 if self.law.again is None else 3)
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
     def bonds(
@@ -197,10 +195,9 @@ class BondList:
         """Restore the memory of bonds and the broken bonds of a checkpoint."""
         memory = {name: self._memory(kept, name) for name in self._remembered()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
-            column, bonds = getattr(self.columns, name, None), find(self._bonds, source, target)
-            if column is not None:
-                column[:] = 0
-                column[bonds] = values
+            column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
+            column[:] = 0
+            column[bonds] = values
         for name in self._remembered_by_nodes():
             column = getattr(self.columns, name)
             column[:] = like(kept, name, column)
@@ -218,7 +215,7 @@ class BondList:
         """Go on with a share (b,) of what each bond weighed at the start, or of its stiffness; who has broken and what
         else is remembered stays."""
         names = *self._remembered(), *self._remembered_by_nodes(), "broken"
-        kept = {name: getattr(self.columns, name).copy() for name in names if hasattr(self.columns, name)}
+        kept = {name: getattr(self.columns, name).copy() for name in names}
         share = share.astype(self._bonds.xi.dtype)
         bonds = self._bonds._replace(weight=self._bonds.weight * share, stiffness=self._bonds.stiffness * share)
         self._take(self.law.columns(self._model, bonds), bonds)
@@ -237,24 +234,26 @@ class BondList:
 
     def _remembered(self) -> tuple[str, ...]:
         """Names of the columns that change, but for who is broken."""
-        return getattr(self.law, "MEMORY", ())
+        return self.law.memory
 
     def _remembered_by_nodes(self) -> tuple[str, ...]:
         """The names of the columns of nodes that the law changes, and that are there."""
-        return tuple(name for name in getattr(self.law, "NODE_MEMORY", ()) if getattr(self.columns, name).size)
+        names = self.law.nodes.columns if self.law.nodes is not None else ()
+        return tuple(name for name in names if getattr(self.columns, name).size)
 
     def _steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""
-        return getattr(self.columns, "broken", np.zeros(len(self._list.neighbour), dtype=np.int32))
+        steps: NDArray[np.int32] = self.columns.broken
+        return steps
 
     def _between(self, now: Now) -> NDArray[Any]:
         """What nodes have between the passes."""
         law, dimension = self.law, len(self._list.xi)
-        wide = law.rows(self.columns, dimension) if hasattr(law, "rows") else 0
+        wide = law.width(self.columns, dimension) if law.width is not None else 0
         between = np.empty((self._nodes, wide), dtype=now.value.dtype)
         if wide:
             self._share_some(self._loops[0], self._every, now, between)
-        if hasattr(law, "spread") and law.spread(self.columns):
+        if law.again is not None:
             more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
             self._share(loops.gather_rows_again, now, between, more)
             self._share(loops.close_rows_again, between, more)
@@ -266,7 +265,7 @@ class BondList:
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         """Go on without these bonds (b,), which are those of the nodes (k,) that have failed."""
-        if hasattr(self.law, "mend"):
+        if self.law.mend is not None:
             self.law.mend(self.columns, self._list, rows)
 
     def _share(self, loop: Callable[..., None], *arrays: Any) -> None:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from pdsolve.laws.law import (
+from pdsolve.laws.bond_arrays import deformed
+from pdsolve.laws.calls import (
     age,
     alert,
     close,
     close_again,
-    deformed,
     energy,
     exchange,
     fails,

@@ -14,7 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 
-from pdsolve.laws.law import List, Now, deformed, pull
+from pdsolve.laws.bond_arrays import List, Now, deformed
+from pdsolve.laws.calls import pull
 from pdsolve.numerics.jit_cache import cached_njit
 
 STEP = 1e-30  # m; its square is lost beside any length

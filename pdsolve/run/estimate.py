@@ -15,7 +15,7 @@ from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.checks import advise
 from pdsolve.diffusion import system as diffusion
-from pdsolve.laws import PAIRS, law_of
+from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.run.static_start import still
 from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
@@ -77,7 +77,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     if model.diffuses:
         return _diffusing(model, options)
     scheme, settings = scheme_of(model, options), model.settings
-    paired, splits = law_of(model) in PAIRS, settings.run.adapt == "split"
+    paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels
     paired &= not splits  # whose cells are listed bond by bond

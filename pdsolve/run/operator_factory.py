@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Filling, listed
 from pdsolve.bonds.statistics import BondStatistics
-from pdsolve.laws import PAIRS, law_of
+from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
@@ -23,7 +23,7 @@ def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling
     """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
     law, kind = law_of(model), np.dtype(options.precision).type
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
-    if law in PAIRS and options.kernel != "listed" and blocked:
+    if law.pair is not None and options.kernel != "listed" and blocked:
         survey = BondStatistics(filling, scheme.symmetric)
         blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
         if blocks is not None:

@@ -20,7 +20,7 @@ from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.crack_growth import update_interval
-from pdsolve.laws import PAIRS, law_of
+from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
@@ -329,7 +329,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         method = Newton(operator, area, static.tolerance, static.iterations, free, most)
-    breakable = no_fail.breakable() if breaks and law_of(model) in PAIRS else None
+    breakable = no_fail.breakable() if breaks and law_of(model).pair is not None else None
     remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
     growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)

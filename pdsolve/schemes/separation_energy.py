@@ -6,14 +6,13 @@ leaves the halves as they are; a test pulls a strip apart for comparison (tests/
 
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.state import State
@@ -61,7 +60,7 @@ def bonds_in_space(model: Model, xi: NDArray[np.float64], weight: NDArray[np.flo
     return Bonds(start, target.astype(np.int32), xi[way], nothing, limits, limits, weight[way])
 
 
-def cost(law: ModuleType, model: Model, bonds: Bonds) -> float:
+def cost(law: Law, model: Model, bonds: Bonds) -> float:
     """What a patch's bonds spend, for each length, or each area, of the crack between its halves."""
     operator = BondList(law, model, bonds, symmetric=True)
     position = model.grid.position

@@ -48,8 +48,7 @@ def torn(case: Case) -> Cloud:
     made = cloud(case, SIDE[case.dimension])
     made.tear()
     bonds, gone = len(made.operator.bonds()[0]), len(made.operator.broken().step)
-    assert (gone > 0) == case.breaks
-    assert gone < bonds
+    assert 0 < gone < bonds
     assert case.softens == (made.operator.keep().get("worst", np.zeros(0)).max(initial=0.0) > 0)
     return made
 
@@ -185,10 +184,10 @@ def test_what_was_kept_goes_on_to_the_same_bits(case: Case) -> None:
     made.march(1, 9)
     state = [column.copy() for column in made.state]
     kept, gone = {name: values.copy() for name, values in made.operator.keep().items()}, made.operator.broken()
-    assert (len(gone.step) > 0) == case.breaks
+    assert len(gone.step) > 0
     made.march(9, 17)
     expected = everything(made)
-    assert (len(made.operator.broken().step) > len(gone.step)) == case.breaks
+    assert len(made.operator.broken().step) > len(gone.step)
     for one in (again, made):
         for column, values in zip(one.state, state, strict=True):
             column[:] = values

@@ -6,7 +6,6 @@ import importlib.util
 import itertools
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import msgspec
 import numpy as np
@@ -16,7 +15,8 @@ from plates import plate, square_grid
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import LAWS, bilinear, law_of, limits
+from pdsolve.laws import LAWS, law_of, limits
+from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes import average_horizon
@@ -75,29 +75,49 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, prec
     assert work == pytest.approx(STIFFNESS * CRITICAL**2 / 2, rel=tight)
 
 
-def twice(folder: Path) -> ModuleType:
-    """The bilinear law in a file of its own, all of its bonds twice as stiff."""
-    text = Path(str(bilinear.__file__)).read_text(encoding="utf-8")
-    for line in ("force = law.stiffness[k] * bond.stretch", "quarter, spent = law.stiffness[k] * bond.length / 4, 0.0"):
-        assert text.count(line) == 1
-        text = text.replace(line, line.replace("law.stiffness[k]", "(law.stiffness[k] + law.stiffness[k])"))
-    path = folder / "twice_bilinear.py"
-    path.write_text(text, encoding="utf-8")
+STIFFER = """
+from pdsolve.laws import brittle
+from pdsolve.laws.law import Pair
+from pdsolve.laws.pair import PairColumns, pair_law
+
+
+class Stiffer(PairColumns):
+    pass
+
+
+def secant(law, stretch, worst, peak, limit):
+    return FACTOR
+
+
+def held(law, c, stretch, worst, peak, limit):
+    return FACTOR * c * stretch * stretch
+
+
+LAW = pair_law(Stiffer, Pair(limits=brittle.limits, secant=secant, held=held))
+"""
+
+
+def stiffer(folder: Path, times: int) -> Law:
+    """A law in a file of its own, whose bonds are as many times as stiff as linear ones."""
+    path = folder / f"stiffer_{times}.py"
+    path.write_text(STIFFER.replace("FACTOR", f"{times}.0"), encoding="utf-8")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
-    return module
+    law: Law = module.LAW
+    return law
 
 
 @shapes
 def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> None:
     """In one process, whichever ran before."""
-    model, pulls = plate(square_grid(4, 4), material=of("bilinear", 2.0)), []
+    model, pulls = plate(square_grid(4, 4), material=of("brittle", 1.0)), []
     bonds = average_horizon.fill(model).whole().bonds
-    for law in (bilinear, twice(tmp_path), bilinear):
+    once, twice = stiffer(tmp_path, 1), stiffer(tmp_path, 2)
+    for law in (once, twice, once):
         operator = BondList(law, model, bonds, True, precision)
         state = State(*np.zeros((3, 16, 2), dtype=precision), *np.zeros((3, 16)))
         state.value[:] = 1e-7 * model.grid.position[:, ::-1] / model.grid.position.max()

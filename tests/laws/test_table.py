@@ -24,10 +24,10 @@ def of(material: Material, other: Material | None = None) -> Model:
 
 
 def test_springs_mix_and_have_the_law_that_both_follow() -> None:
-    assert law_of(of(GLASS)) is brittle
-    assert law_of(of(SOFT)) is bilinear
-    assert law_of(of(GLASS, SOFT)) is bilinear
-    assert law_of(of(STATE_BASED)) is ordinary
+    assert law_of(of(GLASS)) is brittle.LAW
+    assert law_of(of(SOFT)) is bilinear.LAW
+    assert law_of(of(GLASS, SOFT)) is bilinear.LAW
+    assert law_of(of(STATE_BASED)) is ordinary.LAW
     assert prepare(of(STATE_BASED), Options()).system.operator.name == "blocks"
 
 

@@ -138,4 +138,4 @@ def test_bonds_between_two_brittle_materials_are_brittle() -> None:
     model = layered(soft=msgspec.structs.replace(SOFT, law="brittle", E=6e9, G0=20.0))
     bonds = average_horizon.fill(model).whole().bonds
     assert np.array_equal(bonds.peak, bonds.limit)
-    assert law_of(model) is brittle
+    assert law_of(model) is brittle.LAW

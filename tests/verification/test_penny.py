@@ -56,7 +56,7 @@ def opened(nodes_of_radius: int, half: float) -> Penny:
     c11, c12 = ratios.c11 * C11["space"], ratios.c12 * C66["space"]
     E, nu = (c11 - c12) * (c11 + 2 * c12) / (c11 + c12), c12 / (c11 + c12)
     u = _at_rest(
-        BondList(brittle, model, whole.bonds, True), position, SMALL * np.array([-nu, -nu, 1]) / E, half - 3 * h
+        BondList(brittle.LAW, model, whole.bonds, True), position, SMALL * np.array([-nu, -nu, 1]) / E, half - 3 * h
     )
     above, below = np.isclose(position[:, 2], h / 2), np.isclose(position[:, 2], -h / 2)
     opening, radius = (u[above] - u[below])[:, 2] / SMALL, np.hypot(*position[above, :2].T)

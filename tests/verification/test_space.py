@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -68,8 +67,7 @@ def solid(material: Material) -> Solid:
     model = Model(cube(8), Settings(material=material, horizon=Horizon(3.0)))
     springs = material.model == "bond"
     filling = fill(model, BARE) if springs else fill_families(model)
-    law: ModuleType = law_of(model)
-    return Solid(model, BondList(law, model, filling.whole().bonds, True))
+    return Solid(model, BondList(law_of(model), model, filling.whole().bonds, True))
 
 
 def of(model: str, **more: object) -> Material:

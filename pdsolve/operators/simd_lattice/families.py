@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.law import Now, Tabled
+from pdsolve.laws.bond_arrays import Now, Tabled
+from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
@@ -24,9 +24,9 @@ from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, 
 from pdsolve.state import Broken, State
 
 
-def placed(law: ModuleType, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
+def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
     """Where bonds of the plane are in blocks; None if the law cannot be summed so, or nodes are no lattice."""
-    if not hasattr(law, "tabled") or not len(bonds.neighbour):
+    if law.lanes is None or not len(bonds.neighbour):
         return None
     tables, nodes = layout.Tables(), len(bonds.start) - 1
     found = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
@@ -40,7 +40,7 @@ class Families(BondList):
 
     def __init__(
         self,
-        law: ModuleType,
+        law: Law,
         model: Model,
         exact: Bonds,
         symmetric: bool,
@@ -55,7 +55,10 @@ class Families(BondList):
         where, tables = placed
         count = len(where.counts)
         room = LANES * count
-        self._tabled = law.tabled(self.columns, self._bonds)
+        assert law.lanes is not None
+        assert law.width is not None
+        self._lanes = law.lanes
+        self._tabled = law.lanes.tabled(self.columns, self._bonds)
         self._lane_of = np.empty(len(exact.neighbour), dtype=np.int64)
         some = np.flatnonzero(where.lane.ravel() >= 0)
         self._lane_of[where.lane.ravel()[some]] = some
@@ -71,13 +74,13 @@ class Families(BondList):
         )
         self._u, self._v, self._a = aligned(np.zeros((6, room), dtype=kind)).reshape(3, 2, room)
         self._dissipated, self._work = np.zeros((2, self._nodes))
-        wide = law.rows(self.columns, 2)
+        wide = law.width(self.columns, 2)
         self._m, self._f = aligned(np.zeros((wide, room), dtype=kind)), aligned(np.zeros((2, room), dtype=kind))
-        own = law.standing(self.columns, self._every)
+        own = law.lanes.standing(self.columns, self._every)
         idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
         self._own = aligned(np.hstack([own, idle]).astype(kind))
         self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own)
-        self._by_lanes = law.by_lanes(self.columns)
+        self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 
     def place(self, state: State) -> State:
@@ -135,7 +138,7 @@ class Families(BondList):
                 table[own] = self.slots.kinds[old][:, None] if old >= 0 else table[-1 - old]
                 kind[torn] = -1 - own
         table[self._used + slot, :, lane] = 0
-        self._own[:, rows] = self.law.standing(self.columns, rows)
+        self._own[:, rows] = self._lanes.standing(self.columns, rows)
 
     def _takes(self, now: Now) -> bool:
         """Whether it is a state to be summed in blocks."""

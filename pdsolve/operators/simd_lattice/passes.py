@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.laws.law import Bond, exchange, finish, nears, nothing, say
+from pdsolve.laws.bond_arrays import Bond
+from pdsolve.laws.calls import exchange, finish, nears, nothing, say
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER, LANES, across

@@ -72,7 +72,7 @@ def two_nodes(stiffness: float, dt: float) -> tuple[BondList, Verlet, State]:
         weight=np.ones(2),
     )
     model = plate(square_grid(2, 1))
-    operator = BondList(brittle, model, bonds, symmetric=True)
+    operator = BondList(brittle.LAW, model, bonds, symmetric=True)
     v = np.array([[-1.0, 0.0], [1.0, 0.0]])
     state = State(np.zeros((2, 2)), v, np.zeros((2, 2)), *np.zeros((3, 2)))
     return operator, Verlet(operator, drive(model, np.ones(2), True, np.float64), np.full(2, 1e3), dt), state

@@ -1,0 +1,380 @@
+"""What loops call of a law, bound to the type of its columns: `pdsolve.laws.law` says what each function is.
+
+What Python itself calls, where nothing is compiled, is looked up by the same types.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from pdsolve.laws.bond_arrays import INLINE, INNER, Bond, Now
+from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Passes, Softening, Sums
+
+
+def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
+    """Add to m[i] what bond k says of node i's family."""
+    _bound[type(law)]["gather"](law, bond, now, i, j, k, m)
+
+
+def numbers(law: Any, i: Any, j: Any, k: Any) -> tuple[Any, ...]:
+    """What the columns have of bond k."""
+    return tuple(_bound[type(law)]["numbers"](law, i, j, k))
+
+
+def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
+    """What sums begin with; `none` is the 0 they are made of."""
+    return tuple(_bound[type(law)]["nothing"](law, xi, none))
+
+
+def say(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The sums and what a bond with the numbers c says of its node's family."""
+    return tuple(_bound[type(law)]["say"](law, bond, c, sums))
+
+
+def shows(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
+    """What neighbours see of node i."""
+    return tuple(_bound[type(law)]["shows"](law, xi, m, i))
+
+
+def exchange(
+    law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
+) -> tuple[Any, ...]:
+    """The force density of a bond with the numbers c on its node, N/m^3, from what both ends show."""
+    return tuple(_bound[type(law)]["exchange"](law, bond, c, here, there))
+
+
+def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
+    """What nodes have between the passes."""
+    return tuple(_bound[type(law)]["finish"](law, sums, own))
+
+
+def nears(law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]) -> tuple[Any, Any]:
+    """What of a bond must not be above what."""
+    found, limit = _bound[type(law)]["nears"](law, bond, c, here, there)
+    return found, limit
+
+
+def close(law: Any, i: int, m: NDArray[Any]) -> None:
+    """Turn m[i] into what the second pass wants."""
+    _bound[type(law)]["close"](law, i, m)
+
+
+def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
+    """Let bond k remember what it has been through; returns what node i spends on it, J/m^3."""
+    return float(_bound[type(law)]["age"](law, bond, now, m, i, j, k))
+
+
+def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> None:
+    """Add the force density of bond k on node i to f (w,), N/m^3."""
+    _bound[type(law)]["pull"](law, bond, now, m, i, j, k, f)
+
+
+def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> tuple[float, float]:
+    """What bond k adds to the energy density of node i, J/m^3: held, and spent on softening so far."""
+    own, gone = _bound[type(law)]["energy"](law, bond, now, m, i, j, k)
+    return own, gone
+
+
+def gather_again(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any], more: NDArray[Any]) -> None:
+    """Add to more[i] what bond k says now that both its nodes are closed."""
+    _bound[type(law)]["gather_again"](law, bond, now, i, j, k, m, more)
+
+
+def close_again(law: Any, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
+    """Turn m[i] and more[i] into what the last pass wants, in m[i]."""
+    _bound[type(law)]["close_again"](law, i, m, more)
+
+
+def alert(law: Any, i: int, m: NDArray[Any]) -> bool:
+    """Whether a bond of node i may fail."""
+    return bool(_bound[type(law)]["alert"](law, i, m))
+
+
+def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> bool:
+    """Whether bond k fails; the same from both its ends."""
+    return bool(_bound[type(law)]["fails"](law, bond, now, m, i, j, k))
+
+
+def remember(law: Any, now: Now, i: int, m: NDArray[Any]) -> None:
+    """Let node i remember what it has been through."""
+    _bound[type(law)]["remember"](law, now, i, m)
+
+
+def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
+    """What node i itself adds to its energy density, J/m^3: held, and spent so far."""
+    own, gone = _bound[type(law)]["hold"](law, i, m)
+    return own, gone
+
+
+def secant(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """Force of a bond over that of a linear one."""
+    return _bound[type(law)]["secant"](law, stretch, worst, peak, limit)
+
+
+def held(law: Any, c: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """What a bond holds, J/m^3."""
+    return _bound[type(law)]["held"](law, c, stretch, worst, peak, limit)
+
+
+def spent(law: Any, c: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """What a bond that was stretched to `worst` has spent on softening, J/m^3."""
+    return _bound[type(law)]["spent"](law, c, worst, peak, limit)
+
+
+def total(law: Any, c: Any, peak: Any, limit: Any) -> Any:
+    """What a bond that was softened to nothing has spent, J/m^3."""
+    return _bound[type(law)]["total"](law, c, peak, limit)
+
+
+def released(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
+    """What a bond spends in all that is found gone at a stretch, J/m^3; it last pulled at the one `before`."""
+    return _bound[type(law)]["released"](law, c, stretch, before, peak, limit)
+
+
+def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _close_nothing(law, i, m):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _remember_nothing(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return 0.0
+
+
+def _gather_nothing_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _close_nothing_again(law, i, m, more):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _never_alert(law, i, m):  # type: ignore[no-untyped-def]
+    return False
+
+
+def _fail_never(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return False
+
+
+def _remember_no_node(law, now, i, m):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _hold_nothing(law, i, m):  # type: ignore[no-untyped-def]
+    return 0.0, 0.0
+
+
+_bound: dict[type, dict[str, Function]] = {}  # the functions of a law, by the type of its columns
+
+
+def bind(law: Law) -> None:
+    """Let the loops know what a law says; numba keeps it for the life of the process."""
+    kind = law.Columns
+    if kind in _bound:
+        return
+    # numba calls what it compiles after the names of types: two laws of the same columns would be one
+    kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
+    said = _bound[kind] = _functions(law)
+    _bind_bonds(kind, said)
+    _bind_families(kind, said)
+    if law.pair is not None:
+        _bind_pair(kind, said)
+    if isinstance(law.passes, Sums):
+        _bind_sums(kind, said)
+        if law.lanes is not None:
+            _bind_lanes(kind, said)
+
+
+def _functions(law: Law) -> dict[str, Function]:
+    """What a law says, and what is said of it where it says nothing."""
+    passes = law.passes
+    found: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
+    if isinstance(passes, Passes):
+        found |= {"pull": passes.pull, "gather": passes.gather or _gather_nothing}
+        found["close"] = passes.close or _close_nothing
+    else:
+        found |= vars(passes) | {"pull": _not_said, "gather": _gather_nothing}
+    again = law.again or Again(_gather_nothing_again, _close_nothing_again)
+    found |= {"gather_again": again.gather, "close_again": again.close}
+    found |= vars(law.failure or Failure(_never_alert, _fail_never))
+    found |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
+    if law.pair is not None:
+        found |= _of_pair(law.pair)
+    if law.lanes is not None:
+        found |= {"finish": law.lanes.finish, "nears": law.lanes.nears}
+    return found
+
+
+def _of_pair(pair: Pair) -> dict[str, Function]:
+    """What a pair law says of a stretched bond."""
+    softens = pair.softening is not None
+    straight = _held_by_secant if softens else _held_by_line
+    found: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
+    found |= vars(pair.softening or Softening(_spend_nothing, _hold_no_total))
+    if softens:
+        found["released"] = _released_softly
+    else:
+        found["released"] = _released_by_line if pair.held is None else _released_at_once
+    return found
+
+
+def _not_said(*_: Any) -> Any: ...
+
+
+def _one(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return 1.0
+
+
+def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return c * stretch * stretch
+
+
+def _held_by_secant(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    if worst > 0:
+        c *= secant(law, stretch, worst, peak, limit)
+    return c * stretch * stretch
+
+
+def _spend_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return 0.0
+
+
+def _hold_no_total(law, c, peak, limit):  # type: ignore[no-untyped-def]
+    return 0.0
+
+
+def _released_by_line(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+    return c * (stretch * before)
+
+
+def _released_at_once(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+    pulled = before * secant(law, before, 0.0, peak, limit)  # for half a step more
+    return held(law, c, before, 0.0, peak, limit) + c * pulled * (stretch - before)
+
+
+def _released_softly(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+    if peak < limit:
+        return total(law, c, peak, limit)
+    return c * (stretch * before)
+
+
+def _chosen(found: Any, kind: type, function: Function) -> Function | None:
+    return function if getattr(found, "instance_class", None) is kind else None
+
+
+def _bind_bonds(kind: type, said: dict[str, Function]) -> None:
+    """What all laws may say."""
+
+    @overload(gather, jit_options=INLINE)
+    def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["gather"])
+
+    @overload(close, jit_options=INNER)
+    def _close(law, i, m):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["close"])
+
+    @overload(age, jit_options=INNER)
+    def _age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["age"])
+
+    @overload(pull, jit_options=INLINE)
+    def _pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["pull"])
+
+    @overload(energy, jit_options=INNER)
+    def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["energy"])
+
+
+def _bind_families(kind: type, said: dict[str, Function]) -> None:
+    """What only those with a first pass may."""
+
+    @overload(gather_again, jit_options=INLINE)
+    def _gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["gather_again"])
+
+    @overload(close_again, jit_options=INNER)
+    def _close_again(law, i, m, more):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["close_again"])
+
+    @overload(alert, jit_options=INNER)
+    def _alert(law, i, m):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["alert"])
+
+    @overload(fails, jit_options=INLINE)
+    def _fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["fails"])
+
+    @overload(remember, jit_options=INNER)
+    def _remember(law, now, i, m):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["remember"])
+
+    @overload(hold, jit_options=INNER)
+    def _hold(law, i, m):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["hold"])
+
+
+def _bind_pair(kind: type, said: dict[str, Function]) -> None:
+    """What pair laws do."""
+
+    @overload(secant, jit_options=INLINE)
+    def _secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["secant"])
+
+    @overload(held, jit_options=INNER)
+    def _held(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["held"])
+
+    @overload(spent, jit_options=INNER)
+    def _spent(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["spent"])
+
+    @overload(total, jit_options=INNER)
+    def _total(law, c, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["total"])
+
+    @overload(released, jit_options=INNER)
+    def _released(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["released"])
+
+
+def _bind_sums(kind: type, said: dict[str, Function]) -> None:
+    """What those do whose passes are sums."""
+
+    @overload(numbers, jit_options=INLINE)
+    def _numbers(law, i, j, k):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["numbers"])
+
+    @overload(nothing, jit_options=INLINE)
+    def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["nothing"])
+
+    @overload(say, jit_options=INLINE)
+    def _say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["say"])
+
+    @overload(shows, jit_options=INLINE)
+    def _shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["shows"])
+
+    @overload(exchange, jit_options=INLINE)
+    def _exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["exchange"])
+
+
+def _bind_lanes(kind: type, said: dict[str, Function]) -> None:
+    """What those that are summed in blocks do."""
+
+    @overload(finish, jit_options=INLINE)
+    def _finish(law, sums, own):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["finish"])
+
+    @overload(nears, jit_options=INLINE)
+    def _nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["nears"])

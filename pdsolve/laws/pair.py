@@ -1,0 +1,106 @@
+"""Laws of bonds that know nothing of others: their columns, and what bonds do by what their law says (`Pair`)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.bond_arrays import stretch_before
+from pdsolve.laws.calls import held, released, secant, spent
+from pdsolve.laws.law import Law, Pair, Passes
+from pdsolve.model import Model
+
+
+class PairColumns(NamedTuple):
+    """Columns of b bonds; each law has a class of its own below this one, by which kernels are compiled for it."""
+
+    stiffness: NDArray[np.floating]  # (b,) force density on i for a unit stretch, N/m^3
+    peak: NDArray[np.floating]  # (b,) stretch above which the bond softens
+    limit: NDArray[np.floating]  # (b,) stretch above which it is gone; both infinite where it must not break
+    worst: NDArray[np.floating]  # (b,) the largest stretch above the peak, 0 if never there; (0,) if bonds are linear
+    broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
+
+
+def pair_law(kind: type[Any], pair: Pair) -> Law:
+    """The law of `pair` whose columns are of the type `kind`, a `PairColumns`."""
+    linear, softens = pair.secant is None, pair.softening is not None
+
+    def columns(model: Model, bonds: Bonds) -> Any:
+        """The law of these bonds (b,)."""
+        count, precision = len(bonds.limit), bonds.limit.dtype
+        worst = np.zeros(0 if linear else count, precision)
+        return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, np.zeros(count, np.int32))
+
+    curve = _pull_straight if pair.held is None else _pull_curved
+    return Law(
+        Columns=kind,
+        columns=columns,
+        passes=Passes(_pull_linear if linear else curve),
+        energy=_energy_linear if linear else _energy,
+        age=_age_softening if softens else _age_elastic,
+        memory=("worst",) if softens else (),
+        pair=pair,
+    )
+
+
+def _age_elastic(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0 or bond.stretch <= law.limit[k]:
+        return 0.0
+    law.broken[k] = now.step
+    before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
+    return released(law, c, bond.stretch, before, law.peak[k], law.limit[k])
+
+
+def _age_softening(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0
+    if bond.stretch > law.limit[k]:
+        law.broken[k] = now.step
+        before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
+        return released(law, c, bond.stretch, before, law.peak[k], law.limit[k])
+    if bond.stretch > law.peak[k] and bond.stretch > law.worst[k]:
+        law.worst[k] = bond.stretch
+    return 0.0
+
+
+def _pull_linear(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        force = law.stiffness[k] * bond.stretch
+        for a in range(len(bond.xi)):
+            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+
+
+def _pull_straight(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        force = law.stiffness[k] * bond.stretch
+        if law.worst[k] > 0:
+            force *= secant(law, bond.stretch, law.worst[k], law.peak[k], law.limit[k])
+        for a in range(len(bond.xi)):
+            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+
+
+def _pull_curved(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        force = law.stiffness[k] * bond.stretch
+        force *= secant(law, bond.stretch, law.worst[k], law.peak[k], law.limit[k])
+        for a in range(len(bond.xi)):
+            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+
+
+def _energy_linear(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    c = law.stiffness[k] * bond.length / 4
+    return held(law, c, bond.stretch, 0.0, law.peak[k], law.limit[k]), 0.0
+
+
+def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    c, gone, worst = law.stiffness[k] * bond.length / 4, 0.0, law.worst[k]
+    if worst > 0:
+        gone = spent(law, c, worst, law.peak[k], law.limit[k])
+    return held(law, c, bond.stretch, worst, law.peak[k], law.limit[k]), gone
