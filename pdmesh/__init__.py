@@ -1,6 +1,6 @@
-"""Geometry to multiscale peridynamic grids: a Gmsh drawing in, the node grid as JSON out.
+"""Geometry to multiscale peridynamic grids: input is a Gmsh drawing, output the node grid as JSON.
 
-For scripts: a `Scene` is a plate in a few lines, `read_scene` takes one from a file, `build` makes its grid.
+For scripts: a `Scene` describes a plate in a few lines, `read_scene` reads one from a file, `build` makes its grid.
 """
 
 from typing import TYPE_CHECKING

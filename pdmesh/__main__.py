@@ -1,4 +1,4 @@
-"""The command `pdmesh`: from a drawing to a grid, and what there is to know of both."""
+"""The command `pdmesh`: builds a grid from a drawing and reports on both."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
 
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
-    """The parameters that were set; the unit is one of them."""
+    """Assignments of --set, with --unit as the parameter Units."""
     adapt = [("--adapt", args.adapt)] if args.adapt else []
     return [*([("Units", args.unit)] if args.unit else []), *adapt, *args.assignments]
 
@@ -144,7 +144,7 @@ def _build(args: argparse.Namespace) -> int:
 
 
 def _document(args: argparse.Namespace) -> Document:
-    """The model in a .json file as it is, or of anything else what would be built."""
+    """The model in a .json file, or the model that any other file would be built into."""
     from pdmesh.drawing.file_reading import build
     from pdmesh.model.document import read_file
 
@@ -223,7 +223,7 @@ def _params(args: argparse.Namespace) -> int:
 
 
 def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> int:
-    """Report a result, and write it as JSON to the file that --output names."""
+    """Print a result and write it as JSON to the file of --output; returns the exit code."""
     if args.output is not None:
         from pdmesh.files import write_atomically
 
@@ -277,7 +277,7 @@ def _exits() -> dict[type[Exception], int]:
 
 
 def _study_errors() -> tuple[type[Exception], ...]:
-    """What may be wrong with a study, where one was read."""
+    """Exceptions that a study can raise, if the module has been imported."""
     if "pdsolve.study" not in sys.modules:
         return ()
     from pdsolve import ModelError, StudyError

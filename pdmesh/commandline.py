@@ -1,4 +1,4 @@
-"""The words the three programs share: options, exit codes, and what happens to an error."""
+"""The command line shared by the three programs: options, exit codes and error messages."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "wi
 
 
 class UsageError(ValueError):
-    """A command line that asks for something that cannot be done; the message is one line."""
+    """An invalid command line; the message is one line."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """A stop that a signal asked for: its number is in the exit code."""
+    """A stop requested by a signal, whose number determines the exit code."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -44,7 +44,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a command line."""
+    """An argument parser that reports an error in one line."""
 
     others: dict[str, Callable[[], argparse.ArgumentParser]]  # of words that other parsers take over, for completion
 
@@ -64,7 +64,7 @@ class Parser(argparse.ArgumentParser):
         return found
 
     def _options(self, found: argparse.Namespace) -> list[str]:
-        """The options of this parser and of the command that was found."""
+        """The options of this parser and of the chosen command."""
         options = list(self._option_string_actions)
         for action in self._actions:
             if isinstance(action, argparse._SubParsersAction):
@@ -80,7 +80,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Says which version it is, and of which libraries: they are looked up when they are asked for."""
+    """Print the versions of the program and its libraries, which are looked up only then."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         libraries = (f"{name} {version or 'missing'}" for name, version in dependencies().items())
@@ -90,7 +90,7 @@ class _Version(argparse.Action):
 
 
 def dependencies() -> dict[str, str | None]:
-    """The libraries that are needed, and their versions; None of one that is missing."""
+    """Required libraries and their versions; None for a missing one."""
     from importlib import metadata
 
     found: dict[str, str | None] = {}
@@ -118,7 +118,7 @@ def program(name: str, description: str) -> Parser:
 
 
 def add_common_options(parser: argparse.ArgumentParser, output: str, assignment: str) -> None:
-    """The options every command has; `output` and `assignment` say what they mean here."""
+    """Add the options that every command has; `output` and `assignment` are their help texts."""
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=output)
     parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     parser.add_argument(
@@ -135,7 +135,7 @@ def add_common_options(parser: argparse.ArgumentParser, output: str, assignment:
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
-    """The option of what reads a drawing, which may be a program or run some."""
+    """Add --trust, for commands that read a drawing: a drawing may be a program or run one."""
     said = "run a scene in Python, or read a drawing that runs commands or reads other files"
     parser.add_argument("--trust", action="store_true", help=said)
 
@@ -159,17 +159,16 @@ def share(text: str) -> float:
 
 
 def expect(path: Path, *kinds: Kind) -> None:
-    """Raises UsageError for a file that is surely of none of these kinds, naming the command that takes it."""
+    """Raise UsageError for a file that is surely none of these kinds; the message names the command for it."""
     said = mistaken(path, *kinds)
     if said is not None:
         raise UsageError(said)
 
 
 def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
-    """Where to write: `given`, or the source's name with the new suffix in the current folder.
+    """Output path: `given`, or the source's name with the new suffix in the current folder.
 
-    Raises UsageError if something is there already and `force` is not set, if it is no regular file, or if the folder
-    is missing.
+    Raises UsageError if a file exists and `force` is not set, if it is no regular file, or if the folder is missing.
     """
     if not source.name:
         raise UsageError(f"{source}: found a folder, expected a file")
@@ -198,14 +197,14 @@ def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespac
 
 
 def note(message: str, args: argparse.Namespace) -> None:
-    """Tell the user something on stderr, unless quiet."""
+    """Print a message on stderr, unless --quiet."""
     if not args.quiet:
         remark(message)
 
 
 @contextmanager
 def warnings_as_notes(name: str, args: argparse.Namespace, *kinds: type[Warning]) -> Iterator[None]:
-    """Warnings of these kinds become lines of the program called `name`, each once."""
+    """A context that prints warnings of these kinds as lines of the program `name`, each once."""
     with warnings.catch_warnings():
         for kind in kinds:
             warnings.simplefilter("always", category=kind)
@@ -214,7 +213,7 @@ def warnings_as_notes(name: str, args: argparse.Namespace, *kinds: type[Warning]
 
 
 def _shown_once(name: str, quiet: bool) -> Callable[..., None]:
-    """Shows warnings as lines of the program called `name`, each once; none where it is quiet."""
+    """A replacement of `warnings.showwarning` that prints each warning once as a line, or nothing if `quiet`."""
     said = set()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -226,7 +225,7 @@ def _shown_once(name: str, quiet: bool) -> Callable[..., None]:
 
 
 def words(argv: Sequence[str] | None) -> list[str]:
-    """The words of a command line: those given, or else this process's own, which is settled first (trust.py)."""
+    """The words of a command line: the given ones, or this process's own after `trust.settle`."""
     if argv is not None:
         return list(argv)
     trust.settle()
@@ -236,10 +235,10 @@ def words(argv: Sequence[str] | None) -> list[str]:
 def run(
     name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]], quiet: bool = False
 ) -> int:
-    """Run `command`; an error to expect becomes one line on stderr and its exit code, a TrustWarning one line.
+    """Run `command`; an expected error becomes one line on stderr and its exit code, a TrustWarning one line.
 
-    `exits` gives the exit codes of the errors to expect; it is asked only when there is one, so that it may
-    import what raises them.
+    `exits` returns the exit codes of expected errors. It is called only after an error, so that it may import their
+    modules.
     """
     with _interrupts() as interrupts, _trust_warnings(name, quiet):
         try:
@@ -261,7 +260,7 @@ def run(
 
 
 def check_environment() -> None:
-    """Raises UsageError for variables of the environment that the libraries would stumble over."""
+    """Raise UsageError for environment variables that make the libraries fail."""
     for name, low, high in (("NUMBA_NUM_THREADS", 1, 4096), ("SOURCE_DATE_EPOCH", 0, 253402300799)):
         text = os.environ.get(name, "")
         if text and not (text.isascii() and text.isdecimal() and low <= int(text[:20]) <= high):
@@ -269,7 +268,7 @@ def check_environment() -> None:
 
 
 def expect_memory(least: int) -> None:
-    """Raises MemoryError where the process may have less than so many bytes of addresses (`ulimit -v`)."""
+    """Raise MemoryError if the process may use fewer bytes of address space than `least` (`ulimit -v`)."""
     if sys.platform != "win32":
         import resource
 
@@ -285,7 +284,7 @@ def _stopped(number: int = signal.SIGINT) -> tuple[int, str]:
 
 @contextmanager
 def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
-    """Tells of each TrustWarning once, unless quiet; other warnings are shown as ever."""
+    """A context that prints each TrustWarning once, unless quiet; other warnings are shown as usual."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", trust.TrustWarning)
         show, show_trust = warnings.showwarning, _shown_once(name, quiet)
@@ -298,7 +297,7 @@ def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
 
 
 def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
-    """Exit code and message of an error to expect; raises any other."""
+    """Exit code and message of an expected error; raises any other."""
     if isinstance(error, UsageError):
         return BAD_INPUT, str(error)
     if _lacks_memory(error):
@@ -312,7 +311,7 @@ def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> 
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
-    """Whether too little memory is behind an error; a library may have made another one of it."""
+    """Whether an error was caused by lack of memory, also where a library has wrapped it."""
     while error is not None:
         if isinstance(error, MemoryError) or any(word in str(error) for word in WITHOUT_MEMORY):
             return True
@@ -322,7 +321,7 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 @contextmanager
 def _interrupts() -> Iterator[list[int]]:
-    """The signals that came: a library that is being imported may make another error of one."""
+    """A context that collects the signals received, as an import can turn one into another error."""
     came: list[int] = []
 
     def interrupt(number: int, _: object) -> None:

@@ -1,4 +1,4 @@
-"""What lets a shell complete the words of a program: its `--completion`."""
+"""Shell completion: the option `--completion`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pdmesh.printing import say
 
 
 class Completion(argparse.Action):
-    """Prints what lets a shell complete the program's words."""
+    """Print the shell script that completes the program's words."""
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, shell: Any, __: object = None) -> NoReturn:
         try:
@@ -25,7 +25,7 @@ class Completion(argparse.Action):
 
 
 def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.ArgumentParser) -> None:
-    """Let the first word of a command line be `word` too, and what `other` takes follow it."""
+    """Offer `word` as the first word of a command line, followed by the arguments of `other`."""
     first = next(action for action in parser._actions if not action.option_strings)
     first.choices = [*(first.choices or ()), word]
     for action in other._actions:
@@ -34,7 +34,7 @@ def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.A
 
 
 def _complete_files(parser: argparse.ArgumentParser, shtab: Any) -> None:
-    """Mark all words of a parser that are paths, those of its commands too."""
+    """Mark all path arguments of a parser and of its commands for completion with file names."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():

@@ -1,4 +1,4 @@
-"""What a file is, as far as its name and its first bytes say, and the command that takes it."""
+"""Recognizes a file by its name and first bytes, and names the command for it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DATABASE = b"SQLite format 3\0"
 
 
 class Kind(Enum):
-    """A kind of file, as messages call it."""
+    """A kind of file, with its name in messages."""
 
     DRAWING = "a drawing"
     MODEL = "a model in JSON"
@@ -46,7 +46,7 @@ TAKEN = {  # by which command
 
 
 def kind_of(path: Path) -> Kind | None:
-    """The kind of the file at `path`; None where neither name nor content says. Raises OSError."""
+    """The kind of the file at `path`; None if neither name nor content tells. Raises OSError."""
     with path.open("rb") as file:
         head = file.read(64)
     if head.startswith(DATABASE):
@@ -60,7 +60,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def mistaken(path: Path, *expected: Kind) -> str | None:
-    """What to say of a file that is surely of another kind than is `expected`; None where it may be one of them."""
+    """Message for a file that is surely of a kind not in `expected`; None if it may be one of them."""
     wanted = " or ".join(kind.value for kind in expected)
     try:
         if path.is_dir():

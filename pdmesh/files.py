@@ -1,4 +1,4 @@
-"""Reading a file that is one, not a pipe that nobody writes to; writing one so that it is complete or untouched."""
+"""Reads regular files only, so that a pipe cannot block; writes files so that they are complete or untouched."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LARGEST = 2**34  # bytes that are read; more than any model that fits into a mem
 
 
 def check_regular(path: Path, largest: int = LARGEST) -> None:
-    """Raises OSError, whose ``strerror`` is for a message, where there is no file of a bearable size."""
+    """Raise OSError, with a message in ``strerror``, unless there is a regular file of at most `largest` bytes."""
     found = os.stat(path)
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, "found a folder, expected a file", str(path))
@@ -32,13 +32,13 @@ def check_regular(path: Path, largest: int = LARGEST) -> None:
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """What is in the file at `path`. Raises OSError, whose ``strerror`` is for a message."""
+    """Content of the file at `path`. Raises OSError with a message in ``strerror``."""
     check_regular(path, largest)
     return path.read_bytes()
 
 
 def irregular(path: Path) -> str | None:
-    """What is at `path`, or where a link there leads, if it is something else than a regular file. Raises OSError."""
+    """Kind of the object at `path`, or behind a link there, if it is not a regular file. Raises OSError."""
     try:
         kind = stat.S_IFMT(path.stat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
@@ -47,16 +47,16 @@ def irregular(path: Path) -> str | None:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Put `data` into the file at `path` in one step; the rest as in `replacing`."""
+    """Write `data` to the file at `path` in one atomic step. Raises OSError as `replacing` does."""
     with replacing(path) as part:
         part.write_bytes(data)
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A file to write to, which in the end takes the place of the one at `path`, or of the one a link there leads to.
+    """A context with a temporary file that finally replaces the file at `path`, or the one a link there leads to.
 
-    Raises OSError that names `path`, and then leaves nothing behind. What is no regular file is not replaced.
+    Raises OSError that names `path`, leaving nothing behind. Only a regular file is replaced.
     """
     from tempfile import mkstemp  # slow to import
 

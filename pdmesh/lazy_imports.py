@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first asked for."""
+"""Names of a package that are imported on first use."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from importlib import import_module
 
 
 def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """The `__getattr__` and the `__dir__` of a package: each name is taken from the module in `homes`.
+    """The `__getattr__` and the `__dir__` of a package; each name comes from its module in `homes`.
 
-    A name whose home is "package.name" is that module itself.
+    A name with the home "package.name" is that module itself.
     """
 
     def get(name: str) -> object:

@@ -1,4 +1,4 @@
-"""What the three programs print: in one place, so that a terminal shows it and does not obey it."""
+"""Output of the three programs, escaped so that a terminal shows control characters and does not obey them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TextIO
 
 
 class UnprintedError(Exception):
-    """What was to be printed does not arrive: the other end of a pipe has gone, or a disk is full."""
+    """Output that cannot be written: the other end of a pipe has closed, or a disk is full."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"stdout: {error.strerror}")
@@ -17,7 +17,7 @@ class UnprintedError(Exception):
 
 
 def escaped(text: str) -> str:
-    """Text whose control characters, and bytes of a file's name that are no text, are their numbers instead."""
+    """Text with control characters, and undecodable bytes of file names, replaced by their codes."""
     return "".join(
         sign if sign.isprintable() or sign in "\n\t" else ascii(sign)[1:-1].replace("\\udc", "\\x") for sign in text
     )
@@ -35,13 +35,13 @@ def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
 
 
 def remark(message: str) -> None:
-    """Print a line on stderr; work goes on where nobody can read it."""
+    """Print a line on stderr; errors in writing are ignored."""
     with suppress(UnprintedError):
         say(message.replace("\n", "\\n"), sys.stderr)
 
 
 def leave_stdout() -> None:
-    """Let what is left to be printed go nowhere, so that Python has nothing to complain of in the end."""
+    """Discard what is left to print, so that Python does not complain at exit."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())

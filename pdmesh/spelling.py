@@ -1,4 +1,4 @@
-"""Names that are like what was typed."""
+"""Names most similar to what was typed."""
 
 from __future__ import annotations
 

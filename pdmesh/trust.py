@@ -1,8 +1,8 @@
-"""What may become code: the installation, and what the user's own settings name by absolute paths.
+"""Sources of executable code: the installation, and what the user's settings name by absolute paths.
 
-Nothing of the current folder may: no module, no settings, no compiled kernel, no program. `settle` sees to it for the
-process of a command, `environment` for the processes it starts, `private_folder` for what is compiled. A Python
-scene is code as well: pdmesh/drawing/script.py asks whether it is trusted.
+Nothing in the current folder is executed: no module, settings, compiled kernel or program. `settle` ensures it for the
+process of a command, `environment` for the processes it starts, `private_folder` for compiled code. A Python scene is
+code too: pdmesh/drawing/script.py asks whether it is trusted.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ READERS = ("dask", "matplotlib", "numba")  # that look for settings in the curre
 
 
 class TrustWarning(UserWarning):
-    """Something keeps less apart here than elsewhere; the message says what, and what to do."""
+    """A protection that is weaker on this system; the message says which, and what to do."""
 
 
 def settle() -> None:
-    """Let nothing of the current folder become code, in this process and in those that it starts."""
+    """Exclude the current folder as a source of code, in this process and in those that it starts."""
     found = environment()
     for name in os.environ.keys() - found.keys():
         del os.environ[name]
@@ -47,9 +47,9 @@ def settle() -> None:
 
 
 def environment(given: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """The environment of a process that is started: no variable leads to the current folder, nor does Python go there.
+    """The environment for a started process: no variable and no Python path leads to the current folder.
 
-    What is named by an absolute path stays the user's choice.
+    Absolute paths remain the user's choice.
     """
     found = {name: value for name, value in given.items() if name not in NEVER}
     for name in PLACES:
@@ -73,7 +73,7 @@ def environment(given: Mapping[str, str] = os.environ) -> dict[str, str]:
 
 @contextmanager
 def child_environment() -> Iterator[None]:
-    """The environment as processes that start meanwhile are to have it, where they inherit this process's own."""
+    """A context in which started processes inherit the protected environment."""
     before = dict(os.environ)
     os.environ.clear()
     os.environ.update(environment(before))
@@ -85,7 +85,7 @@ def child_environment() -> Iterator[None]:
 
 
 def _may_hold_code(entry: str) -> bool:
-    """Whether an entry of Python's path is not the current folder, or is where these packages are."""
+    """Whether an entry of Python's path is not the current folder, or holds these packages."""
     try:
         here = os.path.realpath(os.getcwd())
     except OSError:  # it was removed
@@ -95,7 +95,7 @@ def _may_hold_code(entry: str) -> bool:
 
 
 class _Elsewhere:
-    """Has libraries imported in the folder of this package, where there are no settings to be found."""
+    """An import hook that imports libraries from this package's folder, where they find no settings."""
 
     def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
         spec = PathFinder.find_spec(name, path, target) if name in READERS else None
@@ -127,7 +127,7 @@ def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], 
 
 
 class Folder(NamedTuple):
-    """A folder, and whether it is there for the next process too."""
+    """A folder, and whether the next process will find it too."""
 
     path: Path
     stays: bool
@@ -135,10 +135,10 @@ class Folder(NamedTuple):
 
 @cache
 def private_folder() -> Folder:
-    """A folder (0700) for what is compiled, of the user's and no one else's.
+    """A folder (0700) for compiled code that belongs to the user alone.
 
-    It is in the first of these places where there can be one: where ``NUMBA_CACHE_DIR`` says, the user's caches, the
-    folder for temporary files. Else it is a new one, which goes with this process.
+    It is in the first possible place of: ``NUMBA_CACHE_DIR``, the user's caches, the folder for temporary files.
+    Otherwise it is a new one, removed with this process.
     """
     import tempfile  # slow
 
@@ -154,7 +154,7 @@ def private_folder() -> Folder:
 
 
 def _caches(given: Mapping[str, str]) -> Iterator[Path]:
-    """Where caches are, the best first."""
+    """Places for caches, in order of preference."""
     import tempfile
 
     if "NUMBA_CACHE_DIR" in given:
@@ -173,9 +173,9 @@ def _user() -> int:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether a folder is one of this user's alone, who may write to it; takes others' rights away.
+    """Whether a folder belongs to this user alone; permissions of others are removed.
 
-    One that others could write to is emptied: what is in it is run as it is found. Raises OSError.
+    A folder that others could write to is emptied, as its content would be executed. Raises OSError.
     """
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()):

@@ -1,1 +1,1 @@
-"""From files to a scene: drawings, scripts, CAD files, meshes, and models that were built before."""
+"""Files to scenes: drawings, Python scripts, CAD files, meshes, and models built earlier."""

@@ -1,5 +1,7 @@
-"""What the command line adds to a drawing of any kind, ``--refine`` and ``--crack``; a model keeps it among its
-parameters, to build itself again."""
+"""Additions from the command line to any drawing, ``--refine`` and ``--crack``.
+
+A model stores them among its parameters, so that it can be built again.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,9 @@ ADAPT = "--adapt"  # likewise, the name of how it is to be solved
 
 
 def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str | None = None) -> Scene:
-    """The scene with zones ``crack:DISTANCE[:SPACING]`` and cracks ``x0,y0,x1,y1``, in its drawing's unit; to be solved
-    as `adapt` says.
+    """The scene with added zones ``crack:DISTANCE[:SPACING]``, cracks ``x0,y0,x1,y1`` and the adaptivity `adapt`.
 
-    Raises SceneError.
+    Lengths are in the drawing's unit. Raises SceneError.
     """
     unit, kept = unit_of(dict(scene.parameters)), dict(scene.parameters)
     for word in cracks:
@@ -39,7 +40,7 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
 
 
 def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
-    """The parameters of a model as assignments to its drawing's, and what was added: refinements and cracks."""
+    """A model's parameters, split into assignments to its drawing, refinements and cracks."""
     refine, cracks = (
         [str(word) for name, word in parameters.items() if name.startswith(key)] for key in (REFINE, CRACK)
     )
@@ -48,7 +49,7 @@ def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, s
 
 
 def refinement(word: str, unit: Unit) -> Refinement:
-    """What ``crack:4e-3`` or ``hole:4e-3:2.5e-4`` asks for. Raises SceneError."""
+    """The refinement that ``crack:4e-3`` or ``hole:4e-3:2.5e-4`` describes. Raises SceneError."""
     target, *numbers = word.split(":")
     try:
         distance, *spacing = (unit.metres(float(number)) for number in numbers)

@@ -1,4 +1,4 @@
-"""A drawing in space as Gmsh has it - volumes and surfaces in named groups, and parameters - as a Body.
+"""A drawing in space - volumes and surfaces in named groups, and parameters - as a Body.
 
     group                                      parameters below Peridynamics/
     Physical Volume("zone:NAME")               Zones/NAME/Spacing, Grown (1)
@@ -7,10 +7,10 @@
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
     * of each condition                        Rows (1), Profile (constant), Breakable (0), Box "x0 y0 z0 x1 y1 z1"
-    Physical Volume("material:NAME")           Materials/NAME/ as in the plane, what differs
+    Physical Volume("material:NAME")           Materials/NAME/ as in the plane: the values that differ
 
-All zones together are the body. The rest is that of the plane (`pdmesh.drawing.plate_of_groups`), but for what only
-plates have.
+The body is the union of all zones. All other parameters are those of a plate (`pdmesh.drawing.plate_of_groups`), except
+those that only plates have.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
 
 
 def _diffusing(body: Body, places: Mapping[str, Placed], parameters: Parameters) -> Body:
-    """With what is done to a substance that diffuses."""
+    """The body with its medium and the conditions of diffusion."""
 
     def shared(folder: str) -> dict[str, Any]:
         return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
@@ -124,7 +124,7 @@ def _diffusing(body: Body, places: Mapping[str, Placed], parameters: Parameters)
 
 
 def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, dict[str, Any]]:
-    """The groups by kind and name. Raises SceneError for one that means nothing, or parameters without one."""
+    """Groups by kind and name. Raises SceneError for an unknown group, or for parameters without a group."""
     groups: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
     for group in found["groups"]:
         kind, _, name = group["name"].partition(":")
@@ -152,7 +152,7 @@ def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, d
 
 
 def _shell(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
-    """The surface of a group, in metres, and its volume in m^3."""
+    """Surface of a group, m, with its volume, m^3."""
     shell, unit = shell_of(found, group), parameters.unit
     return Shell(unit.metres(shell.triangles), shell.volume * float(unit.metres(1.0)) ** 3)
 
@@ -162,7 +162,7 @@ def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Param
 
 
 def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
-    """Where conditions of a kind are, by name, and the folders of their parameters."""
+    """Places of the conditions of a kind, by name, with their parameter folders."""
     top, places = KINDS[kind][1], {}
     for name, group in groups.items():
         if parameters.text(f"{top}/{name}/Box"):
@@ -198,7 +198,7 @@ def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 
 def _three(parameters: Parameters, name: str) -> Components | None:
-    """The components; None where there is not one."""
+    """The components NAME x, NAME y, NAME z; None if none is given."""
     x, y, z = (parameters.maybe(f"{name} {axis}") for axis in "xyz")
     return None if x is y is z is None else (x, y, z)
 

@@ -1,4 +1,4 @@
-"""How a process ended."""
+"""Descriptions of how a process ended."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import signal
 
 
 def how_it_ended(code: int) -> str:
-    """Words for the exit code of a process."""
+    """Words for a process's exit code."""
     if code < 0:
         return f"was ended by {signal.Signals(-code).name}"
     return f"ended with exit code {code}"

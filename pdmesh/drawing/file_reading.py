@@ -1,4 +1,4 @@
-"""From a file of any kind - drawing, script, CAD file, mesh, or a model built before - to what it describes."""
+"""Reads a file of any kind - drawing, script, CAD file, mesh, or a model built earlier - as a scene or a grid."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def read_scene(
     trust: bool = False,
     cracks: Sequence[str] = (),
 ) -> Scene | Body:
-    """The plate or the body in a .geo, .py, STEP or BREP file, or that which the model in a .json file was built from.
+    """The plate or body in a .geo, .py, STEP or BREP file, or the one that a .json model was built from.
 
-    `refine` adds zones without drawing, ``crack:DISTANCE[:SPACING]``, `cracks` are more of them, ``x0,y0,x1,y1``;
-    both in the drawing's unit. `trust` lets a Python scene run, and a drawing run commands and read other files.
-    Raises UntrustedError, SceneError or GridError.
+    `refine` adds zones ``crack:DISTANCE[:SPACING]`` and `cracks` adds cracks ``x0,y0,x1,y1``, in the drawing's unit.
+    `trust` allows a Python scene to run, and a drawing to run commands and read other files. Raises UntrustedError,
+    SceneError or GridError.
     """
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
@@ -53,7 +53,10 @@ def build(
     trust: bool = False,
     cracks: Sequence[str] = (),
 ) -> Built:
-    """The grid of the file at `path`; see read_scene, and meshes. Raises SceneError or GridError."""
+    """The grid of the file at `path`, which may also be a mesh; arguments are those of `read_scene`.
+
+    Raises UntrustedError, SceneError or GridError.
+    """
     if path.suffix.lower() in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
@@ -114,7 +117,7 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
 def _again(
     path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
 ) -> Scene | Body:
-    """The scene of a model that carries its drawing, with the parameters it was built with."""
+    """The scene of a model that carries its drawing, read with the parameters it was built with."""
     document = read_file(path)
     if not document.drawing or not document.source:
         raise SceneError(f"{path}: $.drawing: found none, expected the text of the drawing it was built from")

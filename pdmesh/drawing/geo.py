@@ -1,6 +1,6 @@
-"""A .geo drawing, a STEP or a BREP file becomes a Scene: Gmsh reads it, in a process of its own (sandbox/).
+"""Reads a .geo drawing, a STEP or a BREP file as a Scene: Gmsh reads it in a separate process (sandbox/).
 
-What a drawing's groups and parameters mean is in groups.py. The parameters are ONELAB parameters below
+`plate_of_groups` and `body_of_groups` interpret the groups and parameters. Parameters are ONELAB parameters below
 ``Peridynamics/``, so that Gmsh's own window edits them.
 """
 
@@ -32,9 +32,9 @@ OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capit
 def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
     """The plate or the body drawn in the .geo file at `path`, with ONELAB parameters set by name before it is read.
 
-    Parameter names may leave out ``Peridynamics/``; those that the drawing does not define may be set too. Raises
-    SceneError naming the file, the place, what was found and what was expected. `trust` reads files that run commands
-    as well.
+    Parameter names may leave out ``Peridynamics/``. Parameters that the drawing does not define may be set too. `trust`
+    also reads files that run commands. Raises SceneError naming the file, the place, what was found and what was
+    expected.
     """
     text = decoded(drawing_bytes(path))
     copies = {} if trust else drawing_copies(path)
@@ -62,11 +62,10 @@ def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
 
 
 def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene | Body:
-    """The plate in a STEP or BREP file as a scene of one zone, ``plate``, with parameters as in a .geo file; or, where
-    it holds volumes, the body, of one zone ``body``.
+    """The plate in a STEP or BREP file as a scene with zone ``plate``, or its volumes as a body with zone ``body``.
 
-    A STEP file names the unit of its coordinates; those of a BREP file are in the unit that the parameters are in.
-    Raises SceneError.
+    Parameters are those of a .geo file. A STEP file names the unit of its coordinates; those of a BREP file are in the
+    unit of the parameters. Raises SceneError.
     """
     try:
         values = given(assignments)
@@ -96,7 +95,7 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
 
 
 def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
-    """What of drawings has no effect."""
+    """Notes on words of drawings that have no effect."""
     return tuple(
         f"{copy.path}: not used: {', '.join(f'{what} (line {line})' for what, line in copy.unused.items())};"
         " nodes are as far apart as Zones/NAME/Spacing says"
@@ -106,7 +105,7 @@ def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
 
 
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
-    """What Gmsh finds in a drawing, in its copies or, if there are none, in the trusted file. Raises SceneError."""
+    """Output of Gmsh for a drawing: for its copies or, if there are none, for the trusted file. Raises SceneError."""
     named = [(full_name(name), value) for name, value in assignments]
     found = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
     _refuse_unknown(path, found)
@@ -123,7 +122,7 @@ def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[s
 
 
 def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
-    """What Gmsh finds in a CAD file, in a unit. Raises SceneError."""
+    """Output of Gmsh for a CAD file, in a unit. Raises SceneError."""
     copies = cad_copy(path)
     limit = CAD_SECONDS + CAD_SECONDS_PER_BYTE * sum(len(copy.data) for copy in copies.values())
     found = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
@@ -141,7 +140,7 @@ def _refuse_messages(path: Path, found: Mapping[str, Any]) -> None:
 
 
 def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:
-    """Raises SceneError for a parameter that was set, and neither the drawing nor the mesher knows."""
+    """Raise SceneError for a parameter that was set but is unknown to the drawing and to the mesher."""
     known = {entry["name"] for entry in found["parameters"]} - set(found["supplied"])
     try:
         refuse_unknown([name for name in found["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], own=True)

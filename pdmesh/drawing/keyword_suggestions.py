@@ -1,4 +1,4 @@
-"""What may stand where a scene in Python gives a word that a call does not know."""
+"""Suggestions for an unknown keyword or method in a Python scene."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ UNKNOWN = re.compile(r"[Uu]nexpected keyword argument '(\w+)'")
 
 
 def known(error: BaseException, tree: ast.Module, names: Mapping[str, Any]) -> str:
-    """What to say behind an error of a program: the words of the call that got one which it does not know, or the
-    method of a scene that is most like the one asked for.
+    """The end of an error message: known keywords of the failed call, or the scene method most like the one called.
 
-    `names` are what the program had when it ended. Empty for all other errors.
+    `names` are the program's names when it failed. Empty for all other errors.
     """
     if isinstance(error, AttributeError) and isinstance(error.obj, Scene | Body):
         methods = [name for name in dir(error.obj) if not name.startswith("_")]
@@ -31,7 +30,7 @@ def known(error: BaseException, tree: ast.Module, names: Mapping[str, Any]) -> s
 
 
 def _called_with(word: str, tree: ast.Module, names: Mapping[str, Any]) -> Iterator[list[str]]:
-    """The words that are known to calls in a program that give one which they do not know."""
+    """Keywords of each call in the program that passes the unknown `word`."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call) or word not in {given.arg for given in node.keywords}:
             continue
@@ -45,7 +44,7 @@ def _called_with(word: str, tree: ast.Module, names: Mapping[str, Any]) -> Itera
 
 
 def _meant(function: ast.expr, names: Mapping[str, Any]) -> Iterator[Any]:
-    """What a program may have called: what it knows by that name, or a method of a scene."""
+    """Objects that the called expression may be: the program's object of that name, or a scene method."""
     if isinstance(function, ast.Name):
         yield names.get(function.id)
     if isinstance(function, ast.Attribute):

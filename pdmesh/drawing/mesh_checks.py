@@ -1,4 +1,4 @@
-"""A mesh file as meshio reads it: that file and those of its own folder, and arrays that hang together."""
+"""Reads a mesh file with meshio: only this file and files of its own folder, with consistent arrays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ADVICE = " (--trust reads it all the same)"
 
 
 class Block(NamedTuple):
-    """Cells of a type: the points of each, (k, corners)."""
+    """Cells of one type: the points of each, (k, corners)."""
 
     type: str
     data: NDArray[np.int64]
@@ -33,7 +33,7 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Mesh:
-    """What of meshio's mesh there is use for, under its names."""
+    """The parts of meshio's mesh that are used, under meshio's names."""
 
     points: NDArray[np.float64]  # (n, 2 or 3)
     cells: tuple[Block, ...]
@@ -43,9 +43,9 @@ class Mesh:
 
 
 def read(path: Path, tags: Sequence[str], trust: bool = False) -> Mesh:
-    """The mesh in the file at `path`; `tags` are names of cell data that number groups, the best first.
+    """The mesh in the file at `path`; `tags` are names of cell data that number groups, the preferred one first.
 
-    `trust` reads the files that it names as well. Raises SceneError.
+    `trust` also reads files that the mesh refers to. Raises SceneError.
     """
     try:
         check_regular(path)
@@ -101,7 +101,7 @@ def _mesh(path: Path, about: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
 
 
 def _refuse_references(path: Path) -> None:
-    """Raises SceneError where other files would be read than those of the mesh's own folder; OSError."""
+    """Raise SceneError if the mesh refers to files outside its own folder. Raises OSError."""
     suffix = path.suffix.lower()
     if suffix == ".inp":
         for number, line in enumerate(read_bytes(path).decode("latin-1").splitlines(), start=1):

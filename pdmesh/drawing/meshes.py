@@ -1,8 +1,8 @@
-"""An existing mesh as a grid: the centres of its cells are the nodes, their areas the areas.
+"""An existing mesh as a grid: a node at the centre of each cell, with the cell's area.
 
-Any format meshio reads. Groups of cells are named as in a drawing (groups.py); a surface group whose name has no
-kind is a region of material. A node's spacing is the root of its cell's area. Numbers come from ``--set``, the unit of
-the coordinates too.
+Reads every format of meshio. Groups of cells are named as in a drawing (`plate_of_groups`); a surface group without a
+kind in its name is a region of material. A node's spacing is the square root of its cell's area. Values, including the
+unit of the coordinates, come from ``--set``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TAGS = ("gmsh:physical", "medit:ref", "cell_tags", "region", "material")  # cell
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of a kind: as shapes, and the names of the groups each is in."""
+    """Cells of one dimension as shapes, with the names of the groups each is in."""
 
     shapes: NDArray[Any]  # (k,) polygons or lines
     groups: list[set[str]]
@@ -46,7 +46,7 @@ class _Cells:
 def read_mesh(
     path: Path, assignments: Sequence[tuple[str, str]] = (), cracks: Sequence[str] = (), trust: bool = False
 ) -> tuple[Grid, Settings, tuple[str, ...]]:
-    """The grid and settings of the mesh file at `path`, and what else there is to say. Raises SceneError.
+    """The grid and settings of the mesh file at `path`, and remarks about them. Raises SceneError.
 
     `cracks` are added, ``x0,y0,x1,y1``.
     """
@@ -73,7 +73,7 @@ def read_mesh(
 def _groups(
     faces: _Cells, lines: _Cells, points: _Cells, values: Mapping[str, float | str]
 ) -> tuple[list[Group], list[str]]:
-    """The groups that mean something, and what to say of the others."""
+    """The groups that are used, and remarks about the others."""
     materials = {name.split("/")[2] for name in values if name.startswith(f"{PREFIX}Materials/")}
     surfaces, curves = _named(faces), _named(lines)
     unused = [name for name in surfaces if ":" not in name and name not in materials]
@@ -91,7 +91,7 @@ def _groups(
 
 
 def _cells(mesh: Mesh, path: Path) -> tuple[_Cells, _Cells, _Cells]:
-    """The mesh's faces, its lines and its points, these as far as they are in groups."""
+    """Faces, lines and points of the mesh; of lines and points only those in groups."""
     points = np.asarray(mesh.points, dtype=float)
     if not np.isfinite(points).all():
         raise SceneError(f"{path}: points: found a coordinate that is not finite, expected metres")
@@ -126,7 +126,7 @@ def _dimension(kind: str) -> int | None:
 
 
 def _names(mesh: Mesh) -> list[list[set[str]]]:
-    """The groups of each cell of each block."""
+    """The names of the groups of each cell, for each block."""
     names: list[list[set[str]]] = [[set() for _ in block.data] for block in mesh.cells]
     tag = next((name for name in TAGS if name in mesh.cell_data), None)
     known = {int(entry[0]): name for name, entry in mesh.field_data.items()}
@@ -158,7 +158,7 @@ def _surface_group(name: str, cells: NDArray[Any]) -> Group:
 
 
 def _union(cells: NDArray[Any]) -> shapely.Geometry:
-    """What cells cover. Raises SceneError for cells that overlap."""
+    """Union of the cells. Raises SceneError for cells that overlap."""
     with contextlib.suppress(shapely.errors.GEOSException):  # it is quick, and expects cells that share whole edges
         whole = shapely.coverage_union_all(cells)
         if whole.is_valid:

@@ -1,4 +1,4 @@
-"""The named numbers and words a drawing carries: which there are, in which unit lengths are, what they say."""
+"""The named numbers and words of a drawing: the known names, the unit of lengths, and access by type."""
 
 from __future__ import annotations
 
@@ -92,9 +92,9 @@ def full_name(name: str) -> str:
 
 
 def given(assignments: Iterable[tuple[str, str]]) -> dict[str, float | str]:
-    """The parameters of a file that has none itself, as assigned: numbers where they are some, else words.
+    """The assigned parameters of a file that has none itself, as numbers where possible, else as words.
 
-    Raises SceneError for a name that means nothing.
+    Raises SceneError for an unknown name.
     """
     values = {full_name(name): _guessed(value) for name, value in assignments}
     refuse_unknown(values, own=False)
@@ -109,7 +109,7 @@ def _guessed(text: str) -> float | str:
 
 
 def refuse_unknown(names: Iterable[str], own: bool) -> None:
-    """Raises SceneError for a full name that means nothing; with `own`, any below ``Peridynamics/Plate/`` may do."""
+    """Raise SceneError for an unknown full name; with `own`, any name below ``Peridynamics/Plate/`` is allowed."""
     for name in sorted(names):
         words = name.removeprefix(PREFIX).split("/")
         if (own and words[0] == OWN and len(words) > 1) or any(_is(words, known) for known in NAMES):
@@ -124,7 +124,7 @@ def refuse_unknown(names: Iterable[str], own: bool) -> None:
 
 
 def refuse_space(names: Iterable[str]) -> None:
-    """Raises SceneError for a component that plates do not have."""
+    """Raise SceneError for a component that plates do not have."""
     for name in names:
         if name.endswith(" z") and not name.startswith(f"{PREFIX}{OWN}/"):
             raise SceneError(f"parameter '{name}': found one, expected none in a plate (volumes make a body in space)")
@@ -138,12 +138,12 @@ def _is(words: Sequence[str], known: str) -> bool:
 
 
 def unit_of(values: Mapping[str, float | str]) -> Unit:
-    """The unit in which a drawing with these parameters has its lengths. Raises SceneError."""
+    """The unit of lengths in a drawing with these parameters. Raises SceneError."""
     return UNITS[Parameters(values, UNITS["m"]).text("Units", of=("", *UNITS)) or "m"]
 
 
 class Parameters:
-    """Values asked for by their name below ``Peridynamics/``; lengths are in `unit`."""
+    """Parameter values by their name below ``Peridynamics/``; lengths are converted from `unit`."""
 
     def __init__(self, values: Mapping[str, float | str], unit: Unit) -> None:
         self._values, self.unit = values, unit
@@ -162,14 +162,14 @@ class Parameters:
         return value
 
     def maybe(self, name: str) -> float | None:
-        """A finite number, or None where there is none."""
+        """A finite number, or None if it is not given."""
         value: float | None = self._get(name, float, "a number")
         if value is not None and not np.isfinite(value):
             raise SceneError(f"parameter '{PREFIX}{name}': found {value}, expected a finite number")
         return value
 
     def number(self, name: str, default: float | None = None) -> float:
-        """A finite number. Raises SceneError where there is neither one nor a default."""
+        """A finite number. Raises SceneError if it is not given and there is no default."""
         value = self.maybe(name)
         value = default if value is None else value
         if value is None:
@@ -177,16 +177,16 @@ class Parameters:
         return value
 
     def maybe_length(self, name: str) -> float | None:
-        """A length in metres, or None where there is none."""
+        """A length in metres, or None if it is not given."""
         value = self.maybe(name)
         return None if value is None else float(self.unit.metres(value))
 
     def length(self, name: str) -> float:
-        """A length in metres. Raises SceneError where there is none."""
+        """A length in metres. Raises SceneError if it is not given."""
         return float(self.unit.metres(self.number(name)))
 
     def pair(self, name: str) -> tuple[float | None, float | None]:
-        """The components ``NAME x`` and ``NAME y``; None where there is none."""
+        """The components ``NAME x`` and ``NAME y``; None for one that is not given."""
         return self.maybe(f"{name} x"), self.maybe(f"{name} y")
 
     def whole(self, name: str, default: int) -> int:
@@ -206,7 +206,7 @@ class Parameters:
         return value == 1.0
 
     def text(self, name: str, default: str = "", of: Sequence[str] = ()) -> str:
-        """A word, one of those given."""
+        """A word; if `of` is given, one of those."""
         value = self._get(name, str, "a word")
         value = default if value is None else str(value)
         if of and value not in of:
@@ -221,18 +221,18 @@ class Parameters:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """What to say of a parameter that is not in a drawing."""
+    """Message about a parameter that is not in a drawing."""
     return f"parameter '{name}' is not in the drawing, expected{one_like(name, known)}"
 
 
 def one_like(name: str, known: Iterable[str]) -> str:
-    """How to end a message about a name: with that of the `known` ones which is the nearest."""
+    """End of a message about an unknown name: the most similar of the `known` ones."""
     near = nearest(name, known)
     return f" one such as '{near}'" if near else " none"
 
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
-    """The material below a folder; what it leaves out is that of `base`. None where nothing says any."""
+    """The material below a folder, completed from `base`; None if no parameter is given."""
     given: dict[str, Any] = {name: parameters.maybe(f"{folder}/{own}") for name, own in NUMBERS.items()}
     given |= {name: parameters.text(f"{folder}/{own}") or None for name, own in WORDS.items()}
     for name, own in (("keep_G0", "Keep G0"), ("constant_term", "Constant term")):
@@ -252,7 +252,7 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
 
 
 def medium(parameters: Parameters) -> Medium | None:
-    """What a substance diffuses through; None where nothing says any."""
+    """The medium of diffusion; None if no parameter is given."""
     given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
     given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
     given["dissolution"] = parameters.text("Medium/Dissolution") or None
@@ -271,7 +271,7 @@ def medium(parameters: Parameters) -> Medium | None:
 
 
 def run(parameters: Parameters) -> Run:
-    """How to solve, and how long: from the duration and the time step."""
+    """Solver settings, with the number of steps from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
     given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
     given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
@@ -292,7 +292,7 @@ def run(parameters: Parameters) -> Run:
 
 
 def _steps(step: float, duration: float | None) -> int:
-    """How many steps of so many seconds a duration takes. Raises SceneError for a step without a duration."""
+    """Number of steps of `step` s in a duration, s. Raises SceneError for a step without a duration."""
     if duration is None or not step > 0 or not duration >= 0:
         found = "none" if duration is None else f"{duration:g} s"
         raise SceneError(

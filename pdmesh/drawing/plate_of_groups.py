@@ -66,7 +66,7 @@ SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 @dataclass(frozen=True)
 class Group:
-    """A named group: curves as points (k, 3), in the drawing's unit, and surfaces as lists of such curves."""
+    """A named group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
 
     name: str
     dimension: int
@@ -126,7 +126,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
 
 
 def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
-    """Zones that overlap coarser ones and go on beyond them, by more than chords of one edge differ: plate as well."""
+    """Warnings of zones that overlap coarser ones and extend beyond them, which enlarges the plate."""
     notes = []
     for zone in zones:
         coarser = shapely.union_all([other.shape for other in zones if other.spacing > zone.spacing])
@@ -167,7 +167,7 @@ def _sorted_out(groups: Iterable[Group]) -> dict[str, dict[str, Group]]:
 
 
 def _meant(kind: str, name: str) -> str:
-    """What the name of a group should have been."""
+    """The valid names most like an invalid group name."""
     near = nearest(kind, GROUPS)
     forms = {
         kind: " or ".join(SHAPES[dimension] for dimension in dimensions) for kind, (dimensions, _) in GROUPS.items()
@@ -239,7 +239,7 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
 
 
 def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    """With what concerns a substance that diffuses."""
+    """The scene with its medium and the conditions of diffusion."""
 
     def shared(folder: str) -> dict[str, Any]:
         return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
@@ -290,7 +290,7 @@ def _box(parameters: Parameters, name: str) -> Surface:
 
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    """Rows, profile and breakable of a condition."""
+    """Rows, profile and breakable of a condition, from its parameters."""
     return {
         "rows": parameters.whole(f"{folder}/Rows", 1),
         "profile": parameters.profile(f"{folder}/Profile"),
@@ -328,7 +328,7 @@ def _surface(place: str, group: Group) -> Surface:
 
 
 def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
-    """The face that curves, points (k, 2 or 3), bound. Raises SceneError where they do not close, or cross."""
+    """The face bounded by curves, points (k, 2 or 3). Raises SceneError if they do not close, or cross."""
     lines = _lines(place, curves)
     polygons, cuts, dangles, _ = shapely.polygonize_full(lines)
     crossing = [line for line in lines if not line.is_simple]

@@ -1,6 +1,7 @@
-"""Folders for a while, in the folder for temporary files: a run that is killed leaves its own, the next one removes it.
+"""Temporary folders. A killed run leaves its own behind; the next run removes it.
 
-A run holds its folders locked for as long as it lives. So what nobody holds is left over, whoever had its number.
+A run keeps a lock on its folders as long as it lives. A folder without a lock is left over, even if its process number
+is in use again.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ YOUNG = 60.0  # s: a folder may be so new that it is not locked yet
 
 @contextmanager
 def scratch() -> Iterator[Path]:
-    """An empty folder (0700) that goes with the block; the first one in a process sweeps what killed runs have left."""
+    """A context with an empty folder (0700) that is removed at its end; the first one in a process calls `sweep`."""
     _sweep_once(tempfile.gettempdir())
     with tempfile.TemporaryDirectory(prefix=PREFIX) as folder, _held(folder):
         yield Path(folder)
@@ -40,7 +41,7 @@ def _sweep_once(place: str) -> None:
 
 
 def sweep(place: Path) -> None:
-    """Remove the user's own scratch folders in `place` that no process holds."""
+    """Remove the user's scratch folders in `place` that no process has locked."""
     if fcntl is None:
         return
     with suppress(OSError), os.scandir(place) as entries:
@@ -52,7 +53,7 @@ def sweep(place: Path) -> None:
 
 
 def _is_left(entry: os.DirEntry[str]) -> bool:
-    """Whether it is a folder of this user's alone, and not a new one."""
+    """Whether an entry is an old folder of this user that nobody else may access."""
     try:
         found = entry.stat(follow_symlinks=False)
     except OSError:  # gone meanwhile
@@ -63,7 +64,7 @@ def _is_left(entry: os.DirEntry[str]) -> bool:
 
 @contextmanager
 def _held(folder: str) -> Iterator[bool]:
-    """Hold a folder meanwhile; whether nobody else does."""
+    """A context that locks a folder; the value is whether the lock was free."""
     if fcntl is None:
         yield True
         return

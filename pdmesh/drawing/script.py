@@ -1,10 +1,10 @@
-"""A scene written in Python: a file that defines ``scene``, run with its constants set from outside.
+"""A scene written in Python: a file that defines ``scene`` and is run with its constants set from outside.
 
-The parameters are the numbers and words assigned to plain names at the top level; a comment behind one, ``# m:
-between nodes``, says its unit and meaning. Gmsh is not needed.
+The parameters are the numbers and words assigned to plain names at the top level. A comment behind one, ``# m: between
+nodes``, gives its unit and meaning. Gmsh is not needed.
 
-The file is a program, run in a process of its own (this module as a script), so that whatever ends it ends nothing
-else; what it prints goes to stderr. Whoever names it, it is not run without `trust`.
+The file is a program. It runs in a process of its own (this module as a script), so that a crash ends only that
+process; its output goes to stderr. It runs only with `trust`, whoever names it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: 
 
 
 def _refuse_halves(scene: Scene | Body, path: Path) -> None:
-    """Raises SceneError for text with half of a character, a lone surrogate, which no file can hold."""
+    """Raise SceneError for text with a lone surrogate, half of a character, which no file can hold."""
     named: list[Any] = [*scene.zones, *scene.cracks]
     named += [part.region for part in scene.regions] + [condition.action for condition in scene.conditions]
     for word in [*(part.name for part in named), *(word for pair in scene.parameters for word in pair)]:
@@ -68,7 +68,7 @@ def _refuse_halves(scene: Scene | Body, path: Path) -> None:
 
 
 def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
-    """The parameters of the Python file at `path`, which is not run. Raises UntrustedError, SceneError."""
+    """Parameters of the Python file at `path`, which is parsed but not run. Raises UntrustedError, SceneError."""
     return _assigned(path, _parameters(*_parsed(path, trust)), assignments)
 
 
@@ -82,7 +82,7 @@ def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[st
 
 
 def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
-    """The text of a program and its tree: the one way to either, which raises UntrustedError without `trust`."""
+    """Text and syntax tree of a program. Raises UntrustedError without `trust`."""
     try:
         content = read_bytes(path)
     except OSError as error:
@@ -103,7 +103,7 @@ def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
 
 
 def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[str, Any]]:
-    """What kind of scene a program defines, and its parts. Raises SceneError."""
+    """Kind and parts of the scene that a program defines. Raises SceneError."""
     with scratch() as folder:
         result, job = folder / "scene", folder / "job"
         job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
@@ -130,7 +130,7 @@ def _main(job: str, result: str) -> None:
 
 
 def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
-    """The scene's parts, or what went wrong, as bytes."""
+    """The scene's parts, or an error message, as bytes."""
     names: dict[str, object] = {"__name__": "scene", "__file__": str(path)}
     try:
         tree = _Constants(values).visit(_parsed(path, trust=True)[1])
@@ -152,7 +152,7 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
 
 
 def _reason(error: BaseException, path: Path) -> str:
-    """What to say of an error, and of the last line of the file that it went through."""
+    """Message of an error, with the last line of the file in its traceback."""
     line, trace = 0, error.__traceback__
     while trace is not None:
         line = trace.tb_lineno if trace.tb_frame.f_code.co_filename == str(path) else line
@@ -164,7 +164,7 @@ def _reason(error: BaseException, path: Path) -> str:
 
 
 def _constant(statement: ast.stmt) -> tuple[str, ast.expr, float | str] | None:
-    """Name, value's node and value of a statement ``NAME = number or word``."""
+    """Name, value's node and value of a statement ``NAME = number or word``; None for any other."""
     match statement:
         case ast.Assign(targets=[ast.Name(id=name)], value=value):
             pass

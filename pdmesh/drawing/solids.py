@@ -1,4 +1,4 @@
-"""Solids of a scene in Python become shells: Gmsh's kernel makes them, from words of its own language."""
+"""Triangulates the solids of a Python scene: Gmsh builds them from statements in its own language."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BODY = "zone:body"
 
 
 def meshed(body: Body) -> Body:
-    """The body with shells in place of its solids. Raises SceneError for what is no solid, and where Gmsh fails."""
+    """The body with shells in place of its solids. Raises SceneError for an invalid solid and if Gmsh fails."""
     wanted: dict[str, Solid] = {BODY: body.solid}
     wanted |= {f"zone '{zone.name}'": zone.solid for zone in body.zones}
     wanted |= {f"material '{part.region.name}'": part.solid for part in body.regions}
@@ -78,7 +78,7 @@ def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
 
 
 def _said(solid: Solid, lines: list[str], place: str) -> str:
-    """Put into words how to make a solid; returns the name of the list of its volumes."""
+    """Append statements that make a solid to `lines`; returns the name of the list of its volumes."""
     name = f"s{len(lines)}"
     if isinstance(solid, Joined):
         first, second = _said(solid.first, lines, place), _said(solid.second, lines, place)
@@ -107,7 +107,7 @@ def _words(*numbers: float) -> str:
 
 
 def shell_of(found: Mapping[str, Any], group: Mapping[str, Any]) -> Shell:
-    """The shell of a group of volumes, as Gmsh found it, with the volume of its triangles where no other is known."""
+    """The shell of a group of volumes, with the volume of its triangles if Gmsh has none."""
     triangles = sheet_of(found, group).triangles
     return Shell(triangles, float(group["volume"] or volume(triangles)))
 

@@ -1,4 +1,4 @@
-"""Units of length that a drawing may be in."""
+"""Units of length of a drawing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 
 class Unit(NamedTuple):
-    """A unit of length: `over` / `under` metres, two numbers with which a decimal fraction of it stays the nearest."""
+    """A unit of length, `over` / `under` metres: two numbers that keep a decimal fraction exact to rounding."""
 
     over: int
     under: int

@@ -1,1 +1,1 @@
-"""From a scene to its nodes, and whether they are the plate that was drawn."""
+"""Scenes to nodes, and checks that the nodes represent the plate that was drawn."""

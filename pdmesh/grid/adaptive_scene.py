@@ -1,10 +1,10 @@
-"""The scene of a plate whose fine zone is to move: one lattice, which starts at the plate's corner, and no crack on it.
+"""Scenes for adaptive grids: one lattice through the plate's corner, with no crack on its nodes.
 
-A fine zone that moves has the finest spacing of all zones, so that what is coarser needs none drawn. The solver's cells
-are twice as large as that, and fit a plate where its nodes lie on its edges; so a crack that meets a node is moved, by
-half a spacing at most, where other lattices are.
+A moving fine zone has the finest spacing of all zones, so no zone needs to be drawn. The solver's coarse cells are
+twice as large and fit a plate whose edges carry nodes. A crack that meets a node is therefore moved, by at most half a
+spacing, where other grids move the lattice.
 
-Where cells are to split, it is the coarsest spacing that is laid everywhere.
+For splitting cells, the lattice has the coarsest spacing.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ ON = 1e-6  # of a spacing: an end this near to the plate's edge lies on it
 
 
 def nested(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """The scene with the finest spacing everywhere and its cracks between nodes; and what was done to them.
+    """The scene with the finest spacing everywhere and its cracks between nodes, and remarks on the changes.
 
-    Raises SceneError for a crack that cannot be cleared.
+    Raises SceneError for a crack that cannot be moved off the nodes.
     """
     notes = []
     if scene.zones or scene.refinements:
@@ -50,9 +50,9 @@ def nested(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
 
 
 def undivided(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """The scene with the coarsest spacing everywhere, whose cells may split into the finest; and what was done to it.
+    """The scene with the coarsest spacing everywhere, whose cells may split to the finest, and remarks on the changes.
 
-    Raises SceneError where that is too fine.
+    Raises SceneError if the finest spacing needs too many splits.
     """
     ratio = scene.spacing / scene.finest
     if ratio == 1:
@@ -66,7 +66,7 @@ def undivided(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
 
 
 def _way(scene: Scene, slit: Slit) -> tuple[float, float]:
-    """How far a crack is to be moved, m: an end on the plate's edge stays there, if that can be."""
+    """Displacement (x, y), m, that moves a crack off the nodes; an end on the plate's edge stays there if possible."""
     h, points = scene.finest, shapely.get_coordinates(slit.line)
     if _clearance(scene, points) >= CLEARANCE:
         return 0.0, 0.0
@@ -90,7 +90,7 @@ def _way(scene: Scene, slit: Slit) -> tuple[float, float]:
 
 
 def _clearance(scene: Scene, points: NDArray[np.float64]) -> float:
-    """How far the nearest node of the lattice is from a polyline (p, 2), in spacings."""
+    """Distance from the lattice's nearest node to a polyline (p, 2), in spacings."""
     h, corner = scene.finest, np.array(scene.whole.bounds[:2])
     line = LineString(points)
     places = shapely.get_coordinates(shapely.segmentize(line, h / 2))

@@ -1,4 +1,4 @@
-"""A scene becomes a grid, and that is looked at."""
+"""Builds the grid of a scene and checks it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pdmesh.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Built:
-    """A grid with its settings, and what happened on the way."""
+    """A grid with its settings, and remarks on how it was built."""
 
     grid: Grid
     settings: Settings
@@ -31,7 +31,7 @@ class Built:
         return document_of(self.grid, self.settings)
 
     def _repr_svg_(self) -> str | None:
-        """What a notebook shows: as in `Grid`."""
+        """SVG for a notebook: that of the grid."""
         return self.grid._repr_svg_()
 
     def write(self, path: Path) -> None:
@@ -40,7 +40,10 @@ class Built:
 
 
 def build(scene: Scene | Body) -> Built:
-    """The grid of a plate or of a body, whose solids are shells. Raises SceneError where that is not what was drawn."""
+    """The grid of a plate, or of a body whose solids are shells.
+
+    Raises SceneError if it does not represent the drawing.
+    """
     if isinstance(scene, Body):
         return Built(*build_body(scene), scene.notes)
     notes = (*scene.notes, *checks.remarks(scene))
@@ -59,5 +62,5 @@ def build(scene: Scene | Body) -> Built:
 
 
 def looked_at(built: Built) -> Built:
-    """With what there is to say of the grid. Raises SceneError as `build`."""
+    """The built grid with remarks on its soundness. Raises SceneError if it does not represent the drawing."""
     return replace(built, notes=(*built.notes, *soundness.remarks(built.grid, built.settings)))

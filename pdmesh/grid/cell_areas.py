@@ -1,4 +1,4 @@
-"""The area a node stands for, exact: its cell within the plate."""
+"""Exact areas of nodes: Voronoi cells clipped by the plate."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def cell_areas(
 ) -> NDArray[np.float64]:
     """Areas (n,), m^2, of the Voronoi cells of `position` (n, 2) clipped by `shape`; their sum is its area.
 
-    `delta` (n,) are the spacings, m. `regular` (n,) marks nodes known to have a full square cell, with their whole
-    neighbourhood on the same lattice; only the cells of the others are made.
+    `delta` (n,) are the spacings, m. `regular` (n,) marks nodes with a full square cell whose whole neighbourhood is on
+    one lattice; cells are constructed only for the others.
     """
     areas = delta**2
     asked = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
@@ -44,6 +44,6 @@ def cell_areas(
 def _with_neighbours(
     position: NDArray[np.float64], delta: NDArray[np.float64], asked: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """The rows asked for and all that may bound their cells: whatever is within four of its own spacings of them."""
+    """Rows `asked` and all rows that may bound their cells: those within four spacings."""
     distance, _ = tree_of(position[asked]).query(position, distance_upper_bound=4 * float(delta.max()))
     return np.flatnonzero(distance <= 4 * delta)

@@ -1,10 +1,10 @@
-"""A body becomes nodes: the middles of cubes, on a cubic lattice a spacing, that nest in each other.
+"""A body as nodes: centres of cubes on nested cubic lattices, one for each spacing.
 
-Layout: cubes of the coarsest spacing fill the box around the body, its middle being theirs. A cube is parted into eight
-where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that spacings
-change by one step. A node whose middle is in the body stays, and stands for what of its cube is in it; what is in cubes
-whose middle is outside goes to the nearest nodes. So that volumes sum to the body's, those of cubes that the surface
-cuts are scaled by what the lines that measure them miss.
+Layout: cubes of the coarsest spacing fill the bounding box of the body and share its centre. A cube is divided into
+eight where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that
+neighbouring spacings differ by one step. A node whose centre is in the body stays and stands for the part of its cube
+inside the body. Material in cubes with their centre outside goes to the nearest nodes. The volumes of cubes that the
+surface cuts are scaled so that all volumes sum to the body's.
 """
 
 from __future__ import annotations
@@ -47,13 +47,16 @@ class Cubic(NamedTuple):
         return self.cubes.middles(self.at)
 
     def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
-        """Which nodes (k,) are in a solid. Raises SceneError, beginning with `place`."""
+        """Mask (k,) of the nodes in a solid. Raises SceneError, beginning with `place`."""
         found = inside(shell.triangles, self.cubes, place)
         return np.asarray(found[tuple(self.at.T)])
 
 
 def place_nodes(body: Body) -> list[Cubic]:
-    """The nodes, a level a spacing, the coarsest first. Raises SceneError for a body that has none, or is too thin."""
+    """The nodes, one level a spacing, the coarsest first.
+
+    Raises SceneError for a body without nodes or too thin for them.
+    """
     open_at = gap(body.shell.triangles)
     if open_at is not None:
         place = ", ".join(f"{value:g}" for value in open_at)
@@ -78,7 +81,7 @@ def place_nodes(body: Body) -> list[Cubic]:
 
 
 def _refuse_thin(levels: list[Cubic]) -> None:
-    """Raises SceneError for a place that is thinner than three spacings."""
+    """Raise SceneError for a place thinner than three spacings."""
     for level in levels:
         if level.thin.any():
             place = ", ".join(f"{value:g}" for value in level.position[int(level.thin.argmax())])
@@ -89,7 +92,7 @@ def _refuse_thin(levels: list[Cubic]) -> None:
 
 
 def _cubes(body: Body, step: int) -> Cubes:
-    """The cubes that fill the box around a body, halved `step` times. Raises SceneError for too many."""
+    """The cubes that fill the bounding box of a body, halved `step` times. Raises SceneError for too many."""
     low, high = body.shell.bounds
     count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64)
     if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
@@ -101,7 +104,7 @@ def _cubes(body: Body, step: int) -> Cubes:
 
 
 def _refined(body: Body) -> list[NDArray[np.bool_]]:
-    """For each spacing but the finest, from the coarsest on, whether each cube is divided into eight."""
+    """For each spacing but the finest, coarsest first, a mask of the cubes that are divided into eight."""
     from scipy.ndimage import distance_transform_edt
 
     steps = [round(float(np.log2(body.spacing / zone.spacing))) for zone in body.zones]
@@ -127,20 +130,20 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
 
 
 def _children(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The cubes these are parted into."""
+    """Mask of the cubes that these are divided into."""
     for axis in range(3):
         cubes = cubes.repeat(2, axis=axis)
     return cubes
 
 
 def _parents(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The cubes that hold any of these."""
+    """Mask of the cubes that contain any of these."""
     x, y, z = (side // 2 for side in cubes.shape)
     return np.asarray(cubes.reshape(x, 2, y, 2, z, 2).any(axis=(1, 3, 5)))
 
 
 def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:
-    """The box around those there, and a cube more all around as far as there is one."""
+    """The bounding box of the cubes in `there`, widened by one cube on each side if possible."""
     low, high = [], []
     for axis in range(3):
         along = np.flatnonzero(there.any(axis=tuple(other for other in range(3) if other != axis)))
@@ -154,8 +157,10 @@ def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.
 def _level(
     body: Body, every: Cubes, cubes: Cubes, there: NDArray[np.bool_]
 ) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """The nodes of those cubes, some of `every` one, and the places (k, 3) and volumes (k,) of what is in cubes that
-    are none."""
+    """Nodes of these cubes, and the places (k, 3) and volumes (k,) of material in cubes that are no nodes.
+
+    `cubes` are a part of `every` cube.
+    """
     triangles = body.shell.triangles
     solid, share = inside(triangles, cubes, "body"), shares(triangles, cubes, LINES, "body")
     share = np.clip(share, 0.0, 1.0)
@@ -174,7 +179,8 @@ def _level(
 
 
 def _thin(solid: NDArray[np.bool_], cubes: Cubes, every: Cubes) -> NDArray[np.bool_]:
-    """Which cubes of a body, `solid` on some of `every` cube, are not near to one with three of them across it."""
+    """Mask of a body's cubes that are not near a cube with three of them across; `solid` is on `cubes`, part of
+    `every`."""
     from scipy.ndimage import binary_dilation, binary_erosion
 
     around = np.pad(solid, 1, mode="edge")
@@ -190,7 +196,10 @@ def _thin(solid: NDArray[np.bool_], cubes: Cubes, every: Cubes) -> NDArray[np.bo
 
 
 def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> list[Cubic]:
-    """With what was in cubes that are no nodes, and what lines have missed. Raises SceneError for lines too few."""
+    """Levels with the lost volumes added to the nearest nodes, and scaled to the body's.
+
+    Raises SceneError if far off.
+    """
     places, volumes = (np.concatenate(column) for column in zip(*lost, strict=True))
     volume = np.concatenate([level.volume for level in levels])
     full = np.concatenate([np.full(len(level.at), level.cubes.spacing**3) for level in levels])

@@ -1,8 +1,9 @@
-"""How much of each cube of a lattice a closed surface of triangles encloses.
+"""The share of each lattice cube that a closed surface of triangles encloses.
 
-Lines along z through a lattice of places across it are cut by the surface; between the first cut and the second, the
-third and the fourth, a line is inside. What a line has inside a cube is exact, so that a cube is known by the lines
-through it. Lines are off their place by less than a millionth of a spacing, so that none runs along an edge.
+The surface cuts lines along z, which pass through a lattice of places across it. A line is inside between the first cut
+and the second, between the third and the fourth, and so on. The length of a line inside a cube is exact; a cube's share
+is the mean over the lines through it. Lines are displaced by less than a millionth of a spacing, so that none runs
+along an edge.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ AT_ONCE = 2**22  # lines through the bounding boxes of triangles
 
 
 class Cuts(NamedTuple):
-    """Where lines are cut, c times, in the order of lines and then of heights."""
+    """Cuts of lines by the surface, c in all, ordered by line, then by height."""
 
     line: NDArray[np.int64]  # (c,)
     height: NDArray[np.float64]  # (c,) in spacings from the lattice's bottom
@@ -34,14 +35,16 @@ class Cubes(NamedTuple):
     size: NDArray[np.int64]  # (3,) how many along x, y, z
 
     def middles(self, at: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Where cubes (k, 3) have their middles (k, 3), m; mirrored ones get mirrored bits."""
+        """Centres (k, 3), m, of cubes (k, 3); mirrored cubes have bitwise mirrored centres."""
         decimals = 9 - int(np.floor(np.log10(self.spacing)))
         return np.asarray(np.round(self.corner + (at + 0.5) * self.spacing, decimals) + 0.0)
 
 
 def inside(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> NDArray[np.bool_]:
-    """Which cubes (x, y, z) have their middle inside the surface of triangles (t, 3, 3), m. Raises SceneError,
-    beginning with `place`, for a surface that does not close."""
+    """Mask (x, y, z) of the cubes with their centre inside the surface of triangles (t, 3, 3), m.
+
+    Raises SceneError, beginning with `place`, for a surface that does not close.
+    """
     cuts = _cuts(triangles, cubes, 1, place)
     shape = (int(cubes.size[0] * cubes.size[1]), int(cubes.size[2]) + 1)
     first = np.clip(np.ceil(cuts.height - 0.5), 0, cubes.size[2]).astype(np.int64)  # middle at or above a cut
@@ -51,7 +54,10 @@ def inside(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> NDArray[
 
 
 def shares(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str) -> NDArray[np.float64]:
-    """Share (x, y, z) of each cube inside, from so many lines along each side. Raises SceneError as `inside`."""
+    """Share (x, y, z) of each cube inside the surface, from `lines` lines along each side of a cube.
+
+    Raises SceneError, beginning with `place`, for a surface that does not close.
+    """
     cuts = _cuts(triangles, cubes, lines, place)
     x, y = np.divmod(cuts.line, int(cubes.size[1]) * lines)
     column = (x // lines) * int(cubes.size[1]) + y // lines
@@ -68,7 +74,7 @@ def shares(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str)
 
 
 def _cuts(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str) -> Cuts:
-    """Where `lines` x `lines` lines through each column of cubes are cut."""
+    """Cuts of `lines` x `lines` lines through each column of cubes. Raises SceneError for an open surface."""
     wide = cubes.size[:2] * lines
     flat = (triangles - cubes.corner) / cubes.spacing
     flat[..., :2] = flat[..., :2] * lines - 0.5 - ASIDE  # lines at whole numbers
@@ -101,7 +107,7 @@ def _crossed(
     many: NDArray[np.int64],
     wide: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Lines and heights at which some of the triangles cut them."""
+    """Line numbers and heights of the cuts by some of the triangles."""
     total = many[some, 0] * many[some, 1]
     own = np.repeat(some, total)
     number = np.arange(len(own)) - np.repeat(np.cumsum(total) - total, total)
@@ -120,7 +126,7 @@ def _crossed(
 def _turn(
     a: NDArray[np.float64], b: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Twice the area of a triangle of two corners and a place; of opposite sign, to the bit, the other way round."""
+    """Twice the signed area of the triangle a, b, (x, y); exchanging a and b changes exactly the sign."""
     swapped = (a[:, 0] > b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] > b[:, 1]))
     p, q = np.where(swapped[:, None], b, a), np.where(swapped[:, None], a, b)
     twice = (q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0])

@@ -1,7 +1,7 @@
-"""A plate that is all of one lattice, and so large that its file holds the lattice in place of the nodes.
+"""A plate on a single lattice so large that its file holds the lattice in place of the nodes.
 
-It is a rectangle of one material with nodes on its edges, to be solved with a fine zone that moves: so no step needs
-arrays of all of its bonds. What is to be said of a grid is said of the same plate with nodes farther apart.
+It is a rectangle of one material with nodes on its edges, to be solved with a moving fine zone, so that no step needs
+arrays of all its bonds. Reports on its grid are made from the same plate with a larger spacing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ON = 1e-6  # of a spacing: what still counts as on the lattice
 
 
 def lattice_of(scene: Scene) -> Lattice | None:
-    """The lattice of a scene whose file is to hold it; None: it lists its nodes."""
+    """The lattice of a scene whose file holds the lattice; None if the file lists the nodes."""
     if scene.run.adapt not in ON_ONE_LATTICE or scene.zones or scene.refinements or scene.regions:
         return None
     x0, y0, x1, y1 = scene.whole.bounds
@@ -38,7 +38,7 @@ def lattice_of(scene: Scene) -> Lattice | None:
 
 
 def build(scene: Scene, lattice: Lattice) -> tuple[Grid, Settings]:
-    """The grid of such a scene and its settings. Raises SceneError where a condition finds no node."""
+    """Grid and settings of a scene on an implicit lattice. Raises SceneError if a condition finds no node."""
     grid = whole_lattice(
         lattice,
         cracks=segments(scene),
@@ -58,7 +58,7 @@ def build(scene: Scene, lattice: Lattice) -> tuple[Grid, Settings]:
 
 
 def _on(lattice: Lattice, condition: PlacedCondition) -> AnyCondition:
-    """A condition on those of the nodes that are near its place."""
+    """The condition with its nodes, searched only near its place."""
     h, reach = lattice.spacing, condition.place.rows + 1
     low, high = np.reshape(condition.place.shape.bounds, (2, 2))
     most = np.array([lattice.columns, lattice.rows])
@@ -73,7 +73,7 @@ def _on(lattice: Lattice, condition: PlacedCondition) -> AnyCondition:
 
 
 def stand_in(scene: Scene) -> tuple[Grid, Settings]:
-    """The grid of the same plate with few nodes, and its settings. Raises SceneError as `build_grid`."""
+    """Grid and settings of the same plate with few nodes. Raises SceneError as `build_grid` does."""
     x0, y0, x1, y1 = scene.whole.bounds
     grid, settings, _ = build_grid(replace(scene, spacing=max(x1 - x0, y1 - y0) / FEW))
     return grid, settings

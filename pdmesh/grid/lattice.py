@@ -1,13 +1,13 @@
-"""A scene becomes nodes: one square lattice a spacing, aligned so that no crack meets a node.
+"""A scene as nodes: one square lattice a spacing, aligned so that no crack meets a node.
 
 Layout: every lattice passes through the lower left corner of the plate's bounding box, so that spacings 1, 2, 4 ...
-nest. Nodes on an edge of the plate stay. Where two spacings meet the coarser one owns the edge; finer nodes on it,
-or nearer to a row of coarser ones than 3/4 of their spacing, are dropped: the gap is one fine spacing, or 1.5 where
-one of the lattices is shifted.
+nest. Nodes on an edge of the plate stay. Where two spacings meet, the coarser one owns the edge. Finer nodes on that
+edge, or nearer than 3/4 of their spacing to a row of coarser ones, are dropped. The gap is one fine spacing, or 1.5
+where one of the lattices is shifted.
 
-Shift: a lattice of which a crack meets a node (comes nearer than 1/1000 of the spacing) moves by at most half a
-spacing along each axis: by half along y, x or both where that clears it, else by the number of eighths that
-keeps the cracks farthest from the nodes. Every shift is reported.
+Shift: if a crack comes nearer than 1/1000 of the spacing to a node of a lattice, the lattice moves by at most half a
+spacing along each axis. It moves by half along y, x or both if that clears the crack, else by the number of eighths
+that keeps the cracks farthest from the nodes. Every shift is reported.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ INTERIOR = 2.5  # of a spacing: so far from a level's edge, no neighbour on the 
 
 @dataclass(frozen=True)
 class Shift:
-    """The lattice of a spacing was moved so that no crack meets a node."""
+    """A lattice that was moved so that no crack meets a node."""
 
     spacing: float  # m
     offset: tuple[float, float]  # m
@@ -46,7 +46,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class PlacedNodes:
-    """The nodes of a scene, the coarsest first; n of them."""
+    """The n nodes of a scene, the coarsest first."""
 
     position: NDArray[np.float64]  # (n, 2) m
     delta: NDArray[np.float64]  # (n,) m
@@ -55,9 +55,9 @@ class PlacedNodes:
 
 
 def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
-    """The nodes of a scene, the settings that go into their file, and the shifts of lattices.
+    """The nodes of a scene, the settings for their file, and the shifts of lattices.
 
-    Raises SceneError if a spacing stays without nodes, a crack cannot be cleared or a condition finds no node.
+    Raises SceneError if a spacing has no nodes, a crack cannot be cleared or a condition finds no node.
     """
     nodes = place_nodes(scene)
     areas = cell_areas(nodes.position, scene.shape, nodes.delta, nodes.regular)
@@ -66,7 +66,7 @@ def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
 
 
 def place_nodes(scene: Scene) -> PlacedNodes:
-    """The nodes alone. Raises SceneError if a spacing stays without nodes or a crack cannot be cleared."""
+    """The nodes of a scene. Raises SceneError if a spacing has no nodes or a crack cannot be cleared."""
     found: list[NDArray[np.float64]] = []
     regular: list[NDArray[np.bool_]] = []
     rows: list[NDArray[np.float64]] = []
@@ -95,7 +95,7 @@ def place_nodes(scene: Scene) -> PlacedNodes:
 
 
 def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """The points (n, 2) of a lattice with three more (k, 2) between any two that are next to each other, m."""
+    """Points (n, 2) of a lattice and three more between each two neighbours, (k, 2), m."""
     if not len(points):
         return points
     first, second = tree_of(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
@@ -104,7 +104,7 @@ def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
 
 
 def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDArray[np.float64], tuple[float, float]]:
-    """The level's nodes (k, 2), row by row, and the shift of its lattice; both in m."""
+    """Nodes (k, 2) of a level, row by row, and the shift of its lattice; both in m."""
     cracks = shapely.union_all([slit.line for slit in scene.slits])
     slack = SLACK * level.spacing
     inside = level.shape.buffer(slack, join_style="mitre")
@@ -141,7 +141,7 @@ def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDAr
 
 
 def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[np.float64]:
-    """The points (k, 2) of the lattice, moved by `share` of its spacing, in the level's bounding box; m."""
+    """Points (k, 2) of the lattice within the level's bounding box, moved by `share` of its spacing; m."""
     spacing = level.spacing
     origin = np.array(scene.whole.bounds[:2]) + spacing * np.array(share)
     low, high = np.array(level.shape.bounds[:2]), np.array(level.shape.bounds[2:])
@@ -160,7 +160,7 @@ def segments(scene: Scene) -> NDArray[np.float64]:
 def edges(
     scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which nodes have an edge within one spacing (n,), and the number of the hole it belongs to (n,), or -1."""
+    """Mask (n,) of nodes with an edge within one spacing, and the number (n,) of the hole it belongs to, or -1."""
     within = delta * (1 - SLACK)
     hole_id = np.full(len(position), -1)
     for number, hole in enumerate(scene.holes):
@@ -169,7 +169,7 @@ def edges(
 
 
 def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64]) -> Settings:
-    """What a scene says of nodes (n, 2) with spacings (n,), m, whose ids count from 1. Raises SceneError."""
+    """Settings of a scene for nodes (n, 2) with spacings (n,), m; ids count from 1. Raises SceneError."""
     return Settings(
         material=scene.material,
         horizon=Horizon(ratio=float(scene.horizon)),
@@ -186,7 +186,7 @@ def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.f
 def grid_of_nodes(
     scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64], areas: NDArray[np.float64]
 ) -> Grid:
-    """The grid of nodes (n, 2) with spacings (n,), m, and areas (n,), m^2, in a scene's plate."""
+    """The grid of a scene's plate with nodes (n, 2), spacings (n,), m, and areas (n,), m^2."""
     border, hole_id = edges(scene, position, delta)
     return Grid(
         ids=np.arange(1, len(position) + 1),

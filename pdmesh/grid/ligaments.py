@@ -1,7 +1,8 @@
-"""Where a plate is thinner than its nodes can tell: between holes, cracks and edges.
+"""Places where a plate is too thin for its nodes: between holes, cracks and edges.
 
-A disc of the least width moves about in the plate. Where an edge, a hole or a crack is nearer to another one than that,
-it does not pass between them; where what it can reach falls apart, it does not pass a neck of a single edge.
+A disc of the smallest allowed width is moved through the plate. Where an edge, a hole or a crack is nearer than that to
+another one, the disc does not pass between them. Where the reachable region falls apart, it does not pass a neck of a
+single edge.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ class _Gap(NamedTuple):
 
 
 def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry) -> list[Ligament]:
-    """The places where a plate is thinner than THINNEST spacings of the nodes there, the thinnest first.
+    """Places where a plate is thinner than THINNEST local spacings, the thinnest first.
 
-    `faces` are the parts of the plate that its `cracks` leave.
+    `faces` are the parts into which `cracks` divide the plate.
     """
     sizes = np.unique(grid.delta)
     if len(sizes) > MOST_SIZES:
@@ -62,7 +63,7 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry
 
 
 def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
-    """The gaps that are too thin for the nodes in them, as ligaments."""
+    """Gaps that are too thin for their nodes, as ligaments."""
     if not gaps:
         return
     middles, margin = np.concatenate([gap.middle for gap in gaps]), 2 * float(grid.delta.max())
@@ -80,7 +81,7 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
 
 
 def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: float) -> Iterator[_Gap]:
-    """The gaps between two edges, holes or cracks that do not touch each other."""
+    """Gaps between two edges, holes or cracks that do not touch each other."""
     lines = shapely.union_all([cracks, *(face.boundary for face in faces)])
     edges = _connected(shapely.get_parts(lines))
     whole = shapely.union_all(faces)
@@ -92,19 +93,19 @@ def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: flo
 
 
 def _connected(lines: NDArray[Any]) -> NDArray[Any]:
-    """Lines that touch each other put together."""
+    """Lines merged into groups that touch."""
     number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))
     return np.array([shapely.multilinestrings(lines[number == one]) for one in range(number.max() + 1)])
 
 
 def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:
-    """Where the middle of a disc in the face may be, off the cracks, in parts."""
+    """The regions that the centre of a disc can reach in the face without touching the cracks."""
     middle = face.buffer(-radius, quad_segs=ROUND).difference(cracks.buffer(radius, quad_segs=ROUND))
     return [part for part in parts(middle) if part.area > (EXACT * radius) ** 2]
 
 
 def _necks(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> Iterator[_Gap]:
-    """The necks of a face that a disc does not pass, if it or one of a few smaller ones gets to both sides of them."""
+    """Necks of a face that a disc does not pass, although it or a smaller one fits on both sides."""
     reached = partial(_reached, face, cracks)
     radii = radius * (1 - EXACT) * np.linspace(0, 1, STAGES + 1)
     stages = [[face], *(reached(some) for some in radii[1:].tolist())]

@@ -1,4 +1,4 @@
-"""The pieces that bonds make of a plate."""
+"""Pieces of a plate that bonds connect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SLIVER = 1e-3  # of a spacing squared: parts of a plate below are round-off
 
 
 def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
-    """The parts of a grid's plate that its pre-cracks leave."""
+    """The parts into which pre-cracks divide a grid's plate."""
     if not len(grid.cracks):
         return list(parts(plate))
     lines = shapely.union_all([plate.boundary, cracks_of(grid)])
@@ -30,9 +30,9 @@ def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
 
 
 def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
-    """The number (n,) of the piece that each node is in, from 0; those of a piece are joined by bonds.
+    """The piece number (n,) of each node, from 0; bonds connect the nodes of a piece.
 
-    A bond is as long as `reach` mean spacings of its nodes at most, as in the conservative mode, stays in the plate and
+    A bond is at most `reach` mean spacings of its nodes long, as in the conservative mode, stays in the plate and
     crosses no pre-crack.
     """
     neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
@@ -51,10 +51,10 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
 
 
 def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pieces (n,) made of bonds that are sure to be there, and the rows whose bonds are to be looked at.
+    """Pieces (n,) from bonds that surely exist, and the rows whose bonds need checking.
 
-    What is nearer than a spacing to an edge or a crack is left out, and so is a lattice's edge: no bond of the others
-    to the next nodes, of two spacings at most, leaves the plate or crosses a crack.
+    Nodes within a spacing of an edge or a crack, and at a lattice's edge, need checking. The bonds of all others to the
+    next nodes, of at most two spacings, neither leave the plate nor cross a crack.
     """
     from scipy.ndimage import label
 

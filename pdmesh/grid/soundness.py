@@ -1,4 +1,4 @@
-"""Whether a grid is the plate that was drawn: whole where that is, held where it is loaded, nowhere too thin for it."""
+"""Checks that a grid represents the drawn plate: connected where it is, supported where loaded, nowhere too thin."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_SAID = 3  # ligaments that are named one by one
 
 
 class _Piece(NamedTuple):
-    """Nodes that bonds join."""
+    """Nodes connected by bonds."""
 
     rows: NDArray[np.int64]
     face: int  # of the plate, that it is in
@@ -34,9 +34,9 @@ class _Piece(NamedTuple):
 
 
 def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
-    """What to warn of in a grid whose nodes count from 1.
+    """Warnings about a grid whose node ids count from 1.
 
-    Raises SceneError where bonds do not join what the drawing does, or a part of it has no node.
+    Raises SceneError if bonds fail to connect what the drawing connects, or a part of it has no node.
     """
     plate = plate_of(grid)
     if plate is None:
@@ -75,7 +75,7 @@ def _largest(found: list[_Piece]) -> dict[int, _Piece]:
 
 
 def _loose(grid: Grid, settings: Settings, found: list[_Piece], thin: list[Ligament]) -> list[str]:
-    """Warns of crumbs, and raises SceneError for larger pieces, that the drawing joins to others."""
+    """Warnings of loose crumbs. Raises SceneError for larger pieces that only the drawing connects to others."""
     acted_on = np.zeros(len(grid), dtype=bool)
     for condition in settings.conditions:
         acted_on[rows_of(condition)] = True
@@ -92,7 +92,7 @@ def _loose(grid: Grid, settings: Settings, found: list[_Piece], thin: list[Ligam
 
 
 def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
-    """Where a piece ought to be joined to the rest, and what would join it."""
+    """Where a piece should be connected to the rest, and how to achieve it."""
     nodes = shapely.multipoints(grid.position[piece.rows])
     reach = THINNEST * float(grid.delta[piece.rows].max())
     near_by = [one for one in thin if nodes.distance(shapely.Point(one.place)) <= reach]
@@ -106,7 +106,7 @@ def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
 
 
 def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
-    """Warns of small parts of the plate without a node, and raises SceneError for larger ones."""
+    """Warnings of small parts of the plate without a node. Raises SceneError for larger ones."""
     warnings = []
     for number in sorted(set(range(len(faces))) - {piece.face for piece in found}):
         face = faces[number]
@@ -126,7 +126,7 @@ def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list
 
 
 def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
-    """Says that cracks cut the plate, which may be meant."""
+    """A remark that cracks cut the plate, which may be intended."""
     if len(faces) <= len(shapely.get_parts(plate)):
         return []
     return [
@@ -135,7 +135,7 @@ def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[s
 
 
 def _narrow(thin: list[Ligament]) -> list[str]:
-    """Warnings of ligaments that are thin for their nodes, one line each."""
+    """Warnings of ligaments too thin for their nodes, one line each."""
     said = [
         f"warning: found the plate {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
         f" {spacing:g} m, expected at least {THINNEST:g}: use finer nodes there"
@@ -145,7 +145,7 @@ def _narrow(thin: list[Ligament]) -> list[str]:
 
 
 def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
-    """Warns of pieces with forces on them that nothing holds."""
+    """Warnings of loaded pieces without supports."""
     number = np.zeros(len(grid), dtype=np.int64)
     for at, piece in enumerate(found):
         number[piece.rows] = at

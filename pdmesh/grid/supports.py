@@ -1,4 +1,4 @@
-"""Whether what is held takes up the forces on a piece of a plate, so that it neither flies off nor turns."""
+"""Checks that supports balance the forces on each piece of a plate, so that it neither flies off nor turns."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all
 
 
 def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterator[tuple[int, float]]:
-    """The pieces with forces on them that neither balance nor find something that holds them, and how much, N/m.
+    """Pieces with forces that neither balance nor are supported, and the unbalanced force, N/m.
 
-    `number` (n,) is the piece of each node; nodes' ids count from 1. Forces that follow time in different ways do not
-    balance each other.
+    `number` (n,) is the piece of each node; ids count from 1. Forces with different profiles do not balance each other.
     """
     loads = [condition for condition in settings.conditions if isinstance(condition, Load)]
     loaded = [np.unique(number[rows_of(load)]) for load in loads]
@@ -42,19 +41,19 @@ def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterato
 
 
 def rows_of(condition: AnyCondition) -> NDArray[np.int64]:
-    """The rows of the nodes of a condition."""
+    """Rows of the nodes of a condition."""
     return np.array(condition.nodes or (), dtype=np.int64) - 1
 
 
 class _Motions:
-    """Rigid motions: along x, along y, and a turn about the middle of `some` places (k, 2), that moves them as far."""
+    """Rigid motions of equal size: along x, along y, and a rotation about the centre of `some` places (k, 2)."""
 
     def __init__(self, position: NDArray[np.float64], some: NDArray[np.float64]) -> None:
         self._position, self._middle = position, some.mean(axis=0)
         self._size = float(np.ptp(some, axis=0).max()) / 2 or 1.0
 
     def of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """How these nodes (k, 2, 3) go along x and y in each of them."""
+        """Displacements (k, 2, 3) of these nodes in each rigid motion."""
         turn = (self._position[rows] - self._middle) / self._size
         motions = np.zeros((len(rows), 2, 3))
         motions[:, 0, 0] = motions[:, 1, 1] = 1.0
@@ -63,7 +62,7 @@ class _Motions:
 
 
 def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The projection (3, 3) onto the rigid motions that nothing resists."""
+    """Projection (3, 3) onto the rigid motions that no support resists."""
     resistance = np.zeros((3, 3))
     for condition in settings.conditions:
         if isinstance(condition, Displacement | Velocity | Acceleration):
@@ -77,7 +76,7 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
 
 
 def _forces(load: Load, grid: Grid) -> NDArray[np.float64]:
-    """The force on each node (k, 2) of a load, N/m."""
+    """Force of a load on each node (k, 2), N/m."""
     rows = rows_of(load)
     area = grid.delta[rows] ** 2 if grid.areas is None else grid.areas[rows]
     if load.traction is None:

@@ -1,7 +1,7 @@
-"""Which spacing where: zones grown by the visibility principle, graded so that spacings change by one step.
+"""Spacing by place: zones grown by the visibility principle and graded so that spacings change by one step.
 
-After F. Bobaru et al., Int. J. Numer. Meth. Engng 77 (2009) 852-877: what is refined is not the zone alone but all
-that the old, coarser horizon reaches from it. No node then sees a place that was to be finer than the next step.
+After F. Bobaru et al., Int. J. Numer. Meth. Engng 77 (2009) 852-877: the refined region is the zone and everything
+within the old, coarser horizon of it. No node then interacts with a region more than one step finer.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ SLIVER = 1e-9  # of a spacing squared: parts of a level below are round-off
 
 @dataclass(frozen=True)
 class Level:
-    """The part of the plate whose nodes have this spacing."""
+    """The part of the plate with nodes of one spacing."""
 
     spacing: float  # m
     shape: Surface
 
 
 def levels(scene: Scene) -> tuple[Level, ...]:
-    """The parts of the plate by spacing, the coarsest first; together they are the plate.
+    """Parts of the plate by spacing, the coarsest first; their union is the plate.
 
-    A level is the zones that ask for it and, grown by the horizon of the next coarser one, the finer levels and
-    the zones that are to be grown. Grown shapes end on lines of the coarser lattice.
+    A level consists of the zones that ask for it and of the finer levels and growing zones, grown by the horizon of the
+    next coarser spacing. Grown shapes end on lines of the coarser lattice.
     """
     zones = [*scene.zones, *(_zone(request, scene) for request in scene.refinements)]
     steps = [round(float(np.log2(scene.spacing / zone.spacing))) for zone in zones]
@@ -58,7 +58,7 @@ def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
 
 
 def _zone(request: Refinement, scene: Scene) -> Zone:
-    """The zone within a distance of what is to be refined. Raises SceneError if the scene has none of it."""
+    """The zone within a distance of the refined features. Raises SceneError if the scene has none of them."""
     target = {
         "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
         "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
@@ -70,7 +70,7 @@ def _zone(request: Refinement, scene: Scene) -> Zone:
 
 
 def _reached(shape: Surface, scene: Scene, spacing: float) -> Surface:
-    """The cells of the lattice of this spacing that are within its horizon of the shape."""
+    """Cells of the lattice of this spacing that lie within its horizon of the shape."""
     reach = scene.horizon * spacing * (1 + SLACK)
     origin = np.array(scene.whole.bounds[:2])
     low, high = np.reshape(shape.bounds, (2, 2))

@@ -1,1 +1,1 @@
-"""What the three packages share: the grid file, its nodes, who sees whom, and what bonds are like."""
+"""The model shared by the three packages: the grid file, nodes, visibility, and material constants."""

@@ -1,6 +1,6 @@
-"""Whether the nodes of a grid file are those of its shapes: what an edit by hand, or another program, may have broken.
+"""Checks that the nodes of a grid file fit its shapes, which an edit or another program may have broken.
 
-A file without an outline, or without areas, says less and is asked for less.
+A file without an outline or without areas is checked for less.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ Rows = NDArray[np.int64]
 
 
 def examine(grid: Grid, name: str = "grid") -> None:
-    """Warn with GridWarning of what does not fit together in the grid of the file called `name`.
+    """Warn with GridWarning of inconsistencies in the grid of the file called `name`.
 
-    Raises GridError where most of the nodes are outside the shapes, or as `plate_of` does.
+    Raises GridError if most nodes are outside the shapes, and for an invalid outline.
     """
     plate = plate_of(grid, name) if grid.dimension == 2 else None
     if grid.outline and grid.lattice is None:
@@ -74,7 +74,7 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
 
 
 def _beside_plate(grid: Grid, plate: shapely.Geometry) -> Array:
-    """How far (n,) nodes are outside the plate, m; 0 inside."""
+    """Distance (n,) of nodes outside the plate, m; 0 inside."""
     import shapely
 
     shapely.prepare(plate)
@@ -85,7 +85,7 @@ def _beside_plate(grid: Grid, plate: shapely.Geometry) -> Array:
 
 
 def _beside_body(grid: Grid) -> Array:
-    """How far (n,) nodes are outside the body, m; 0 inside, infinite where that is more than `OFF` spacings.
+    """Distance (n,) of nodes outside the body, m; 0 inside, infinite beyond `OFF` spacings.
 
     A ray from a place inside meets the surface an odd number of times.
     """
@@ -107,7 +107,7 @@ def _beside_body(grid: Grid) -> Array:
 
 
 def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:
-    """The rows whose rays meet these faces above the node, and 1; `nodes` and `corners` as seen along the rays."""
+    """Rows whose rays meet these faces above the node, and 1; `nodes` and `corners` are projected along the rays."""
     one, other, from_first = (
         corners[face, 1] - corners[face, 0],
         corners[face, 2] - corners[face, 0],
@@ -122,12 +122,12 @@ def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tup
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """z (p,) of the vector products of vectors (p, 2)."""
+    """z components (p,) of the cross products of vectors (p, 2)."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _ends(grid: Grid, plate: shapely.Geometry, name: str) -> None:
-    """Warns of a lattice that is not the rectangle of the outline."""
+    """Warn of a lattice that is not the rectangle of the outline."""
     found = np.array([*grid.position[0], *grid.position[-1]])
     expected = np.array(plate.bounds)
     if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
@@ -135,7 +135,7 @@ def _ends(grid: Grid, plate: shapely.Geometry, name: str) -> None:
 
 
 def _cracks(grid: Grid, name: str) -> None:
-    """Warns of cracks that part no neighbours."""
+    """Warn of cracks that separate no neighbours."""
     if not len(grid.cracks):
         return
     corners = grid.cracks.reshape(len(grid.cracks), -1, grid.dimension)
@@ -164,7 +164,7 @@ def _size(corner: Array) -> float:
 
 
 def _parts(position: Array, reach: Array, corner: Array) -> bool:
-    """Whether nodes (n, d) within `reach` (n,) of a crack's segment or triangle are on both of its sides."""
+    """Whether nodes (n, d) within `reach` (n,) of a crack's segment or triangle lie on both of its sides."""
     way = position - corner[0]
     if len(corner) == 2:
         along = corner[1] - corner[0]

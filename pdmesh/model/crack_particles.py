@@ -1,8 +1,8 @@
-"""Cracks as particles: each has a place, a normal, and arms to the one it grew from and to those that grew from it.
+"""Cracks as particles: each has a place, a normal, and arms to its parent and to its children.
 
-Bonds that meet an arm are cut. Arms join at their particles, at whatever angle, so that none passes between two of them
-(T. Rabczuk, T. Belytschko, Int. J. Numer. Methods Eng. 61 (2004) 2316-2343, had one straight segment a particle, which
-leaves gaps where a crack bends, and cuts beside it).
+Bonds that cross an arm are cut. Arms join at their particles at any angle, so that no bond passes between two of them.
+T. Rabczuk, T. Belytschko, Int. J. Numer. Methods Eng. 61 (2004) 2316-2343, use one straight segment a particle, which
+leaves gaps where a crack bends, and cuts beside it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 class Particles(NamedTuple):
-    """p particles, those that were first first."""
+    """p particles, in the order of their creation."""
 
     place: NDArray[np.float64]  # (p, 2) m
     normal: NDArray[np.float64]  # (p, 2) unit vector, to the left of the way it was grown
@@ -28,7 +28,7 @@ def nobody() -> Particles:
 
 
 def grown(particles: Particles, place: NDArray[np.float64], parent: int, step: int) -> Particles:
-    """With one more at a place (2,), m, that grows from one that is there, or from none (-1)."""
+    """The particles with one more at a place (2,), m, grown from the particle `parent`, or from none (-1)."""
     way = place - particles.place[parent] if parent >= 0 else np.zeros(2)
     length = float(np.hypot(*way))
     normal = np.array([-way[1], way[0]]) / length if length > 0 else np.zeros(2)
@@ -40,8 +40,7 @@ def grown(particles: Particles, place: NDArray[np.float64], parent: int, step: i
 
 
 def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
-    """The particles of pre-cracks (k, 4), m, at step 0: each segment is an arm, and ends up to `slack` m apart are one
-    particle."""
+    """Particles of pre-cracks (k, 4), m, at step 0: each segment is an arm; ends within `slack` m are one particle."""
     found = nobody()
     for start, end in segments.reshape(-1, 2, 2):
         near = np.flatnonzero(np.hypot(*(found.place - start).T) <= slack)
@@ -59,13 +58,13 @@ def until(particles: Particles, step: int) -> Particles:
 
 
 def arms(particles: Particles, after: int = -1) -> NDArray[np.float64]:
-    """Segments (k, 4), m, of all particles, or of those that came after a step."""
+    """Segments (k, 4), m, of all arms, or of those created after a step."""
     there = (particles.parent >= 0) & (particles.step > after)
     return np.hstack([particles.place[particles.parent[there]], particles.place[there]])
 
 
 def links(particles: Particles, slack: float) -> list[list[int]]:
-    """Who is at the other ends of each particle's arms; of those within `slack` m of each other the first has all."""
+    """Particles at the other ends of each particle's arms; of particles within `slack` m, the first has all arms."""
     number = np.arange(len(particles.place))
     for at, place in enumerate(particles.place):
         number[at] = number[np.flatnonzero(np.hypot(*(particles.place[: at + 1] - place).T) <= slack)[0]]
@@ -78,7 +77,7 @@ def links(particles: Particles, slack: float) -> list[list[int]]:
 
 
 def polylines(particles: Particles, slack: float = 0.0) -> list[NDArray[np.float64]]:
-    """All arms as lines (m, 2), m, from ends and forks to ends and forks."""
+    """All arms as polylines (m, 2), m, between ends and forks."""
     around = links(particles, slack)
     left = {(one, other) for one, others in enumerate(around) for other in others}
     found = []

@@ -1,7 +1,7 @@
-"""Who sees whom in space, past cracks made of triangles: pairs that meet one, and the way round their front.
+"""Visibility in space past cracks made of triangles: pairs cut by a triangle, and the path round the crack's front.
 
-The front are the edges of one triangle alone. Where the triangles lie in a plane, the shortest way round them bends
-once, on the front; past kinked ones a way of two legs is taken where there is one that meets no triangle.
+The front consists of the edges that belong to one triangle. If the triangles are coplanar, the shortest path round them
+bends once, on the front. Past kinked cracks, a path of two legs is taken if one meets no triangle.
 
 Symbols: a, b ends of a pair; t triangles (t, 3, 3), their corners; all in m.
 """
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def parted(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
-    """Which of the pairs (p, 3) have a segment that meets a triangle (t, 3, 3), as `meets` says it."""
+    """Mask (p,) of the pairs (p, 3) whose segment meets a triangle (t, 3, 3), as defined in `meets`."""
     found, normal = np.zeros(len(a), dtype=bool), normals(triangles)
     whole = (normal != 0).any(axis=1)
     triangles, normal = triangles[whole], normal[whole]
@@ -35,7 +35,7 @@ def parted(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
 
 
 def front(triangles: Array, slack: float = TOUCH) -> Array:
-    """The edges (e, 2, 3) that are of one triangle alone; corners `slack` of the triangles' size apart are one."""
+    """Edges (e, 2, 3) that belong to one triangle; corners within `slack` of the triangles' size are one."""
     if not len(triangles):
         return np.zeros((0, 2, 3))
     size = np.sqrt(((triangles[:, 1] - triangles[:, 0]) ** 2).sum(axis=1)).max()
@@ -49,8 +49,10 @@ def front(triangles: Array, slack: float = TOUCH) -> Array:
 
 
 def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
-    """The shortest way (p,) from a to b over a point of one of the `edges` (e, 2, 3) that meets no triangle on its two
-    legs; infinite where there is none. Edges are those of the front that lie in the body: its mouth is left out.
+    """Length (p,) of the shortest path from a to b over a point of one of the `edges` (e, 2, 3), m.
+
+    Its two legs meet no triangle; infinite if there is none. The edges are those of the front inside the body, without
+    the crack's mouth.
     """
     found = np.full(len(a), np.inf)
     for edge in edges:
@@ -65,8 +67,7 @@ def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
 
 
 def _bend(a: Array, b: Array, edge: Array) -> Array:
-    """The place (p, 3) on an edge (2, 3) over which the way from a to b is shortest: straight where both are turned
-    about the edge into one plane."""
+    """The point (p, 3) on an edge (2, 3) of the shortest path from a to b: straight when unfolded about the edge."""
     way = edge[1] - edge[0]
     length = float(np.sqrt(way @ way))
     unit = way / length
@@ -80,7 +81,7 @@ def _bend(a: Array, b: Array, edge: Array) -> Array:
 
 
 def apart(a: Array, b: Array, triangles: Array, edges: Array, gamma: float | None, farthest: float) -> Array:
-    """How far apart pairs (p,) are for the influence they have on each other, as `Sight.apart` says it in the plane."""
+    """Distances (p,) of pairs for their influence on each other, m; see `SightInSpace.apart`."""
     straight = np.sqrt(((b - a) ** 2).sum(axis=1))
     cut = parted(a, b, triangles)
     found = np.where(cut, 2 * farthest, straight)

@@ -1,4 +1,4 @@
-"""What takes energy from the motion besides cracks, and when it is so much that it is said."""
+"""Remarks on energy that damping takes from the motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MUCH = 0.02  # of what was put in
 
 
 def remark(run: Run, conditions: Sequence[AnyCondition], damped: float, put_in: float) -> str | None:
-    """What to say of a run from which damping took the energy `damped` of all that was `put_in`, if it is much."""
+    """A remark on the energy `damped`, of all that was `put_in`, if its share is large; else None."""
     if not damped > MUCH * put_in:
         return None
     causes = {

@@ -1,9 +1,8 @@
-"""The way round: how far it is from one place to another where cracks stand between them.
+"""Shortest paths between places round the tips and bends of cracks.
 
-The shortest way round the tips and bends of polylines, which may be kinked, curved, branched or inside the plate. It
-is made of straight legs between corners: a corner is a vertex of the cracks together with one of the sectors that its
-arms part, and only one of half a turn or more can hold a way that bends there. A way that touches a vertex stays on its
-side.
+Cracks are polylines that may be kinked, curved, branched or inside the plate. A path consists of straight legs between
+corners. A corner is a vertex of the cracks with one of the sectors between its arms; a path can bend only in a sector
+of half a turn or more. A path that touches a vertex stays on its side.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ Inside = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 
 
 class Corners(NamedTuple):
-    """Where ways may bend, c of them."""
+    """The c corners at which paths may bend."""
 
     vertex: NDArray[np.int64]  # (c,) number of the vertex
     place: NDArray[np.float64]  # (c, 2) m
@@ -38,7 +37,7 @@ class Corners(NamedTuple):
 
 
 class Detours:
-    """Ways round the segments of cracks (k, 2, 2), m."""
+    """Shortest paths round the segments of cracks (k, 2, 2), m."""
 
     def __init__(
         self,
@@ -48,9 +47,11 @@ class Detours:
         inside: Inside,
         void: shapely.Geometry | None = None,
     ) -> None:
-        """Places `slack` m apart are one; legs longer than `farthest` m are not taken. `inside(places, headings)` says
-        whether vertices (v, 2), with the way on from them if they are tips, are passed within the plate; no leg meets
-        `void`."""
+        """Places within `slack` m are one; legs longer than `farthest` m are not used; no leg meets `void`.
+
+        `inside(places, headings)` returns whether paths inside the plate can pass vertices (v, 2), given the direction
+        beyond those that are tips.
+        """
         import shapely
 
         self._slack, self._farthest = slack, farthest
@@ -69,8 +70,10 @@ class Detours:
     def around(
         self, places: NDArray[np.float64], one: NDArray[np.int64], other: NDArray[np.int64]
     ) -> NDArray[np.float64]:
-        """The shortest way (b,) from the places[one] to the places[other], (n, 2) m, that bends at least once; infinite
-        where there is none."""
+        """Length (b,), m, of the shortest bent path from places[one] to places[other]; infinite if there is none.
+
+        `places` (n, 2) are in m.
+        """
         found = np.full(len(one), np.inf)
         if not len(self._corners.vertex) or not len(one):
             return found
@@ -84,7 +87,7 @@ class Detours:
         return found
 
     def _table(self, places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The corners (n, k) that places (n, 2) see, and how far they are, m; -1 and infinity for none."""
+        """Corners (n, k) visible from places (n, 2), -1 for none, and their distances, m, infinity for none."""
         near = tree_of(places).sparse_distance_matrix(
             tree_of(self._corners.place), self._farthest, output_type="ndarray"
         )
@@ -101,13 +104,13 @@ class Detours:
         return which, length
 
     def _in_sector(self, places: NDArray[np.float64], corner: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether places (b, 2) are in the sectors of corners (b,)."""
+        """Mask (b,) of places (b, 2) in the sectors of corners (b,)."""
         way = places - self._corners.place[corner]
         turn = np.mod(np.arctan2(way[:, 1], way[:, 0]) - self._corners.first[corner], 2 * np.pi)
         return np.asarray((turn <= self._corners.width[corner] + FLAT) | (turn >= 2 * np.pi - FLAT))
 
     def _blocked(self, start: NDArray[np.float64], end: NDArray[np.float64], both: bool) -> NDArray[np.bool_]:
-        """Whether straight legs (b, 2) that end at vertices, with `both` begin there too, meet a crack before."""
+        """Mask of straight legs (b, 2) that a crack blocks; they end at vertices, and with `both` also begin there."""
         import shapely
 
         way = end - start
@@ -117,7 +120,7 @@ class Detours:
         return np.asarray(np.any([shapely.intersects(obstacle, lines) for obstacle in self._obstacles], axis=0))
 
     def _legs_between(self) -> NDArray[np.float64]:
-        """The shortest ways (c, c) between corners, m."""
+        """Lengths (c, c) of the shortest paths between corners, m."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import dijkstra
 
@@ -139,7 +142,7 @@ class Detours:
 
 
 def _vertices(ends: NDArray[np.float64], slack: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Places (v, 2) of which each is one of the ends (e, 2) within `slack`, and which of them each end is (e,)."""
+    """Distinct places (v, 2) of the ends (e, 2), merged within `slack`, and the vertex number (e,) of each end."""
     pairs = tree_of(ends).query_pairs(slack, output_type="ndarray")
     _, first, number = np.unique(connected(len(ends), *pairs.T), return_index=True, return_inverse=True)
     return ends[first], number.ravel()
@@ -152,7 +155,7 @@ def _passed(
     slack: float,
     inside: Inside,
 ) -> NDArray[np.bool_]:
-    """Which vertices (v,) can be passed: not tips on an edge, or on another crack that misses them by round-off."""
+    """Mask (v,) of vertices that paths can pass: not tips on an edge, nor ends that miss another crack by round-off."""
     import shapely
 
     count = np.bincount(arms.ravel(), minlength=len(place))
@@ -171,7 +174,7 @@ def _passed(
 def _lines(
     place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_], slack: float
 ) -> shapely.Geometry:
-    """The cracks as lines that legs must not meet, a little longer where they cannot be passed."""
+    """Cracks as lines that legs must not meet, slightly extended at vertices that cannot be passed."""
     import shapely
 
     segments = place[arms]
@@ -183,7 +186,7 @@ def _lines(
 
 
 def _corners(place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_]) -> Corners:
-    """The sectors of vertices in which ways may bend."""
+    """Sectors of vertices in which paths may bend."""
     vertex, other = np.concatenate([arms, arms[:, ::-1]]).T
     way = place[other] - place[vertex]
     angle = np.arctan2(way[:, 1], way[:, 0])

@@ -1,7 +1,7 @@
-"""The digest of a grid file: whether the file is still what a program wrote.
+"""The digest of a grid file, which shows whether the file is still as a program wrote it.
 
-It is the SHA-256 of all bytes before the line that holds it, which is the last key of the file. It guards against
-accidents, not against intent: whoever changes a file on purpose may take the key out.
+It is the SHA-256 of all bytes before its own line, which is the last key of the file. It detects accidents, not intent:
+the key can be removed.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ class GridWarning(UserWarning):
 
 
 def sealed(head: bytes) -> bytes:
-    """A whole file: `head`, an object's text up to its last value, and the digest."""
+    """A whole file: `head`, the text of an object up to its last value, and the digest."""
     return head + START + _digest(head) + END
 
 
 def compare(data: bytes, name: str) -> None:
-    """Warns with GridWarning where the text of the file called `name` is not the one its digest was written for.
+    """Warn with GridWarning if the text of the file called `name` does not match its digest.
 
-    Line ends may have been converted. A file without a digest passes: other programs write none.
+    Converted line ends are accepted. A file without a digest passes, as other programs write none.
     """
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n")

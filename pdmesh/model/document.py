@@ -59,7 +59,7 @@ class GridError(ValueError):
 
 
 class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What the plate, or a region of it, is made of."""
+    """Material of the plate or of a region."""
 
     E: Positive  # Young's modulus, Pa
     rho: Positive  # density, kg/m^3
@@ -91,24 +91,24 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     @property
     def detour(self) -> float | None:
-        """The exponent of the way round a crack's tips; None where what is behind a crack is not seen."""
+        """Exponent of the distance round a crack's tips; None if bonds across a crack are cut."""
         return self.gamma if self.sight == "diffraction" else None
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The radius of interaction of a node, over its spacing."""
+    """Radius of a node's interactions over its spacing."""
 
     ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
 
 
 class Region(Selection, frozen=True, kw_only=True):
-    """Nodes of another material than the rest; of several regions with a node, the last one has it."""
+    """Nodes with another material; of several regions with a node, the last one counts."""
 
     material: Material
 
 
 class Condition(Timed, frozen=True, kw_only=True):
-    """Something done to a plate. The bonds of these nodes do not break unless `breakable`."""
+    """A condition on nodes. Their bonds do not break unless `breakable`."""
 
     breakable: bool = False
 
@@ -116,8 +116,8 @@ class Condition(Timed, frozen=True, kw_only=True):
 class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     """A body force: ``body_force`` (N/m^3), or ``traction`` (Pa) over ``rows`` rows of nodes.
 
-    A traction is traction / (rows delta) at each node; ``length`` (m) of the loaded edge, where known, lets a
-    solver make the total exact.
+    A traction gives traction / (rows delta) at each node; ``length`` (m) of the loaded edge, if known, lets a solver
+    make the total exact.
     """
 
     body_force: Vector | None = None
@@ -128,7 +128,7 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
 
 
 class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
-    """Displacements that are held, m; a component left out is free."""
+    """Prescribed displacements, m; a missing component is free."""
 
     x: float | None = None
     y: float | None = None
@@ -136,7 +136,7 @@ class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag
 
 
 class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
-    """Velocities that are held throughout, m/s; a component left out is free."""
+    """Velocities prescribed throughout the run, m/s; a missing component is free."""
 
     x: float | None = None
     y: float | None = None
@@ -144,7 +144,7 @@ class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="
 
 
 class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
-    """Accelerations that are held throughout, m/s^2; a component left out is free."""
+    """Accelerations prescribed throughout the run, m/s^2; a missing component is free."""
 
     x: float | None = None
     y: float | None = None
@@ -160,7 +160,7 @@ class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocit
 
 
 class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
-    """A layer along an edge in which waves die out: the more, the farther a node is from those that are not in it."""
+    """An absorbing layer along an edge; damping grows with the distance from the nodes outside the layer."""
 
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
 
@@ -173,7 +173,7 @@ Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-of
 
 
 class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How a plate is brought to rest."""
+    """Settings of a static solution."""
 
     method: Literal["newton", "relaxation"] = "newton"
     load_steps: PositiveInt | None = None  # from time 0 to the end of the profiles; None: 10, 1 if nothing varies
@@ -183,7 +183,7 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
 
 class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How cracks grow that are particles."""
+    """Rules for the growth of cracks of particles."""
 
     criterion: Literal["intensity", "stress"] = "intensity"  # what lets them grow
     direction: Literal["hoop", "principal"] = "hoop"  # stress: of the largest hoop stress, or across the mean's axis
@@ -197,7 +197,7 @@ class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
 
 
 class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Which cells are split into four, and which four merge, where `Run.adapt` is split."""
+    """Which cells split into four and which four merge, if `Run.adapt` is split."""
 
     by: Literal["energy", "stretch"] = "energy"  # of nodes, over the plate's largest; of bonds, over the critical one
     threshold: Share = 0.3  # of that: what is above is split, with all within its horizon
@@ -210,7 +210,7 @@ class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How a plate is solved where `adapt` is collocation."""
+    """Settings of a run with `adapt` = collocation."""
 
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
     margin: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # horizons beyond the one from edges and notches that is fine
@@ -220,7 +220,7 @@ class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How long the solver goes on and how often it writes."""
+    """Duration, solver and output of a run."""
 
     time_step: Positive | None = None  # s; None: from the stability bound
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
@@ -244,7 +244,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the thesis kept outside its file; also the shape of a settings TOML and of ``--set``."""
+    """Settings that the thesis kept outside its file; also the layout of a settings TOML and of ``--set``."""
 
     material: Material | None = None
     horizon: Horizon = Horizon()
@@ -270,8 +270,8 @@ class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=Tr
 class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All nodes of a rectangle, which a file holds in place of millions of them.
 
-    Their ids count from 1, row by row from the lower left corner; those at its sides have half a cell, those at its
-    corners a quarter.
+    Ids count from 1, row by row from the lower left corner. Nodes at the sides have half a cell, those at the corners a
+    quarter.
     """
 
     origin: Point  # of the first node, m
@@ -313,7 +313,7 @@ def read_document(data: bytes | str, name: str) -> Document:
 
 
 def read_file(path: Path) -> Document:
-    """Read the document in the file at `path`. Raises GridError; warns with GridWarning where it was edited."""
+    """Read the document in the file at `path`. Raises GridError; warns with GridWarning if it was edited."""
     try:
         data = read_bytes(path)
     except OSError as error:
@@ -346,5 +346,5 @@ def schema() -> dict[str, Any]:
 
 
 def settings_of(document: Document) -> Settings:
-    """What a document says besides its nodes and shapes."""
+    """The settings of a document: everything except its nodes and shapes."""
     return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})

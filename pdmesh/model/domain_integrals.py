@@ -1,16 +1,16 @@
-"""What a crack's tip feels, from the fields on a ring around it: J, stress intensities and the stress along the crack.
+"""Fracture parameters of a crack tip from the fields on a ring around it: J, stress intensities and T-stress.
 
-The area form of J with a weight q that falls smoothly from 1 inside the ring to 0 outside it, x along the crack
-(F. Z. Li, C. F. Shih, A. Needleman, Eng. Fract. Mech. 21 (1985) 405-421), with what inertia adds (T. Nakamura, C. F.
-Shih, L. B. Freund, Int. J. Fract. 27 (1985) 229-243):
+The area form of J has a weight q that falls smoothly from 1 inside the ring to 0 outside it, x along the crack (F. Z.
+Li, C. F. Shih, A. Needleman, Eng. Fract. Mech. 21 (1985) 405-421), with the inertia terms (T. Nakamura, C. F. Shih, L.
+B. Freund, Int. J. Fract. 27 (1985) 229-243):
 
     J = sum [(s_ij u_i,x - (W + L) d_xj) q,j + rho (a_i u_i,x - v_i v_i,x) q] A
 
-and the part of it that is bilinear in the fields here and in one whose K1, K2 or T is known (the interaction integral;
-J. F. Yau, S. S. Wang, H. T. Corten, J. Appl. Mech. 47 (1980) 335-341). The faces are straight and free.
+The interaction integral is the part of it that is bilinear in the fields here and in a field of known K1, K2 or T (J.
+F. Yau, S. S. Wang, H. T. Corten, J. Appl. Mech. 47 (1980) 335-341). The crack faces are straight and free.
 
-Symbols: s stress, Pa; u displacement, m; v, a its rates; W strain energy and L kinetic energy, J/m^3; rho density;
-A a node's area, m^2; d the unit tensor.
+Symbols: s stress, Pa; u displacement, m; v, a its rates; W strain energy and L kinetic energy, J/m^3; rho density; A a
+node's area, m^2; d the unit tensor.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ AT_TIP = 1e-9  # of a ring: a node this near to the tip does not count, where th
 
 
 class Sampled(NamedTuple):
-    """The fields at n nodes; a node without a gradient (NaN) does not count."""
+    """The fields at n nodes; a node without a gradient (NaN) is left out."""
 
     position: NDArray[np.float64]  # (n, 2) m
     area: NDArray[np.float64]  # (n,) m^2
@@ -46,7 +46,7 @@ class Motion(NamedTuple):
 
 
 class Ring(NamedTuple):
-    """Where q falls from 1 to 0, m from the tip."""
+    """The ring over which q falls from 1 to 0, m from the tip."""
 
     inner: float
     outer: float
@@ -62,12 +62,12 @@ class Found(NamedTuple):
 
     @property
     def angle(self) -> float:
-        """Degrees by which the crack will turn, to the left positive; NaN where nothing opens it."""
+        """Predicted angle of growth, degrees, positive to the left; NaN without stress intensities."""
         return kink(self.K1, self.K2)
 
 
 def kink(K1: float, K2: float) -> float:
-    """The angle, degrees, at which the hoop stress ahead of a tip is largest, to the left of its way positive.
+    """The angle, degrees, of the largest hoop stress ahead of a tip, positive to the left of its direction.
 
     F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525. NaN where both are 0.
     """
@@ -77,7 +77,7 @@ def kink(K1: float, K2: float) -> float:
 
 
 def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic) -> Found:
-    """What the tip at a place (2,), m, feels, its crack having come there along the unit vector `way` (2,)."""
+    """Fracture parameters of the tip at a place (2,), m, with the crack arriving along the unit vector `way` (2,)."""
     far = np.hypot(*(at.position - tip).T)
     there = (far < ring.outer) & (far > AT_TIP * ring.outer)
     rows = np.flatnonzero(there & np.isfinite(at.gradient).all(axis=(1, 2)))
@@ -98,7 +98,7 @@ def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], r
 
 
 def weight(places: NDArray[np.float64], ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """q (n,) and its gradient (n, 2) at places (n, 2) from the tip, m: a cubic in the distance, level at both ends."""
+    """q (n,) and its gradient (n, 2) at places (n, 2) relative to the tip, m: a cubic with zero slope at both ends."""
     far = np.hypot(*places.T)
     share = ((far - ring.inner) / (ring.outer - ring.inner)).clip(0, 1)
     steep = -6 * share * (1 - share) / (ring.outer - ring.inner)
@@ -106,7 +106,7 @@ def weight(places: NDArray[np.float64], ring: Ring) -> tuple[NDArray[np.float64]
 
 
 def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn: NDArray[np.float64]) -> Sampled:
-    """The fields of some nodes as the crack sees them: places from its tip, along and across its way."""
+    """The fields of some nodes in the crack's frame: places and components from its tip, along and across it."""
 
     def tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
         xx, yy, xy = packed[rows].T
@@ -127,7 +127,7 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
 
 
 def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
-    """J, J/m^2, in its area form, of the fields sampled around a tip."""
+    """J, J/m^2, in its area form, from the fields sampled around a tip."""
     along = here.gradient[:, :, 0]
     energy = _product(here.stress, here.strain) / 2
     total = _pulled(here.stress, along, slope)
@@ -139,7 +139,7 @@ def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> f
 
 
 def _between(here: Sampled, other: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
-    """The interaction integral with a field at rest."""
+    """The interaction integral with an auxiliary stationary field."""
     total = _pulled(here.stress, other.slope, slope) + _pulled(other.stress, here.gradient[:, :, 0], slope)
     total = total - _product(other.stress, here.strain) * slope[:, 0]
     if here.motion is not None:

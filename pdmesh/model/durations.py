@@ -1,4 +1,4 @@
-"""How many steps a duration takes."""
+"""The number of steps in a duration."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ SLACK = 1e-9  # of a step: round-off
 
 
 def counted(run: Run, step: float) -> Run:
-    """A run whose duration is expressed in steps of `step` s; a run at rest is returned unchanged.
+    """The run with its duration expressed in steps of `step` s; a run at rest is returned unchanged.
 
-    Raises GridError for too many of them.
+    Raises GridError for too many steps.
     """
     if run.duration is None or run.solver == "static":
         return run

@@ -1,7 +1,7 @@
-"""What a full square or cubic lattice of bonds is like, next to the continuum it stands for.
+"""A full square or cubic lattice of bonds compared with the continuum it represents.
 
-Sums over one family, exact for a uniform grid: stiffnesses, and the energy a straight crack costs. They depend on
-the ratio m = horizon / spacing and on the micromodulus profile alone.
+Sums over one family of a uniform grid give the stiffness and the energy of a straight crack. They depend only on the
+ratio m = horizon / spacing and on the micromodulus profile.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pdmesh.model.neighbours import ROUND_OFF, lengths
 
 
 class LatticeRatios(NamedTuple):
-    """Lattice over continuum, all 1 in the limit of many neighbours."""
+    """Ratios of lattice to continuum; all 1 in the limit of many neighbours."""
 
     c11: float
     c12: float
@@ -29,16 +29,16 @@ class LatticeRatios(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """What makes the lattice's mean stiffness and fracture energy those of the material."""
+    """Factors that give the lattice the mean stiffness and fracture energy of the material."""
 
     stiffness: float  # times the micromodulus
     stretch: float  # times the critical stretch
 
 
 def has_partial_cells(material: Material) -> bool:
-    """Whether cells count by their share within the horizon, and families reach half a spacing beyond it.
+    """Whether cells count by their share within the horizon, with families half a spacing beyond it.
 
-    A conical micromodulus is 0 at the horizon, so that it hardly matters there, and cells count in full.
+    A conical micromodulus is 0 at the horizon, where shares hardly matter, so cells count in full.
     """
     return material.micromodulus == "constant"
 
@@ -62,7 +62,8 @@ def offsets(reach: float, dimension: int = 2) -> NDArray[np.float64]:
 
 
 def full_family(ratio: float, dimension: int = 2) -> int:
-    """Neighbours of a node of a full lattice within horizon / spacing = `ratio`: 28 for 3; in space 122."""
+    """Number of neighbours in a full lattice within horizon / spacing = `ratio`: 28 for 3 in the plane, 122 in
+    space."""
     return len(offsets(ratio, dimension))
 
 
@@ -70,8 +71,8 @@ def full_family(ratio: float, dimension: int = 2) -> int:
 def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_cells: bool) -> LatticeRatios:
     """Stiffness and fracture energy of the lattice over those of the continuum.
 
-    With `partial_cells` the family reaches half a spacing beyond the horizon and Hu's beta weighs it; without,
-    it is |xi| <= horizon and each cell counts in full.
+    With `partial_cells`, the family extends half a spacing beyond the horizon, weighted by Hu's beta; otherwise it is
+    |xi| <= horizon and each cell counts in full.
     """
     unit = Material(E=1.0, rho=1.0, G0=1.0)
     material = msgspec.structs.replace(unit, micromodulus=micromodulus_profile, plane=plane)
@@ -91,8 +92,11 @@ def lattice_ratios(ratio: float, micromodulus_profile: str, plane: str, partial_
 
 
 def calibration(ratio: float, material: Material, partial_cells: bool = True) -> Calibration:
-    """Factors for the lattice, with partial cells or without: the mean of its stiffnesses, and of the energies of a
-    crack along a row and at 45 degrees, become those of the material."""
+    """Calibration factors of the lattice, with or without partial cells.
+
+    They give the material's values to the mean of the lattice's stiffnesses, and to the mean energy of cracks along a
+    row and at 45 degrees.
+    """
     found = lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells)
     stiffness = 3 / (found.c11 + found.c12 + found.c66)
     return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (found.row + found.diagonal)))))

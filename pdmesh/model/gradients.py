@@ -1,7 +1,7 @@
-"""Gradients fitted to the differences of a family, the strain that goes with them, and Hooke's stress.
+"""Gradients fitted to the differences of a family, the strain from them, and Hooke's stress.
 
-The gradient H of a node is the weighted least squares fit of eta = H xi to its bonds, xi the bond and eta the
-difference of values, weighted by the neighbour's area over |xi|: exact where values are affine, at edges too.
+The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
+difference of values, the weight the neighbour's area over |xi|. It is exact for affine values, at edges too.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ def gradients_of(
     neighbour: NDArray[np.int64],
     rows: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
-    """The gradient (r, k, 2) of values (n, k) at nodes (n, 2), m, of areas (n,), m^2, fitted to bonds to `neighbour`
-    (b,), those of `rows` (r,), by default all, one after the other at start[r]:start[r + 1]; NaN where they lie on a
-    line, or there are none."""
+    """The gradient (r, k, 2) of nodal values (n, k), fitted to bonds; NaN without bonds, or with bonds on a line.
+
+    Nodes are at `position` (n, 2), m, with areas (n,), m^2. The bonds of `rows` (r,), by default all, lead to
+    `neighbour` (b,); those of row r are start[r]:start[r + 1].
+    """
     rows = np.arange(len(position)) if rows is None else rows
     found = np.full((len(rows), values.shape[1], 2), np.nan)
     for first, last in _blocks(len(rows)):
@@ -53,7 +55,7 @@ def gradients_of(
 
 
 def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Green's strain (n, 3), xx, yy, xy, of gradients (n, 2, 2) of the displacement."""
+    """Green's strain (n, 3), xx, yy, xy, from displacement gradients (n, 2, 2)."""
     (a, b), (c, d) = gradient.transpose(1, 2, 0)
     return np.column_stack(
         [a + (a * a + c * c) / 2, d + (b * b + d * d) / 2, (b + c + a * b + c * d) / 2],
@@ -69,7 +71,7 @@ class Stiffness(NamedTuple):
 
 
 def hooke(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """Stress (n, 4), xx, yy, xy, zz, Pa, of strains (n, 3)."""
+    """Stress (n, 4), xx, yy, xy, zz, Pa, from strains (n, 3)."""
     modulus, nu, plane = elastic
     xx, yy, xy = strain.T
     if plane == "stress":
@@ -82,7 +84,7 @@ def hooke(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64
 
 
 def thinning(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """The strain (n,) across the plane, zz, that goes with strains (n, 3) in it."""
+    """The out-of-plane strain zz (n,) that accompanies in-plane strains (n, 3)."""
     nu = elastic.nu
     return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if elastic.plane == "stress" else 0.0)
 

@@ -1,4 +1,4 @@
-"""What hangs together."""
+"""Connected components of graphs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def connected(count: int, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The number of the part that each of `count` things is in, of which `source` (k,) and `target` (k,) are linked."""
+    """The component number (count,) of each vertex, from edges between `source` (k,) and `target` (k,)."""
     # Here, as importing SciPy takes a fifth of the whole solution of a small plate
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def tree_of(position: NDArray[np.float64]) -> cKDTree:
-    """The tree of nodes at `position` (n, 2)."""
+    """The k-d tree of nodes at `position` (n, d)."""
     # Here, as importing SciPy takes a fifth of the whole solution of a small plate, which may do without a tree
     from scipy.spatial import cKDTree
 

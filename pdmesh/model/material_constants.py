@@ -1,11 +1,11 @@
-"""What a solid of springs is like: its bonds' constants, its stiffness, its waves. In the plane per unit thickness.
+"""Constants of bond-based materials: micromodulus, critical stretch, stiffness, wave speeds. Plane: per unit thickness.
 
 A bond-based model has one Poisson's ratio, 1/3 in plane stress, 1/4 in plane strain and in space, and C12 = C66. The
-constants of the micromodulus match the strain energy of a classical solid of that ratio: plane stress is eq. 7 and 8 of
-the thesis (9E/pi h^3 and 36E/pi h^3); plane strain after W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007)
-1250-1258. The critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput.
-Struct. 83 (2005) 1526-1535. In space, where "plane" is "space", c is 12 E / pi horizon^4 and s_c^2 = 5 G0 / 6 E horizon
-(the same), and with a conical micromodulus 60 E / pi horizon^4 and G0 / E horizon.
+micromodulus matches the strain energy of a classical solid of that ratio. Plane stress is eq. 7 and 8 of the thesis
+(9E/pi h^3 and 36E/pi h^3); plane strain is after W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258.
+The critical stretch s_c in 2D is eq. 10 and 11 of the thesis, after S. A. Silling, E. Askari, Comput. Struct. 83 (2005)
+1526-1535. In space, where "plane" is "space", c is 12 E / pi horizon^4 and s_c^2 = 5 G0 / 6 E horizon (the same
+source); with a conical micromodulus they are 60 E / pi horizon^4 and G0 / E horizon.
 """
 
 from __future__ import annotations
@@ -37,8 +37,10 @@ SQUARED = {  # s_c^2 E horizon / G0, by plane and micromodulus
 
 
 def micromodulus(material: Material, length: NDArray[np.float64], horizon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """c(xi), N/m^5, in space N/m^6 (force per area or volume of both cells and unit stretch), for bonds of `length` <=
-    `horizon`, m."""
+    """c(xi), N/m^5 (in space N/m^6), for bonds of `length` <= `horizon`, m.
+
+    It is the force per unit stretch and per area, in space per volume, of both cells.
+    """
     c0 = STIFFNESS[material.plane, material.micromodulus] * material.E / horizon ** (dimension_of(material.plane) + 1)
     if material.micromodulus == "constant":
         return c0
@@ -46,7 +48,7 @@ def micromodulus(material: Material, length: NDArray[np.float64], horizon: NDArr
 
 
 def critical_stretch(material: Material, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """s_c at which a brittle bond of a family of this horizon (m) breaks, so that a crack costs G0."""
+    """Critical stretch s_c of a brittle bond in a family of this horizon (m), for a fracture energy G0."""
     factor = SQUARED[material.plane, material.micromodulus]
     return np.asarray(np.sqrt(factor * material.G0 / (material.E * horizon)))
 
@@ -57,17 +59,17 @@ def dimension_of(plane: str) -> int:
 
 
 def poisson(material: Material) -> float:
-    """The Poisson's ratio that a material's model has: its own, or that of bonds."""
+    """Poisson's ratio of a material's model: the given one, or that of bond-based models."""
     return BONDS_NU[material.plane] if material.model == "bond" or material.nu is None else material.nu
 
 
 def lame(E: float, nu: float) -> tuple[float, float]:
-    """Lamé's constants lambda and mu in space, and in plane strain, in the unit of E."""
+    """Lamé's constants lambda and mu, in the unit of E, in space and in plane strain."""
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
 def bulk_modulus(E: float, nu: float, space: str) -> float:
-    """Mean stress over dilatation: in "stress" and "strain" within the plane, or in "space"."""
+    """Bulk modulus, mean stress over dilatation: within the plane for "stress" and "strain", or in "space"."""
     if space == "stress":
         return E / (2 * (1 - nu))
     first, shear = lame(E, nu)
@@ -82,10 +84,10 @@ def pressure_speed(material: Material) -> float:
 
 
 def rayleigh_ratio(nu: float) -> float:
-    """Speed of Rayleigh waves over that of shear waves in plane strain, for the Poisson ratio `nu`.
+    """Rayleigh wave speed over shear wave speed in plane strain, for the Poisson's ratio `nu`.
 
-    The root below 1 of Rayleigh's equation, x = (c_R / c_s)^2 and k = (c_s / c_p)^2:
-    x^3 - 8 x^2 + (24 - 16 k) x - 16 (1 - k) = 0 (K. F. Graff, Wave Motion in Elastic Solids, 1975, 6.1).
+    The root below 1 of Rayleigh's equation, x = (c_R / c_s)^2 and k = (c_s / c_p)^2: x^3 - 8 x^2 + (24 - 16 k) x - 16
+    (1 - k) = 0 (K. F. Graff, Wave Motion in Elastic Solids, 1975, 6.1).
     """
     k = (1 - 2 * nu) / (2 * (1 - nu))
     roots = np.roots([1.0, -8.0, 24 - 16 * k, -16 * (1 - k)])
@@ -94,9 +96,9 @@ def rayleigh_ratio(nu: float) -> float:
 
 
 def rayleigh_speed(E: float, rho: float, plane: str, nu: float | None = None) -> float:
-    """Speed of Rayleigh waves, m/s, along the edge of a plate; E in Pa, rho in kg/m^3. `nu` is that of bonds if None.
+    """Rayleigh wave speed, m/s, along a plate's edge; E in Pa, rho in kg/m^3. `nu` defaults to that of bonds.
 
-    In plane stress the edge of a plate is that of plane strain with the Poisson ratio nu / (1 + nu).
+    The edge of a plate in plane stress behaves as in plane strain with the Poisson's ratio nu / (1 + nu).
     """
     nu = BONDS_NU[plane] if nu is None else nu
     shear = np.sqrt(E / (2 * (1 + nu)) / rho)

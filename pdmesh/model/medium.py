@@ -1,4 +1,4 @@
-"""What a substance diffuses through, the solid that may dissolve into it, and what is done to it."""
+"""The medium of diffusion, the solid that may dissolve in it, and the conditions on both."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vec
 
 
 class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The liquid, or any medium without one that dissolves.
+    """The liquid in which a solid may dissolve, or any medium of diffusion.
 
-    A solid of `C_solid` dissolves into liquid below `C_sat`. By ``enthalpy`` that is as fast as what is dissolved is
-    carried away; by ``kinetic`` its bonds to liquid have a stiffness of their own, `k_diss`.
+    A solid of `C_solid` dissolves into liquid below `C_sat`. With ``enthalpy``, the rate is that at which diffusion
+    carries dissolved material away. With ``kinetic``, bonds between solid and liquid have their own stiffness,
+    `k_diss`.
     """
 
     D: Positive  # diffusivity, m^2/s
@@ -27,7 +28,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
 
 def contradiction(medium: Medium) -> str | None:
-    """What is wrong with a solid that cannot be one: the key, what was found and what was expected."""
+    """The contradiction in a medium with a solid: key, found, expected; None if there is none."""
     C_solid, C_sat = medium.C_solid, medium.C_sat
     if (C_solid is None) != (C_sat is None):
         missing = "C_sat" if C_sat is None else "C_solid"
@@ -40,15 +41,15 @@ def contradiction(medium: Medium) -> str | None:
 
 
 class MediumRegion(Selection, frozen=True, kw_only=True):
-    """Nodes where another diffusivity holds than in the rest; of several with a node, the last one has it."""
+    """Nodes with another diffusivity; of several regions with a node, the last one counts."""
 
     D: Positive  # m^2/s
 
 
 class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_field="kind"):
-    """A concentration that is held, mol/m^3: at the nodes, or at an edge beside them.
+    """A prescribed concentration, mol/m^3, at the nodes or on an edge beside them.
 
-    `edge` has the way from each of `nodes` to the edge, m. These nodes are not held themselves.
+    `edge` holds the vector from each of `nodes` to the edge, m; with it, the nodes themselves are not prescribed.
     """
 
     value: Amount
@@ -56,10 +57,9 @@ class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_f
 
 
 class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
-    """What is supplied: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through an edge of this ``length``, m, or, of
-    a body, a ``surface``, m^2.
+    """A source: ``rate``, mol/(m^3 s), or ``flux``, mol/(m^2 s), through a ``length``, m, or a ``surface``, m^2.
 
-    A flux is shared by its nodes' cells, so that the total is flux times length.
+    A flux is distributed over its nodes' cells, so that the total is flux times length.
     """
 
     rate: float | None = None
@@ -69,7 +69,7 @@ class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
 
 
 class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
-    """A flux through an edge of this ``length`` (m), or a ``surface`` (m^2), as what is outside differs from inside.
+    """A flux through an edge (``length``, m) or a ``surface`` (m^2), proportional to a concentration difference.
 
     It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
     """

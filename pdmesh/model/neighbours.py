@@ -1,6 +1,6 @@
-"""Who is within reach of whom, any rows of a grid at a time.
+"""Neighbour search for any rows of a grid at a time.
 
-Nodes of a lattice find each other by their offsets in it, and are found by others in a window around them; nodes on no
+Nodes on a lattice find each other by lattice offsets, and other nodes find them in a window of the lattice. Nodes on no
 lattice are found by a tree.
 """
 
@@ -42,7 +42,7 @@ class Pairs(NamedTuple):
 
 @dataclass(frozen=True)
 class _Group:
-    """Nodes that are searched alike: those of a lattice, with a map of it, or any others, without."""
+    """Nodes that are searched in one way: those of a lattice, with its map, or others without a map."""
 
     rows: NDArray[np.int64]
     position: NDArray[np.float64]  # (k, d) m
@@ -61,7 +61,7 @@ class _Group:
 
     @cached_property
     def filled(self) -> NDArray[np.int64]:
-        """(..., rows + 1, columns + 1) How many nodes the map has below and to the left of a place."""
+        """(..., rows + 1, columns + 1) cumulative node counts of the map below and to the left of each place."""
         table = np.zeros(tuple(side + 1 for side in self.size[::-1]), dtype=np.int64)
         there = (self.map.reshape(self.size[::-1]) >= 0).astype(np.int64)
         for axis in range(len(self.size)):
@@ -70,7 +70,7 @@ class _Group:
         return table
 
     def inside(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """How many nodes (k,) the map has from the places `low` (k, d) to before the places `high`."""
+        """Number (k,) of nodes in the map from the places `low` (k, d) to before the places `high`."""
         total = np.zeros(len(low), dtype=np.int64)
         for ends in product((0, 1), repeat=len(self.size)):
             corner = tuple(np.where(end, high[:, axis], low[:, axis]) for axis, end in enumerate(ends))
@@ -79,12 +79,12 @@ class _Group:
 
 
 def chosen(pairs: Pairs, which: NDArray[np.bool_] | NDArray[np.int64]) -> Pairs:
-    """The pairs selected by a mask (b,) or by their numbers."""
+    """The pairs selected by a mask (b,) or by indices."""
     return Pairs(pairs.source[which], pairs.target[which], pairs.length[which])
 
 
 def row_chunks(nodes: int) -> Iterator[NDArray[np.int64]]:
-    """All rows of a grid of so many nodes, `ROWS` at a time."""
+    """All rows of a grid of `nodes` nodes, `ROWS` at a time."""
     return (np.arange(first, min(first + ROWS, nodes)) for first in range(0, nodes, ROWS))
 
 
@@ -94,9 +94,9 @@ def lengths(xi: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 class Neighbours:
-    """The neighbours of the nodes at `position` (n, d), with spacings `delta` (n,), within their `reach` (n,); in m.
+    """Neighbours of the nodes at `position` (n, d), with spacings `delta` (n,), within their `reach` (n,); in m.
 
-    With `mutual`, whoever is seen sees back: a pair is one if either end reaches the other.
+    With `mutual`, a pair counts if either end reaches the other.
     """
 
     def __init__(
@@ -115,11 +115,11 @@ class Neighbours:
             self._index[group.rows] = np.arange(len(group.rows))
 
     def maps(self) -> Iterator[NDArray[np.int32]]:
-        """Each lattice as a map (..., lines, columns) of the rows of its nodes, -1 where there is none."""
+        """Each lattice as a map (..., lines, columns) of its nodes' rows, -1 where there is none."""
         return (group.map.reshape(group.size[::-1]) for group in self._groups if len(group.map))
 
     def pairs(self, rows: NDArray[np.int64]) -> Pairs:
-        """The pairs of the nodes in `rows`, which increase."""
+        """The pairs of the nodes in `rows`, which must increase."""
         found = []
         for number, group in enumerate(self._groups):
             own = rows[self._group[rows] == number]
@@ -158,7 +158,8 @@ def _by_tree(own: NDArray[np.int64], position: NDArray[np.float64], other: _Grou
 
 
 def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
-    """Pairs at most about a `radius` apart, of any rows and those of a lattice, in the places around the rows'."""
+    """Pairs about `radius` apart at most, between any rows and those of a lattice, searched in windows around the
+    rows."""
     size, d = np.array(other.size), len(other.size)
     side = int(radius / other.spacing) + 1
     at = np.floor((position[own] - other.corner) / other.spacing).astype(np.int64)
@@ -220,7 +221,7 @@ def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: ND
 def _lattice(
     position: NDArray[np.float64], rows: NDArray[np.int64], place: NDArray[np.int64], spacing: float, reach: float
 ) -> _Group | None:
-    """The lattice of these nodes; None if it has too few, too far apart, or two at one place."""
+    """The lattice of these nodes; None if they are too few or too sparse, or if two coincide."""
     margin = int(reach / spacing * (1 + ROUND_OFF))
     low, high = place.min(axis=0) - margin, place.max(axis=0) + margin
     size = tuple(int(side) for side in high - low + 1)

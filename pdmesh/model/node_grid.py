@@ -1,4 +1,4 @@
-"""The nodes of a grid file as arrays."""
+"""Nodes of a grid file as arrays."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Grid:
     lattice: Lattice | None = None  # what the nodes are all of, where they are
 
     def __post_init__(self) -> None:
-        """Numbers of any kind become those of the types above; arrays that are of them stay."""
+        """Convert numbers to the types above; arrays of those types are kept."""
         for name in ("position", "delta", "cracks", "areas"):
             given = getattr(self, name)
             if given is not None:
@@ -65,7 +65,7 @@ class Grid:
 
     @property
     def cells(self) -> NDArray[np.float64]:
-        """What each node stands for (n,): m^2, of a body m^3; full cells where the file does not say."""
+        """Area (n,), m^2, or in a body volume, m^3, of each node; full cells if the file has none."""
         return self.delta**self.dimension if self.areas is None else self.areas
 
     @property
@@ -74,7 +74,7 @@ class Grid:
         return np.array(self.outline).reshape(-1, 3, 3)
 
     def _repr_svg_(self) -> str | None:
-        """What a notebook shows: the plate and its nodes; of a body in space nothing."""
+        """SVG for a notebook: the plate and its nodes; None for a body in space."""
         if self.dimension == 3:
             return None
         rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
@@ -82,7 +82,7 @@ class Grid:
 
 
 def grid_of(document: Document, name: str) -> Grid:
-    """The document's nodes as arrays. Raises GridError for what types alone cannot rule out."""
+    """The document's nodes as arrays. Raises GridError for what the types alone cannot exclude."""
     nodes = document.nodes
     if document.lattice is not None:
         return _grid_of_lattice(document, document.lattice, name)
@@ -118,7 +118,7 @@ def grid_of(document: Document, name: str) -> Grid:
 
 
 def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
-    """The grid of a document that holds a lattice in place of its nodes. Raises GridError."""
+    """The grid of a document that holds a lattice in place of nodes. Raises GridError."""
     if document.version != FORMAT_VERSION:
         raise GridError(f"{name}: $.lattice: found one in a body in space, expected none: nodes are listed there")
     if document.nodes or document.areas is not None:
@@ -141,13 +141,13 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
 
 
 def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Where columns or rows (k,) of a lattice are whose first is there; mirrored ones get mirrored bits. All in m."""
+    """Positions, m, of lattice columns or rows (k,), counted from `first`; mirrored ones are bitwise mirrored."""
     decimals = 9 - int(np.floor(np.log10(spacing)))
     return np.asarray(np.round(first + numbers * spacing, decimals) + 0.0)
 
 
 def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
-    """The nodes of a lattice; what is the same for all of them takes no memory."""
+    """Nodes of a lattice; constant arrays take no memory."""
     x, y = (
         places(first, lattice.spacing, np.arange(count))
         for first, count in zip(lattice.origin, (lattice.columns, lattice.rows), strict=True)
@@ -211,7 +211,7 @@ def _check_shapes(name: str, document: Document) -> None:
 
 
 def _check_dimensions(name: str, document: Document) -> None:
-    """Raises GridError for shapes of a body in a plate, and the other way round."""
+    """Raise GridError for shapes of a body in a plate, and vice versa."""
     space = document.version == SPACE_VERSION
     d, whole = (3, "a body in space") if space else (2, "a plate")
     for number, crack in enumerate(document.notch):
@@ -244,7 +244,7 @@ def _rings(rings: Sequence[Sequence[Vector]], dimension: int) -> tuple[NDArray[n
 
 
 def document_of(grid: Grid, settings: Settings) -> Document:
-    """The document that `grid` and `settings` are written as."""
+    """The document of a grid and its settings."""
     space = grid.dimension == 3
     cracks = grid.cracks.tolist()
     return Document(

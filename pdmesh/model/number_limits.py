@@ -1,4 +1,4 @@
-"""Numbers with which nothing can be computed, found wherever they are in what a file says."""
+"""Limits for numbers in files, beyond which nothing can be computed."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ LEAST = 1e-100  # products of a few smaller ones are 0
 
 
 def beyond(value: object, place: str, leave_out: Collection[str] = ()) -> str | None:
-    """Place and value of the first number inside that is too large or, but for 0, too small, and what was expected;
-    fields to leave out are those of the outermost struct."""
+    """Place and value of the first number out of range (0 is allowed), with what was expected; None without one.
+
+    `leave_out` names fields of the outermost struct that are not checked.
+    """
     if isinstance(value, float):
         if value == 0 or LEAST <= abs(value) <= MOST:
             return None

@@ -1,4 +1,4 @@
-"""What a frame of results holds of the nodes, and in which units: known here and nowhere else."""
+"""Fields of a result frame and their units: the only list of them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ CRACKED = 0.35  # damage above which a node belongs to a crack
 
 
 class Field(NamedTuple):
-    """A quantity of the nodes and the columns of numbers that it is stored as, one for each component."""
+    """A quantity at the nodes and its stored columns, one for each component."""
 
     unit: str  # SI; "1" for none
     columns: tuple[Column, ...]
 
     @property
     def symbol(self) -> str:
-        """The letter of a vector: u of ux and uy."""
+        """Symbol of a vector: u for ux and uy."""
         return self.columns[0][0]
 
 
@@ -52,10 +52,10 @@ UNITS: dict[str, str] = {  # in order
 
 
 def of_dimension(name: str, dimension: int) -> tuple[Column, ...]:
-    """The columns of the field called `name`, in the plane or in space."""
+    """Columns of the field called `name`, in 2 or 3 dimensions."""
     return (*FIELDS[name].columns, *(IN_SPACE.get(name, ()) if dimension == 3 else ()))
 
 
 def usual(dimension: int) -> tuple[Column, ...]:
-    """What a frame holds of every model, in the plane or in space."""
+    """Default fields of a frame, in 2 or 3 dimensions."""
     return USUAL if dimension == 2 else (*USUAL, *ALONG)

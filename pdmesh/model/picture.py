@@ -1,4 +1,4 @@
-"""A plate as a small SVG, for whoever shows an object as a picture, as notebooks do: no library is needed."""
+"""A plate as a small SVG, for notebooks; it needs no library."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Settings that no solver can do, said wherever a model is built, described or solved: one list of them all.
+"""Settings that no solver accepts, reported wherever a model is built, described or solved: the only list of them.
 
-It is of settings alone. What only nodes, shapes or a solver's options can tell is refused by who finds it.
+It covers settings alone. What depends on nodes, shapes or a solver's options is refused where it is found.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Impossible(NamedTuple):
 
 
 def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
-    """What of these settings cannot be done, in a plate (2) or a body in space (3); of diffusion nothing is known."""
+    """Settings that cannot be combined, in a plate (2) or a body in space (3), except those of diffusion."""
     if settings.physics != "mechanics" or settings.material is None:
         return
     every = [("$.material", settings.material)]
@@ -82,7 +82,7 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
 
 
 def refuse(settings: Settings, dimension: int, name: str) -> None:
-    """Raises GridError for settings of a file called `name` that cannot be done."""
+    """Raise GridError for impossible settings of the file called `name`."""
     for wrong in impossible(settings, dimension):
         raise GridError(f"{name}: {wrong}")
 
@@ -91,7 +91,7 @@ Places = list[tuple[str, Material]]
 
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
-    """What a material cannot be, or says to a model that it means nothing to."""
+    """Impossible values of a material, and values that its model does not use."""
     for name, expected in (*_unheard(material), *_impossible(material)):
         value = getattr(material, name)
         found = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
@@ -99,7 +99,7 @@ def of_material(material: Material, place: str) -> Iterator[Impossible]:
 
 
 def softens(material: Material) -> bool:
-    """Whether a material's bonds are of a law that is not brittle."""
+    """Whether a material's bonds soften, that is, its law is not brittle."""
     brittle = material.law == USUAL_LAW or (material.law == "bilinear" and material.kr == 1)
     return material.model == "bond" and not brittle
 
@@ -119,7 +119,7 @@ def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """What load steps do not follow."""
+    """Settings that load steps do not support."""
     run, why = settings.run, "as the solver is static"
     for name, found, usual in (("damping", f"{run.damping:g}", "0"), ("until", str(run.until), "None")):
         if found != usual:
@@ -141,7 +141,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 
 def _not_followed(material: Material, place: str, breaks: bool) -> Iterator[Impossible]:
-    """What of a material load steps do not follow, in which bonds break by themselves or not."""
+    """Settings of a material that load steps do not support; `breaks` tells whether bonds break by themselves."""
     if material.model == "micropolar":
         yield _rotates(place)
     if breaks and material.model != "bond" and material.failure != "none":
@@ -155,7 +155,7 @@ def _rotates(place: str) -> Impossible:
 
 
 def _from_rest(every: Places) -> Iterator[Impossible]:
-    """What cannot begin at rest: a run that goes on from there remembers nothing of it."""
+    """Settings that exclude a start at rest, as the run in time has no history of it."""
     for place, material in every:
         if material.model == "micropolar":
             yield _rotates(place)
@@ -166,7 +166,7 @@ def _from_rest(every: Places) -> Iterator[Impossible]:
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """What cells that split and fine zones that move do not take."""
+    """Settings that splitting cells and moving fine zones do not support."""
     run = settings.run
     why = f", as run.adapt is {run.adapt}"
     for place, found, expected in (
@@ -197,7 +197,7 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 
 def _alike(adapt: str, every: Places) -> Iterator[Impossible]:
-    """What of materials they do not take."""
+    """Materials that adaptive grids do not support."""
     first, why = every[0][1], f", as run.adapt is {adapt}"
     for place, material in every:
         alike = [("model", "bond")]
@@ -214,7 +214,7 @@ def _alike(adapt: str, every: Places) -> Iterator[Impossible]:
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """What cracks that are particles cannot be solved with, and rules that contradict."""
+    """Settings that cracks of particles do not support, and contradictory rules."""
     rules, words = settings.run.particles, "with cracks that are particles"
     if settings.run.adapt != "none":
         yield Impossible("$.run.adapt", settings.run.adapt, f"none {words}")
@@ -233,7 +233,7 @@ def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 
 def _unheard(material: Material) -> Iterator[tuple[str, str]]:
-    """Settings of a material that its model does not use: name, and what is expected instead."""
+    """Settings of a material that its model ignores: name, and what is expected instead."""
     model = material.model
     for name, models in ITS_OWN.items():
         if model not in models and getattr(material, name) != getattr(USUAL, name):

@@ -1,4 +1,4 @@
-"""Some of the nodes: by their ids, or in a box; and whether what conditions and regions say of them can be."""
+"""Selections of nodes, by ids or by a box, and checks of the conditions and regions on them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
 class Cloud(Protocol):
-    """Nodes where they are, as a grid has them and as results do."""
+    """Nodes with positions, as a grid and as results have them."""
 
     @property
     def ids(self) -> NDArray[np.int64]:
@@ -58,14 +58,14 @@ def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def in_box(cloud: Cloud, box: ArrayLike) -> NDArray[np.bool_]:
-    """Which nodes (n,) are in a box, its low corner and then its high one, m, or on its edge."""
+    """Mask (n,) of the nodes in a box or on its edge; a box is its low corner, then its high one, m."""
     low, high = np.reshape(np.asarray(box, dtype=float), (2, cloud.position.shape[1]))
     slack = SLACK * cloud.delta[:, None]
     return np.asarray(((cloud.position >= low - slack) & (cloud.position <= high + slack)).all(axis=1))
 
 
 def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
-    """Which nodes (n,) a condition or a region means: those of its ids or, where it has none, those in its box."""
+    """Mask (n,) of the nodes of a condition or region: those with its ids or, without ids, those in its box."""
     if ids is not None:
         return np.isin(cloud.ids, np.array(ids, dtype=np.int64))
     assert box is not None
@@ -73,7 +73,7 @@ def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> 
 
 
 def check(settings: Settings, cloud: Cloud, name: str) -> None:
-    """Raises GridError for a condition or a region, of the file called `name`, that means no node or nothing."""
+    """Raise GridError for a condition or region, of the file called `name`, without nodes or without effect."""
     for number, condition in enumerate(settings.conditions):
         place = f"{name}: $.conditions[{number}]"
         _check_selection(condition, cloud, place)
@@ -121,7 +121,7 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
 
 
 def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:
-    """Raises GridError for components of a body in a plate, and for vectors of a plate in a body."""
+    """Raise GridError for components of a body in a plate, and for vectors of a plate in a body."""
     if isinstance(condition, Load):
         for key in ("body_force", "traction"):
             vector = getattr(condition, key)

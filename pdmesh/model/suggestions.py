@@ -1,4 +1,4 @@
-"""What may stand where a file or an option says something unknown."""
+"""Suggestions for unknown words in files and options."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ STEP = re.compile(r"\.\w+|\[[^\]]*\]")
 
 
 def called(name: str | None, number: int, what: str = "condition") -> str:
-    """The name of a condition or another part of a file, or, where it has none, its number there, from 0."""
+    """The name of a condition or another part of a file or, if it has none, its number, from 0."""
     return name or f"{what} {number}"
 
 
 def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
-    """The message of an error in what was read as a `kind`; one of an unknown word ends with those that are known.
+    """The message of an error in parsing a `kind`; for an unknown word, it ends with the known ones.
 
-    A word that has a fixed set of values is followed by all of them, the name of a field by the nearest one; a value
-    that is another than expected by itself, as `given` has it.
+    After a word with a fixed set of values come all of them, after a field's name the most similar one. A value of the
+    wrong type is quoted from `given`.
     """
     unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if unfit is not None and "[...]" not in unfit[1]:
@@ -58,7 +58,7 @@ def _at(given: Any, path: str) -> Any:
 
 
 def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
-    """The types of what a step of a path, `.name` or `[index]`, leads to."""
+    """Types that a step of a path, `.name` or `[index]`, leads to."""
     for one in _plain(outer):
         if step.startswith("."):
             yield from (field.type for field in getattr(one, "fields", ()) if field.encode_name == step[1:])
@@ -70,7 +70,7 @@ def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
 
 
 def _plain(outer: inspection.Type) -> Iterator[inspection.Type]:
-    """The types of a union, one by one."""
+    """The members of a union type."""
     if isinstance(outer, inspection.Metadata):
         yield from _plain(outer.type)
     elif isinstance(outer, inspection.UnionType):

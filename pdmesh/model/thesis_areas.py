@@ -1,4 +1,4 @@
-"""The area a node stands for by the thesis's equation 19."""
+"""Areas of nodes by the thesis's equation 19."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def thesis_areas(
 ) -> NDArray[np.float64]:
     """Areas (n,), m^2, by eq. 19 of the thesis: (d_top + d_bottom)/2 * (d_left + d_right)/2.
 
-    The four deltas (m) are those of the nearest node of each side, among the nodes that `position` (n, 2) sees
-    within its `horizon` (n,), and the node's own delta where that side is empty. A side is the quadrant around
-    its axis, its diagonals included; so an interface whose gap is one fine delta is counted a tenth short.
+    The four deltas (m) are those of the nearest node on each side, among the nodes within the `horizon` (n,) of each
+    `position` (n, 2), or the node's own delta if that side is empty. A side is the quadrant around its axis, including
+    its diagonals. At an interface with a gap of one fine delta, the area is therefore a tenth too small.
     """
     if len(position) < 2:
         return delta**2

@@ -1,4 +1,4 @@
-"""Some of a grid's nodes, and what is done to them in time; the words that grid files are made of."""
+"""Selections of nodes with a time profile: the base structs of grid files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # 
 
 
 class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """Some of a grid's nodes: those listed by id, or those inside a box."""
+    """Some of a grid's nodes, listed by id or inside a box."""
 
     name: str = ""
     nodes: tuple[Id, ...] | None = None
@@ -25,10 +25,10 @@ class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
 
 class Timed(Selection, frozen=True, kw_only=True):
-    """Something done to nodes. Its values are multiplied by a factor that follows time.
+    """A condition on nodes whose values are multiplied by a factor in time.
 
-    `profile` holds points (time in s, factor): linear between them, constant before the first and after the
-    last; none at all means 1 for ever.
+    `profile` holds points (time in s, factor): linear between them, constant before the first and after the last; an
+    empty profile is the constant 1.
     """
 
     profile: tuple[Point, ...] = ()

@@ -1,14 +1,14 @@
 """Exact fields around the tip of a straight crack with free faces, from two complex functions.
 
-z = x + i y begins at the tip, the crack is the negative real axis. With Phi and Psi of N. I. Muskhelishvili (Some
-Basic Problems of the Mathematical Theory of Elasticity, 1953, section 32),
+z = x + i y begins at the tip; the crack is the negative real axis. With Phi and Psi of N. I. Muskhelishvili (Some Basic
+Problems of the Mathematical Theory of Elasticity, 1953, section 32),
 
     sxx + syy            = 4 Re Phi
     syy - sxx + 2 i sxy  = 2 (conj(z) Phi' + Psi)
     2 G d(u + i v)/dx    = kappa Phi - conj(Phi) - z conj(Phi') - conj(Psi)
 
 Symbols: G shear modulus, Pa; kappa (3 - nu) / (1 + nu) in plane stress and 3 - 4 nu in plane strain; K1, K2 stress
-intensities, Pa m^0.5; T the stress along the crack that goes with them, Pa.
+intensities, Pa m^0.5; T the T-stress along the crack, Pa.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Elastic(NamedTuple):
 
 
 class TipField(NamedTuple):
-    """A state at n places, along and across the crack."""
+    """Stress and displacement gradient at n places, along and across the crack."""
 
     stress: NDArray[np.float64]  # (n, 3) Pa: xx, yy, xy
     slope: NDArray[np.float64]  # (n, 2) du/dx and dv/dx
@@ -59,8 +59,10 @@ def intensities(z: Complex, plate: Elastic, K1: float, K2: float) -> TipField:
 
 
 def pushed(z: Complex, plate: Elastic, force: float) -> TipField:
-    """The field of a force (N/m) at the tip along the crack: srr = -force cos(angle) / (pi r), nothing else
-    (A. P. Kfouri, Int. J. Fract. 30 (1986) 301-315)."""
+    """The field of a force (N/m) at the tip along the crack: srr = -force cos(angle) / (pi r), other stresses 0.
+
+    A. P. Kfouri, Int. J. Fract. 30 (1986) 301-315.
+    """
     phi = -force / (4 * np.pi * z)
     return _field(z, plate, phi, -phi / z, -phi)
 
@@ -72,7 +74,7 @@ def _field(
     derived: Complex,
     psi: Complex,
 ) -> TipField:
-    """The state of Phi, its derivative and Psi at z (n,)."""
+    """The field at z (n,) of Phi, its derivative and Psi."""
     total, rest = 4 * phi.real, 2 * (z.conj() * derived + psi)
     slope = (plate.kappa * phi - phi.conj() - z * derived.conj() - psi.conj()) / (2 * plate.shear)
     stress = np.column_stack([(total - rest.real) / 2, (total + rest.real) / 2, rest.imag / 2])

@@ -1,4 +1,4 @@
-"""Triangles in space: which segments meet them, and which of a surface's a segment inside can meet at all."""
+"""Triangulated surfaces in space: volume, closure, and intersection of segments with triangles."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ FEW = 64  # triangles that are looked at one by one, small or not
 
 
 def volume(triangles: NDArray[np.float64]) -> float:
-    """What a closed surface of triangles (t, 3, 3), m, encloses, m^3; parts within others are voids, or bodies in them.
+    """Volume, m^3, enclosed by a closed surface of triangles (t, 3, 3), m; nested parts are voids, or bodies in them.
 
-    Triangles may turn either way.
+    Triangles may have either orientation.
     """
     corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     number = number.reshape(-1, 3)
@@ -38,9 +38,10 @@ def volume(triangles: NDArray[np.float64]) -> float:
 
 
 def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which triangles, of corners (t, 3), turn another way than the first of those they hang together with by edges.
+    """Mask of triangles, corners (t, 3), oriented opposite to the first of their edge-connected part.
 
-    Two that share an edge turn one way if they run along it in opposite directions; edges of more than two say nothing.
+    Two triangles with a common edge agree if they run along it in opposite directions. Edges of more than two triangles
+    are ignored.
     """
     count = len(number)
     ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -56,8 +57,10 @@ def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:
-    """Whether a closed surface does a place (3,): by the solid angle (A. van Oosterom, J. Strackee, IEEE Trans. Biomed.
-    Eng. 30 (1983) 125-126)."""
+    """Whether a closed surface encloses a place (3,), by its solid angle.
+
+    A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
+    """
     way = triangles - place
     far = np.sqrt((way**2).sum(axis=2))
     a, b, c = way.transpose(1, 0, 2)
@@ -67,7 +70,8 @@ def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> boo
 
 
 def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """A place (3,) at which a surface of triangles (t, 3, 3) is open: an edge that is not of two; None: none."""
+    """A place (3,) at which a surface of triangles (t, 3, 3) is open, on an edge that is not of two triangles; else
+    None."""
     corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     a, b, c = number.reshape(-1, 3).T
     edges = np.sort(np.concatenate([np.stack(pair, axis=1) for pair in ((a, b), (b, c), (c, a))]), axis=1)
@@ -78,7 +82,7 @@ def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 
 def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The triangles (t, 3, 3) of a surface without those on its convex hull: no segment inside meets these."""
+    """Triangles (t, 3, 3) of a surface that are not on its convex hull; no segment inside meets the others."""
     if not len(triangles):
         return triangles
     from scipy.spatial import ConvexHull, QhullError  # here, as a plate needs none
@@ -101,10 +105,10 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Screen:
-    """Triangles (t, 3, 3) between nodes at `position` (n, 3) with spacings `delta` (n,), m.
+    """Intersection tests of segments between nodes with triangles (t, 3, 3).
 
-    Large ones are looked at one by one; of small ones a segment is asked about those near its middle, and only one that
-    is longer than its ends are away from all of them, taken together.
+    Nodes are at `position` (n, 3) with spacings `delta` (n,), m. Large triangles are tested one by one. Small ones are
+    tested near a segment's middle, and only for segments longer than the distance of their ends from all of them.
     """
 
     def __init__(
@@ -126,7 +130,7 @@ class Screen:
             self._away = np.maximum(self._tree.query(position)[0] - self._reach, 0.0)  # at least
 
     def met(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) of nodes have a segment that meets one of the triangles.
+        """Mask (b,) of pairs of nodes whose segment meets one of the triangles.
 
         Edges and corners belong to a triangle. (i, j) and (j, i) give the same answer.
         """
@@ -138,7 +142,7 @@ class Screen:
         return found
 
     def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where segments (k, 3) begin and end: at the first row of both, so that both ways are one."""
+        """Ends of segments (k, 3), in the order of rows, so that both directions give the same answer."""
         i, j = pairs.source[which], pairs.target[which]
         return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
 
@@ -175,19 +179,18 @@ class Screen:
 
 
 def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(t, 3) twice as long as the triangles are large, m^2."""
+    """Normals (t, 3) of triangles; their length is twice the area, m^2."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
 def meets(
     p: NDArray[np.float64], q: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which segments from p to q (k, 3) meet their triangle, of (k, 3, 3), or all the same one, of (1, 3, 3), with
-    `normals`.
+    """Mask (k,) of segments from p to q (k, 3) that meet their triangle, (k, 3, 3), or one common triangle, (1, 3, 3).
 
-    Edges and corners belong to a triangle, ends to a segment, and all that is within `EDGE` of the triangle's size.
-    A segment in the plane of a triangle meets it where an end or its middle is on it, and not otherwise. (q, p) and
-    (p, q) give the same, and so do mirror images.
+    `normal` are the `normals`. Edges and corners belong to a triangle, ends to a segment, and so does anything within
+    `EDGE` of the triangle's size. A segment in the plane of a triangle meets it only if an end or its middle is on it.
+    (q, p), (p, q) and mirror images give the same answer.
     """
     size = (normal**2).sum(axis=1) ** 0.75
     above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
@@ -209,7 +212,7 @@ def meets(
 
 
 def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points x (k, 3) of the planes of triangles, as in `meets`, are in them."""
+    """Mask (k,) of points x (k, 3), in the planes of triangles, that lie in them; arguments are those of `meets`."""
     inside, least = np.ones(len(x), dtype=bool), -EDGE * (normal**2).sum(axis=1)
     for corner in range(3):
         a, b = triangles[:, corner], triangles[:, (corner + 1) % 3]
@@ -218,7 +221,7 @@ def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDAr
 
 
 def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-    """How far (n,) points (n, 3) are from the nearest of some triangles (t, 3, 3); infinite beyond a `reach`. In m."""
+    """Distances (n,) of points (n, 3) from the nearest of triangles (t, 3, 3), m; infinite beyond `reach`."""
     found = np.full(len(points), np.inf)
     low, high = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach
     for t in range(len(triangles)):
@@ -230,7 +233,7 @@ def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach
 
 
 def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (k,) of points (k, 3) from a triangle."""
+    """Distances (k,) of points (k, 3) from a triangle, m."""
     normal = normals(triangle[None])[0]
     squared = float((normal**2).sum())
     found = np.full(len(x), np.inf)

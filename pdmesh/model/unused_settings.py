@@ -1,6 +1,6 @@
-"""Settings that a run does not use, said where a model is built and where it is solved: one table of them all.
+"""Settings that a run does not use, reported where a model is built and where it is solved: the only list of them.
 
-What asks for something that cannot be had is refused by who would do it; here are the details of what is not done.
+A setting that asks for something impossible is refused elsewhere; those here only have no effect.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pdmesh.model.document import Material, Medium, Settings
 
 
 class Used(NamedTuple):
-    """Settings, and the switches of which one must be so that they are used."""
+    """Settings, and the switch values under one of which they are used."""
 
     names: tuple[str, ...]  # dotted; of a struct for all that is in it
     switches: tuple[tuple[str, str | None], ...]  # dotted name and value
@@ -61,7 +61,7 @@ TABLE = (
 
 
 def unused(settings: Settings) -> Iterator[Unused]:
-    """What a run of these settings does not use, whether it is said or not; names may be of structs."""
+    """Settings that a run does not use, whether or not they were given; names may be those of structs."""
     for row in TABLE:
         first, _ = row.switches[0]
         found = value_of(settings, first)
@@ -75,7 +75,7 @@ def unused(settings: Settings) -> Iterator[Unused]:
 
 
 def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
-    """What to say of the first of these dotted names that was given to a run which does not use it."""
+    """Message about the first of these dotted names that was given but is not used; None if all are used."""
     rows = list(unused(settings))
     for name in names:
         for one in rows:
@@ -85,7 +85,7 @@ def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
 
 
 def remarks(settings: Settings) -> list[str]:
-    """What is said all the same, a line for each reason; what is as it is left out is not said."""
+    """Remarks on given settings without effect, one line for each reason; settings at their default are left out."""
     lines = list(_said(settings, "$"))
     for number, region in enumerate(settings.regions):
         own = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
@@ -94,7 +94,7 @@ def remarks(settings: Settings) -> list[str]:
 
 
 def _said(settings: Settings, place: str) -> Iterator[str]:
-    """What there is to say of settings that are not used and not left out, each named once."""
+    """Messages about given settings that are not used, each named once."""
     known: set[str] = set()
     for each in unused(settings):
         names = [leaf for name in each.names for leaf in _leaves(name) if leaf not in known]
@@ -111,7 +111,7 @@ USUAL = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0)
 
 
 def value_of(settings: Settings, name: str) -> Any:
-    """The setting of this dotted name; None where what it would be of is not there."""
+    """The setting of this dotted name; None if its struct is absent."""
     value: Any = settings
     for part in name.split("."):
         value = None if value is None else getattr(value, part)
@@ -119,7 +119,7 @@ def value_of(settings: Settings, name: str) -> Any:
 
 
 def _leaves(name: str) -> Iterator[str]:
-    """The settings that a name stands for: itself, or all in a struct."""
+    """The settings that a name stands for: itself, or all in its struct."""
     value = value_of(USUAL, name)
     if isinstance(value, msgspec.Struct):
         for part in value.__struct_fields__:

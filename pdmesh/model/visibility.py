@@ -1,9 +1,9 @@
-"""Who sees whom: pairs of nodes, less those that a pre-crack, a hole or the outline parts.
+"""Visibility: pairs of nodes without those separated by a pre-crack, a hole or the outline.
 
-A pair that a crack parts may count as far apart as the way round its tips is (D. Organ, M. Fleming, T. Terry, T.
-Belytschko, Comput. Mech. 18 (1996) 225-235): what one has of the other is then continuous around a tip.
+A pair separated by a crack may count as far apart as the path round its tips (D. Organ, M. Fleming, T. Terry, T.
+Belytschko, Comput. Mech. 18 (1996) 225-235). The influence between nodes is then continuous around a tip.
 
-shapely is imported where there is one of them: a bare list of nodes is solved without.
+shapely is imported only if there are obstacles, so that a bare list of nodes is solved without it.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ class Obstacles(Protocol):
 
     @property
     def clear(self) -> bool:
-        """Whether it is known that nothing does."""
+        """Whether it is known that nothing separates any pair."""
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) see each other without leaving the plate or the body."""
+        """Mask (b,) of pairs whose segment stays in the plate or the body."""
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) a pre-crack separates."""
+        """Mask (b,) of pairs that a pre-crack separates."""
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
-        """The distance (b,) of the nodes of each pair, m, as they influence each other; see `Sight.apart`."""
+        """Distances (b,), m, that determine the influence of pairs on each other; see `Sight.apart`."""
 
 
 def sight_of(grid: Grid, name: str = "grid") -> Obstacles:
-    """What stands between the nodes of the grid called `name`. Raises GridError as `plate_of` does."""
+    """The obstacles of the grid called `name`. Raises GridError for an invalid outline."""
     return Sight(grid, name) if grid.dimension == 2 else SightInSpace(grid)
 
 
 class SightInSpace:
-    """What stands between the nodes of a body: its surface where it is not convex, and the triangles of its cracks."""
+    """Obstacles between the nodes of a body: its surface if it is not convex, and the triangles of its cracks."""
 
     def __init__(self, grid: Grid) -> None:
         self._position, self._delta, self._faces = grid.position, grid.delta, grid.faces
@@ -66,22 +66,22 @@ class SightInSpace:
 
     @property
     def clear(self) -> bool:
-        """Whether it is known that nothing does: the body is convex, without a crack."""
+        """Whether nothing separates any pair: the body is convex and has no crack."""
         return self._convex and not len(self._triangles)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) see each other without touching the surface."""
+        """Mask (b,) of pairs whose segment does not touch the surface."""
         return ~self._surface.met(pairs)
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) a pre-crack separates; touching its edge counts."""
+        """Mask (b,) of pairs that a pre-crack separates; touching its edge counts."""
         return self._cracks.met(pairs)
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
-        """The distance (b,) of the nodes of each pair, m, as they influence each other: straight, or twice `farthest`
-        across a crack.
+        """Distances (b,), m, that determine the influence of pairs: straight, or twice `farthest` across a crack.
 
-        With a `gamma` it is ((s1 + s2) / s0)^gamma s0 if that is less, s1 + s2 the shortest way round the crack's edge.
+        With a `gamma` it is ((s1 + s2) / s0)^gamma s0 if that is less, where s0 is the straight distance and s1 + s2
+        the shortest path round the crack's edge.
         """
         cut = self.cut(pairs)
         found = np.where(cut, 2 * farthest, pairs.length)
@@ -99,7 +99,7 @@ class SightInSpace:
 
 
 class Sight:
-    """What stands between the nodes of a plate, the grid called `name`. Raises GridError as `plate_of` does."""
+    """Obstacles between the nodes of the plate called `name`. Raises GridError for an invalid outline."""
 
     def __init__(self, grid: Grid, name: str = "grid") -> None:
         self._grid = grid
@@ -112,7 +112,7 @@ class Sight:
 
     @property
     def clear(self) -> bool:
-        """Whether it is known that nothing does: the plate is convex, without a crack."""
+        """Whether nothing separates any pair: the plate is convex and has no crack."""
         void, grid = self._void, self._grid
         nothing = not (grid.border.any() or (grid.hole_id >= 0).any()) if void is None else bool(void.is_empty)
         return nothing and self._cracks is None
@@ -122,29 +122,29 @@ class Sight:
         return tree_of(self._grid.position)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) see each other without leaving the outline or meeting a hole.
+        """Mask (b,) of pairs whose segment neither leaves the outline nor meets a hole.
 
-        Without an outline the nodes say where the plate is: a bond of a node marked as border or as near a hole must
-        not pass through a place that no node's cell covers.
+        Without an outline, the nodes define the plate: a bond of a node marked as border or as near a hole must not
+        pass through a place that no node's cell covers.
         """
         return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
 
     def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which pairs (b,) the segments (k, 4) of a crack separate; segments are lengthened by a slack at both ends."""
+        """Mask (b,) of pairs that the segments (k, 4) of a crack separate; segments are extended by a slack at both
+        ends."""
         if not len(segments):
             return np.zeros(len(pairs.source), dtype=bool)
         return self._meet(pairs, _lengthened(segments.reshape(-1, 2, 2), SLACK * float(self._grid.delta.min())))
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Which pairs (b,) a pre-crack separates; touching its tip counts, and does not depend on round-off."""
+        """Mask (b,) of pairs that a pre-crack separates; touching its tip counts, independently of round-off."""
         return np.zeros(len(pairs.source), dtype=bool) if self._cracks is None else self._meet(pairs, self._cracks)
 
     def apart(self, pairs: Pairs, gamma: float | None, farthest: float) -> NDArray[np.float64]:
-        """How far apart pairs (b,) are for the influence they have on each other, m: straight, or, where a pre-crack
-        parts them, twice as far as any influence reaches, `farthest`, m.
+        """Distances (b,), m, that determine the influence of pairs: straight, or twice `farthest` across a crack.
 
-        With a `gamma` those are ((s1 + s2) / s0)^gamma s0 apart, s0 straight and s1 + s2 on the shortest way round, if
-        that is less. (i, j) and (j, i) give the same.
+        With a `gamma`, the distance across a crack is ((s1 + s2) / s0)^gamma s0 if that is less, where s0 is the
+        straight distance and s1 + s2 the shortest path round the tips. (i, j) and (j, i) give the same.
         """
         cut = self.cut(pairs)
         found = np.where(cut, 2 * farthest, pairs.length)
@@ -163,8 +163,10 @@ class Sight:
         return found
 
     def _inside_the_plate(self, places: NDArray[np.float64], headings: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether cracks end or bend at places (v, 2) inside the plate; without an outline, one that ends within three
-        quarters of a spacing of the last nodes ends on the edge."""
+        """Mask (v,) of places (v, 2) inside the plate, at which cracks end or bend.
+
+        Without an outline, a crack that ends within three quarters of a spacing of the last nodes ends on the edge.
+        """
         import shapely
 
         plate, smallest = plate_of(self._grid), float(self._grid.delta.min())
@@ -175,7 +177,7 @@ class Sight:
         return np.asarray(distance <= COVERED * self._grid.delta[near])
 
     def _meet(self, pairs: Pairs, obstacle: shapely.Geometry) -> NDArray[np.bool_]:
-        """Which pairs (b,) have a segment that meets the obstacle; (i, j) and (j, i) give the same answer."""
+        """Mask (b,) of pairs whose segment meets the obstacle; (i, j) and (j, i) give the same answer."""
         import shapely
 
         met = np.zeros(len(pairs.source), dtype=bool)
@@ -205,12 +207,12 @@ class Sight:
 
 
 def cracks_of(grid: Grid) -> shapely.Geometry:
-    """The pre-cracks of a grid as lines, a little longer, so that they cross the edges they end on."""
+    """Pre-cracks of a grid as lines, slightly extended so that they cross the edges they end on."""
     return _lengthened(grid.cracks.reshape(-1, 2, 2), SLACK * float(grid.delta.min()))
 
 
 def _lengthened(segments: NDArray[np.float64], by: float) -> shapely.Geometry:
-    """The segments (k, 2, 2) as lines, longer at both ends, m."""
+    """Segments (k, 2, 2) as lines, extended by `by` m at both ends."""
     import shapely
 
     way = np.diff(segments, axis=1)
@@ -244,7 +246,8 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
 
 
 def _void_around(plate: shapely.Geometry | None, grid: Grid) -> shapely.Geometry | None:
-    """What is not plate, as far as bonds get; empty where none can get there, None for a plate that is not drawn."""
+    """The region outside the plate within reach of bonds; empty if no bond gets there, None for a plate without
+    outline."""
     if plate is None:
         return None
     import shapely

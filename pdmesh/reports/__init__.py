@@ -1,1 +1,1 @@
-"""What is said of a model or a scene: what it holds, looks like, will cost and is worth."""
+"""Reports on a model or a scene: contents, pictures, cost and accuracy."""

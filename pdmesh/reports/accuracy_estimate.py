@@ -1,10 +1,10 @@
-"""Which spacing, zones and step a scene needs for an error: from the measured errors of three other problems.
+"""Proposes spacing, zones and time step for a required error, from the measured errors of three other problems.
 
-`accuracy.json` holds displacement errors of a plate with a hole, Kalthoff and Winkler's experiment and the Duran
-plate, on two scales, against spacing over the size of the smallest feature; `python -m benchmarks.planning` measures
-them, and how far what is promised here held on scenes that were not used. The promise is the worst of the three.
-For scenes with cracks it has errors of a fine zone that moves too, of Kalthoff and Winkler's steel and the Duran plate;
-what promises the error for the fewest bond updates is proposed.
+`accuracy.json` holds displacement errors against spacing over the size of the smallest feature. The problems are a
+plate with a hole, Kalthoff and Winkler's experiment and the Duran plate, each on two scales. `python -m
+benchmarks.planning` measures them, and how well the promises hold for scenes that were not used. The promised error is
+the largest of the three. For scenes with cracks it also has errors of a moving fine zone, for Kalthoff and Winkler's
+steel and the Duran plate. The proposal is the one with the fewest bond updates.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ FOLDERS = {
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scene changed so that its error should stay within a share of its displacements."""
+    """A scene changed so that its error should stay within a given share of its displacements."""
 
     within: float
     feature: float  # m, size of the smallest feature
@@ -72,13 +72,13 @@ class Proposal:
 
 
 class Curve(NamedTuple):
-    """The error of one problem against the spacing; beyond the measured range it falls in proportion to the spacing."""
+    """Error of one problem against spacing; beyond the measured range, the error is proportional to the spacing."""
 
     spacing: NDArray[np.float64]  # (k,) over the feature's size, increasing
     error: NDArray[np.float64]  # (k,) the worst up to there
 
     def share(self, within: float) -> float | None:
-        """The largest spacing within an error; None if that is too far below what was measured."""
+        """The largest spacing within an error; None if the error is too far below the measured range."""
         if within < self.error[0]:
             return None if within * EXTRAPOLATED < self.error[0] else float(self.spacing[0] * within / self.error[0])
         return float(np.exp(np.interp(np.log(within), np.log(self.error), np.log(self.spacing))))
@@ -92,7 +92,7 @@ class Curve(NamedTuple):
 
 @lru_cache
 def measured(adapt: str = "none") -> dict[float, list[Curve]]:
-    """The curves of each horizon ratio, of two scales or of a fine zone that moves."""
+    """Curves for each horizon ratio, on two scales or with a moving fine zone."""
     text = resources.files("pdmesh.reports").joinpath("accuracy.json").read_text(encoding="utf-8")
     points: list[dict[str, Any]] = [
         point for point in json.loads(text)["points"] if point.get("adapt", "none") == adapt
@@ -106,9 +106,9 @@ def measured(adapt: str = "none") -> dict[float, list[Curve]]:
 
 
 def proposal(scene: Scene, within: float) -> Proposal:
-    """The cheapest changed scene whose promised error is `within` a share of its displacements.
+    """The cheapest changed scene with a promised error of `within`, a share of its displacements.
 
-    Raises SceneError if none is promised that, or the scene has no material.
+    Raises SceneError if no grid promises that, or if the scene has no material.
     """
     if scene.material is None:
         raise SceneError("material: found none, expected E, rho and G0 for a proposal")
@@ -140,7 +140,7 @@ def proposal(scene: Scene, within: float) -> Proposal:
 
 
 def _may_move(scene: Scene) -> bool:
-    """Whether a scene has cracks for a fine zone to go with, and nothing that the solver refuses there."""
+    """Whether a scene has cracks for a moving fine zone, and no setting that the solver refuses with one."""
     held = any(isinstance(one.action, Acceleration | Absorb) for one in scene.conditions)
     run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
     plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
@@ -148,8 +148,10 @@ def _may_move(scene: Scene) -> bool:
 
 
 def _knock(scene: Scene) -> float:
-    """The largest strain that a velocity given at once sends into the plate, over the critical stretch of constant
-    bonds in plane stress (Ha and Bobaru, Int. J. Fracture 162 (2010) 229-244)."""
+    """The largest strain of a suddenly prescribed velocity, over the critical stretch.
+
+    For constant bonds in plane stress (Ha and Bobaru, Int. J. Fracture 162 (2010) 229-244).
+    """
     assert scene.material is not None
     E, rho, G0 = scene.material.E, scene.material.rho, scene.material.G0
     critical = np.sqrt(4 * np.pi * G0 / (9 * E * scene.horizon * scene.finest))
@@ -160,8 +162,7 @@ def _knock(scene: Scene) -> float:
 
 
 def updates(scene: Scene) -> float:
-    """About how many bond updates a scene takes; a fine zone that moves, once cracks have run as far as the plate is
-    long."""
+    """Estimated number of bond updates of a scene; for a moving fine zone, with cracks as long as the plate."""
     h, area, family = scene.finest, scene.shape.area, np.pi * scene.horizon**2
     if scene.run.adapt == "hybrid":
         low_x, low_y, high_x, high_y = scene.shape.bounds
@@ -188,13 +189,16 @@ def _ends_inside(line: shapely.LineString, scene: Scene) -> list[shapely.Point]:
 
 
 def because(within: float, size: float, named: str) -> str:
-    """What asked for a spacing, to begin a message about it: the error and the feature."""
+    """Beginning of a message about a spacing: the required error and the feature that determines it."""
     return f"--within {within:g}, for {size:.3g} m, {named}: "
 
 
 def feature(scene: Scene) -> tuple[float, str]:
-    """The size of the smallest feature, m, and what it is: a hole's or notch's radius (of a disc of its area), a
-    pre-crack's length, what is left between them or to the edge, half of the plate's smaller side."""
+    """Size of the smallest feature, m, and its name.
+
+    Features are the radius of a hole or notch (of a disc of equal area), the length of a pre-crack, the ligaments
+    between them and to the edge, and half of the plate's smaller side.
+    """
     low_x, low_y, high_x, high_y = scene.shape.bounds
     sizes = [(min(high_x - low_x, high_y - low_y) / 2, "half of the smaller side")]
     edge, scale = scene.whole.boundary, 1e-6 * max(high_x - low_x, high_y - low_y)
@@ -219,7 +223,8 @@ def feature(scene: Scene) -> tuple[float, str]:
 
 
 def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> float | None:
-    """How far a shape inside is from the edge, or, where a line begins there, its other end; None if it has none."""
+    """Distance, m, of an interior shape from the edge, or of a line's other end if it begins there; None without
+    any."""
     if shape.distance(edge) > scale:
         return float(shape.distance(edge))
     if shape.geom_type != "LineString":
@@ -229,8 +234,10 @@ def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> f
 
 
 def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> Scene:
-    """The scene with this finest spacing (m) and horizon ratio: drawn zones scaled, or zones put around features, which
-    a fine zone that moves needs none of; the same rows' width and the same time."""
+    """The scene with this finest spacing (m) and horizon ratio, equal width of rows and equal duration.
+
+    Drawn zones are scaled, or zones are put around features; a moving fine zone needs none.
+    """
     factor = finest / scene.finest
     if scene.zones or scene.refinements:
         zones = tuple(replace(zone, spacing=factor * zone.spacing) for zone in scene.zones)
@@ -278,7 +285,7 @@ def _rounded_down(value: float) -> float:
 
 
 def lines(found: Proposal) -> list[str]:
-    """A proposal for a reader, and how to ask for it."""
+    """A proposal in words, with the options that request it."""
     scene = found.scene
     said = [
         f"within {found.within:.3g}: {found.error:.2g} is promised,"
@@ -297,12 +304,12 @@ def lines(found: Proposal) -> list[str]:
 
 
 def coarsest(scene: Scene) -> float:
-    """The largest spacing there will be, m."""
+    """The largest spacing in the grid, m."""
     return RATIO * scene.finest if scene.run.adapt in ON_ONE_LATTICE else scene.spacing
 
 
 def described(found: Proposal) -> dict[str, Any]:
-    """A proposal as JSON has it."""
+    """A proposal for JSON."""
     scene = found.scene
     return {
         "within": found.within,
@@ -325,7 +332,7 @@ def described(found: Proposal) -> dict[str, Any]:
 
 
 def settings(found: Proposal) -> dict[str, str]:
-    """The parameters of a drawing in Gmsh that make the proposal of it; none for a scene in Python."""
+    """The drawing parameters that make the proposal; empty for a scene in Python."""
     scene, there = found.scene, {name.removeprefix(PREFIX) for name, _ in found.scene.parameters}
     unit = unit_of(dict(scene.parameters))
     wanted = {

@@ -1,4 +1,4 @@
-"""Pictures of a body in space, with matplotlib: three orthogonal sections through its middle, and its outline."""
+"""Pictures of a body in space with matplotlib: three orthogonal sections through its centre, and its outline."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def draw(document: Document, name: str) -> Figure:
 def _section(
     axes: Axes, document: Document, grid: Grid, way: tuple[int, int], middle: NDArray[np.float64], named: bool
 ) -> None:
-    """The nodes whose cubes the plane through the middle passes, nearest on its one side."""
+    """Draw the nodes whose cubes the plane through the centre cuts, those nearest to it on one side."""
     a, b = way
     across = 3 - a - b
     near = np.flatnonzero(_near(grid, across, middle))
@@ -77,7 +77,7 @@ def _section(
 
 
 def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """What is done to which nodes (n,), and in which colour: conditions, and materials of regions."""
+    """Names, colours and nodes (n,) of conditions and of material regions."""
     entries: list[tuple[str, str, Any]] = [
         (str(each.__struct_config__.tag), called(each.name, at), each) for at, each in enumerate(document.conditions)
     ]
@@ -93,7 +93,7 @@ def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bo
 
 
 def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[np.float64]:
-    """Where a plane crosses triangles (t, 3, 3): segments (k, 2, 3)."""
+    """Segments (k, 2, 3) in which a plane cuts triangles (t, 3, 3)."""
     found = []
     for triangle in triangles:
         side = triangle[:, across] - at
@@ -108,7 +108,7 @@ def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[
 
 
 def _outline(axes: Any, document: Document, grid: Grid) -> None:
-    """The surface, seen through, its sharp edges, the cracks, and nodes that something is done to."""
+    """Draw the transparent surface, its sharp edges, the cracks, and the nodes with conditions."""
     faces, cracks = grid.faces * 1e3, grid.cracks.reshape(-1, 3, 3) * 1e3
     low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
     edges = _edges(faces)
@@ -130,7 +130,7 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
 
 
 def _edges(faces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Edges (k, 2, 3) of triangles (t, 3, 3) that turn sharply."""
+    """Edges (k, 2, 3) at which triangles (t, 3, 3) meet at a sharp angle."""
     corners, number = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
     number = number.reshape(-1, 3)
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])

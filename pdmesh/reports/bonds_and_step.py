@@ -1,4 +1,4 @@
-"""Who may see whom in a finished grid, counted; and what a run of it will take."""
+"""Bond counts of a finished grid, and its stable time step."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class SeenPairs:
 
 
 def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> Iterator[SeenPairs]:
-    """The directed bonds |xi| <= `ratio` delta of each node, or of those in `rows`, a chunk of nodes at a time."""
+    """Directed bonds |xi| <= `ratio` delta of all nodes, or of those in `rows`, a chunk of nodes at a time."""
     neighbours, sight = Neighbours(grid.position, grid.delta, ratio * grid.delta), sight_of(grid)
     wanted = np.arange(len(grid)) if rows is None else rows
     for start in range(0, len(wanted), CHUNK):
@@ -40,7 +40,7 @@ def bonds(grid: Grid, ratio: float, rows: NDArray[np.int64] | None = None) -> It
 
 
 def count(grid: Grid, ratio: float, sample: int | None = None) -> tuple[int, int]:
-    """How many directed bonds stay in the plate, and how many of them a pre-crack cuts.
+    """Number of directed bonds inside the plate, and how many of them a pre-crack cuts.
 
     With a `sample` of that many nodes, an estimate.
     """
@@ -56,12 +56,12 @@ def count(grid: Grid, ratio: float, sample: int | None = None) -> tuple[int, int
 
 
 def stable_step(material: Material, ratio: float, spacing: float) -> float:
-    """A time step (s) that the conservative mode takes as surely stable for nodes `spacing` (m) apart.
+    """A time step (s) that is surely stable in the conservative mode for nodes `spacing` (m) apart.
 
-    For a full family sqrt(2 rho / lambda_max(sum_j k n n^T)) with k = c(xi) A_j / |xi|, which is sqrt(4 rho / sum_j k)
-    on a square lattice, partial cells and calibration as the solver has them. SURFACES stands for its corrected
-    edges, whose bonds are not known here; in plates hardly larger than a horizon they are stiffer still. The thesis
-    mode's bound is shorter.
+    For a full family it is sqrt(2 rho / lambda_max(sum_j k n n^T)) with k = c(xi) A_j / |xi|, which is sqrt(4 rho /
+    sum_j k) on a square lattice, with the solver's partial cells and calibration. The factor SURFACES allows for
+    corrected edges, whose bonds are not known here; in plates hardly larger than a horizon these are stiffer still. The
+    bound of the thesis mode is shorter.
     """
     partial = has_partial_cells(material)
     length = np.hypot(*offsets(ratio + 0.5 * partial).T)

@@ -1,4 +1,4 @@
-"""What is installed and what is missing, with how to get it: the findings behind `pdmesh doctor`."""
+"""Installed and missing components with installation advice: the findings of `pdmesh doctor`."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Finding(NamedTuple):
 
 
 def findings() -> list[Finding]:
-    """All there is to say of this installation."""
+    """All findings about this installation."""
     return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), *_extras()]
 
 
 def lines(found: list[Finding]) -> list[str]:
-    """The findings for a reader."""
+    """The findings in words."""
     said = []
     for one in found:
         mark = "ok     " if one.good else "MISSING" if one.needed else "without"
@@ -98,7 +98,7 @@ def _cores() -> Finding:
 
 
 def _cache() -> Finding:
-    """Where compiled kernels are kept."""
+    """Finding about the folder of compiled kernels."""
     place, stays = trust.private_folder()
     cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
     said = f"kept in {place}" if stays else "kept nowhere"
@@ -113,7 +113,7 @@ def _extras() -> Iterator[Finding]:
 
 
 def _child(code: str, *words: str) -> tuple[str, str]:
-    """What a Python of its own prints, and why it failed; empty where it did not."""
+    """Output of a separate Python process, and the reason if it failed."""
     try:
         ran = subprocess.run(
             [sys.executable, "-P", "-c", code, *words],

@@ -1,4 +1,4 @@
-"""Pictures of a grid, with matplotlib: the nodes by spacing, cracks, conditions; the bonds around a crack."""
+"""Pictures of a grid with matplotlib: nodes by spacing, cracks, conditions; the bonds around a crack."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the picture in the format of the path's suffix, the same bytes each time. Raises SceneError."""
+    """Write the picture in the format of the path's suffix, with reproducible bytes. Raises SceneError."""
     formats = figure.canvas.get_supported_filetypes()
     kind = path.suffix.lower().removeprefix(".")
     if kind not in formats:
@@ -82,7 +82,7 @@ def _whole(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _window(grid: Grid, ratio: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Around the end of the first crack; without one, around a node at a hole, or the middle."""
+    """A window around the end of the first crack or, without one, around a node at a hole, or the centre."""
     at_hole = np.flatnonzero(grid.hole_id >= 0)
     centre = grid.position[at_hole[0]] if len(at_hole) else grid.position.mean(axis=0)
     if len(grid.cracks):

@@ -1,4 +1,4 @@
-"""What a model holds, and what a scene will cost: the numbers behind `pdmesh info` and `pdmesh plan`."""
+"""Contents of a model and estimated cost of a scene: the numbers behind `pdmesh info` and `pdmesh plan`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
 
 def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:
-    """What the model called `name` holds, and what its run in a mode takes, for `pdmesh info`. Raises GridError."""
+    """Contents of the model called `name` and the cost of its run in a mode, for `pdmesh info`. Raises GridError."""
     grid = grid_of(document, name)
     examine(grid, name)
     selection.check(document, grid, name)
@@ -70,7 +70,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
 
 
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
-    """The area of a plate, m^2, or the volume of a body, m^3: that of its nodes and that of the drawn shape."""
+    """Area of a plate, m^2, or volume of a body, m^3: of its nodes and of the drawn shape."""
     own = float(grid.cells.sum())
     if grid.dimension == 3:
         return {"volume_of_nodes": own, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
@@ -78,12 +78,12 @@ def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
 
 
 def nodes_by_spacing(grid: Grid) -> dict[str, int]:
-    """How many nodes there are of each spacing, m."""
+    """Number of nodes of each spacing, m."""
     return _by_spacing(*np.unique(np.round(grid.delta, 15), return_counts=True))
 
 
 def info_lines(result: dict[str, Any]) -> list[str]:
-    """What `info` found, for a reader."""
+    """The result of `info` in words."""
     box = result["bounding_box"]
     ends = zip("xyz", box[: len(box) // 2], box[len(box) // 2 :], strict=False)
     place = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in ends)
@@ -118,7 +118,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
 
 
 def plan_lines(result: dict[str, Any]) -> list[str]:
-    """What `plan` found, for a reader: the scene and its one-scale equivalent side by side."""
+    """The result of `plan` in words: the scene and its one-scale equivalent side by side."""
     own, flat = result["scene"], result["one_scale"]
     units = {"smallest_stable_step": "s", "time_step": "s", "steps": "", "memory_bytes": "B", "solve_seconds": "s"}
     rows = [("", "this scene", "one scale")]
@@ -157,7 +157,7 @@ def _words(fields: dict[str, Any]) -> str:
 
 
 def _asked(entry: dict[str, Any]) -> dict[str, Any]:
-    """What a condition does to its nodes."""
+    """The prescribed values of a condition."""
     return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")}
 
 
@@ -169,7 +169,7 @@ def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
 
 
 def _telling(material: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a material that differ from their defaults, and those that always matter to its model."""
+    """Fields of a material that differ from their defaults, and those that always matter to its model."""
     usual = {field.name: field.default for field in msgspec.structs.fields(Material)}
     always = ("model", "plane", *(("law", "micromodulus") if material["model"] == "bond" else ()))
     return {name: value for name, value in material.items() if name in always or value != usual.get(name)}
@@ -186,9 +186,9 @@ def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
 
 
 def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
-    """What a run of that would take; None where the solver would not have it, such as without a material.
+    """Cost of a run; None if the solver would refuse it, for instance without a material.
 
-    Raises GridError for settings that no solver can do, or where it is the mode that it would not have.
+    Raises GridError for settings that no solver accepts, and if the mode excludes the model.
     """
     refuse(settings, grid.dimension, name)
     from pdsolve import Model, ModelError, Options, estimate_run
@@ -206,7 +206,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
-    """What a scene will cost in a mode, and what it would with its finest spacing everywhere. Raises SceneError."""
+    """Cost of a scene in a mode, beside its cost with the finest spacing everywhere. Raises SceneError."""
     if isinstance(scene, Scene) and scene.run.adapt in ON_ONE_LATTICE:
         return _moving(scene, mode)
     given = scene
@@ -226,7 +226,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
 
 
 def _moving(scene: Scene, mode: str) -> dict[str, Any]:
-    """The report on a grid with a moving fine zone, as it is at the start, beside the finest spacing everywhere."""
+    """Report on the initial grid with a moving fine zone, beside the finest spacing everywhere."""
     scene, _ = nested(scene)
     grid, settings, _ = build_grid(scene)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
@@ -245,8 +245,10 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
 
 
 def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
-    """Nodes of the scene on one scale, and pairs within a horizon; where there are too many nodes, or in space, where
-    they are not placed, `each` has as many pairs as on several scales."""
+    """Number of nodes of the scene on one scale, and of pairs within a horizon.
+
+    With too many nodes, and in space, nodes are not placed; `each` node then has as many pairs as on several scales.
+    """
     if isinstance(scene, Body):
         nodes = round(scene.shell.volume / scene.finest**3)
         return nodes, each * nodes
@@ -262,7 +264,7 @@ def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
 def _priced(
     spacings: dict[str, int], nodes: int, bonds: int, settings: Settings, mode: str, own: Plan | None
 ) -> dict[str, Any]:
-    """What so many nodes and bonds cost in as many steps as the scene's `own` plan."""
+    """Cost of a number of nodes and bonds in as many steps as the scene's `own` plan."""
     if own is None:
         return _cost(spacings, nodes, bonds, None)
     from pdsolve import Options, estimate_size
@@ -277,7 +279,7 @@ def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) 
 
 
 def _run(counted: int, run: Plan | None) -> dict[str, Any]:
-    """What a run takes; where nobody knows, bonds are those within a horizon."""
+    """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
         "bonds": counted if run is None else run.bonds,
         "smallest_stable_step": None if run is None else run.stable_time_step,

@@ -1,4 +1,4 @@
-"""What pictures of grids look like."""
+"""Style of the pictures of grids."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ CONDITIONS = ("#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", 
 
 
 def shades(delta: NDArray[np.float64]) -> list[tuple[float, Any]]:
-    """Each spacing, m, with a shade of grey."""
+    """Each spacing, m, with its shade of grey."""
     spacings = np.unique(delta)
     return list(zip(spacings.tolist(), colormaps["Greys_r"](np.linspace(0.15, 0.62, len(spacings))), strict=True))
 
 
 def marker(spacing: float, points: float) -> float:
-    """Size of the mark of a node, in points, of which there are so many to a metre."""
+    """Size of a node's mark in points, with `points` points to a metre."""
     return float(np.clip(0.6 * spacing * points, 0.25, 5))

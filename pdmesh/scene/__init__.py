@@ -1,1 +1,1 @@
-"""What an engineer says of a plate, before there are nodes."""
+"""Scenes: plates and bodies as described by an engineer, before there are nodes."""

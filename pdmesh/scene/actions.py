@@ -1,4 +1,4 @@
-"""What is asked to be done to a scene, of plates and of bodies, as a condition or a region of the grid file."""
+"""Conditions and regions of scenes, for plates and bodies, as structs of the grid file."""
 
 from __future__ import annotations
 
@@ -32,10 +32,9 @@ def motion(
     initial_velocity: Components | None,
     **held: Any,
 ) -> tuple[type[AnyCondition], dict[str, Any]]:
-    """The kind and the values of the one motion along `axes` that is given; `held` are those of one that is
-    held.
+    """Kind and values of the one motion along `axes` that is given; `held` are profile and breakable.
 
-    Raises SceneError.
+    They do not apply to an initial velocity. Raises SceneError.
     """
     given: list[tuple[type[AnyCondition], Components | None]] = [
         (Velocity, velocity),
@@ -57,7 +56,7 @@ def motion(
 
 
 def medium(name: str, D: float) -> MediumRegion:
-    """A part of another diffusivity, m^2/s. Raises SceneError."""
+    """A medium region of diffusivity `D`, m^2/s. Raises SceneError."""
     return _converted({"name": name, "D": D}, MediumRegion, f"medium '{name}'")
 
 

@@ -1,4 +1,4 @@
-"""A body in space and all that an engineer says of it, before there are nodes."""
+"""A body in space as described by an engineer, before there are nodes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SolidZone:
 
 @dataclass(frozen=True)
 class CrackFace:
-    """A pre-crack: a surface no bond may cross."""
+    """A pre-crack: a surface that no bond may cross."""
 
     name: str
     sheet: Sheet
@@ -57,7 +57,7 @@ class CrackFace:
 
 @dataclass(frozen=True)
 class SolidRegion(Generic[R]):
-    """A part of the body made of another material or medium; of several with a node, the last one has it."""
+    """A part of the body with another material or medium; of several with a node, the last one counts."""
 
     solid: Solid
     region: R
@@ -65,7 +65,7 @@ class SolidRegion(Generic[R]):
 
 @dataclass(frozen=True)
 class SolidCondition:
-    """A condition of the grid file, its nodes still to be found: in a solid, or in rows along a face."""
+    """A condition of the grid file whose nodes are still to be found: in a solid, or in rows along a face."""
 
     where: Where
     rows: int
@@ -74,9 +74,10 @@ class SolidCondition:
 
 @dataclass(frozen=True)
 class Body:
-    """Everything said of a body in space; lengths in metres. Methods give a body with more.
+    """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
-    Nodes are the middles of cubes `spacing` wide that fill the box around the solid; those whose middle is in it stay.
+    Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
+    stay.
     """
 
     solid: Solid
@@ -128,19 +129,20 @@ class Body:
         return min([self.spacing, *(zone.spacing for zone in self.zones)])
 
     def zone(self, solid: Solid, spacing: float, name: str = "", grown: bool = True) -> Body:
-        """With nodes of this `spacing` (m) in a solid; if `grown`, around it too, as far as coarser nodes see."""
+        """The body with nodes of this `spacing` (m) in a solid; if `grown`, also around it within the coarser
+        nodes' horizon."""
         name = name or f"{len(self.zones) + 1}"
         zone = SolidZone(name, checked(solid, f"zone '{name}'"), spacing, grown)
         return replace(self, zones=(*self.zones, zone))
 
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
-        """With a crack: a `Sheet`, or triangles (t, 3, 3), m."""
+        """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""
         name = name or f"{len(self.cracks) + 1}"
         found = sheet if isinstance(sheet, Sheet) else Sheet(_triangles(sheet, f"crack '{name}'"))
         return replace(self, cracks=(*self.cracks, CrackFace(name, found)))
 
     def region(self, solid: Solid, material: Material, name: str = "") -> Body:
-        """With a part of another material."""
+        """The body with another material in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
         return replace(self, regions=(*self.regions, part))
@@ -155,8 +157,10 @@ class Body:
         breakable: bool = False,
         name: str = "",
     ) -> Body:
-        """With a `traction` (Pa) over `rows` of nodes along a side or a sheet, or a `body_force` (N/m^3) there or in a
-        solid. Sides are left, right (along x), front, back (y), bottom, top (z)."""
+        """The body with a `traction` (Pa) over `rows` of nodes along a side or a sheet, or a `body_force` (N/m^3).
+
+        A body force acts there or in a solid. Sides are left, right (along x), front, back (y), bottom, top (z).
+        """
         values = {"traction": traction, "body_force": body_force, "rows": rows}
         return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
@@ -171,7 +175,10 @@ class Body:
         breakable: bool = False,
         name: str = "",
     ) -> Body:
-        """With held displacements, m; None leaves a component free. For the rest see `load`."""
+        """The body with prescribed displacements, m; None leaves a component free.
+
+        Other arguments are those of `load`.
+        """
         values = {"x": x, "y": y, "z": z}
         return self._with(Displacement, values, where, rows, name, profile=profile, breakable=breakable)
 
@@ -186,21 +193,22 @@ class Body:
         breakable: bool = False,
         name: str = "",
     ) -> Body:
-        """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s)."""
+        """The body with a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s)."""
         moves, name = (velocity, acceleration, initial_velocity), name or name_of(where)
         kind, values = actions.motion(name, "xyz", *moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
     def dissolve(self, solid: Solid, name: str = "") -> Body:
-        """A scene with a solid that dissolves."""
+        """The body with a dissolving solid."""
         return self._with(Dissolving, {}, solid, 1, name)
 
     def begin(self, solid: Solid, concentration: float, name: str = "") -> Body:
-        """With a concentration (mol/m^3) in a solid's place at time 0."""
+        """The body with a concentration (mol/m^3) in a solid at time 0."""
         return self._with(InitialConcentration, {"value": concentration}, solid, 1, name)
 
     def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
-        """With a concentration (mol/m^3) held: on a side, or where the nodes of a solid or sheet begin; see `load`."""
+        """The body with a concentration (mol/m^3) prescribed on a side, or at the nodes of a solid or sheet; see
+        `load`."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
     def supply(
@@ -212,7 +220,7 @@ class Body:
         profile: Profile = (),
         name: str = "",
     ) -> Body:
-        """With a flux (mol/(m^2 s)) through a sheet, or a rate (mol/(m^3 s)) of what is supplied; see `load`."""
+        """The body with a flux (mol/(m^2 s)) through a sheet, or a rate (mol/(m^3 s)) of supply; see `load`."""
         name = name or name_of(where)
         if (flux is None) == (rate is None):
             raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
@@ -229,14 +237,14 @@ class Body:
         profile: Profile = (),
         name: str = "",
     ) -> Body:
-        """With a flux through a sheet of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        """The body with a flux through a sheet of `coefficient` (m/s) times (`outside` - C), mol/m^3; see `load`."""
         name = name or name_of(where)
         surface = _area(where, f"exchange '{name}'")
         values = {"coefficient": coefficient, "value": outside, "surface": surface}
         return self._with(Exchange, values, where, rows, name, profile=profile)
 
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
-        """With another diffusivity (m^2/s) in a solid's place."""
+        """The body with another diffusivity (m^2/s) in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"medium '{name}'"), actions.medium(name, D))
         return replace(self, media=(*self.media, part))

@@ -1,4 +1,4 @@
-"""What makes a scene impossible, found before any node is made; each finding is one SceneError."""
+"""Checks of a scene before any node is made; each finding is one SceneError."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken fo
 
 
 def check(scene: Plate) -> None:
-    """Raises SceneError naming the first part of the scene that makes no sense."""
+    """Raise SceneError naming the first invalid part of the scene."""
     _numbers(scene)
     _spacings(scene)
     _plate(scene)
@@ -41,7 +41,7 @@ def check(scene: Plate) -> None:
 
 
 def _numbers(scene: Plate) -> None:
-    """Whatever has no place: its kind, and whether it can be written down and computed with."""
+    """Check parts without a place: their type, and whether they can be stored and computed with."""
     if scene.material is not None:
         composed(scene.material, "material")
     for region in scene.regions:
@@ -58,13 +58,13 @@ def _numbers(scene: Plate) -> None:
 
 
 def ratio(horizon: float) -> None:
-    """Raises SceneError for a horizon over spacing that cannot be."""
+    """Raise SceneError for an invalid ratio of horizon to spacing."""
     if not isinstance(horizon, float | int) or not 1 <= horizon <= 64:
         raise SceneError(f"horizon: found {horizon!r}, expected a ratio to the spacing of 1 to 64")
 
 
 def passable(medium: Medium) -> None:
-    """Raises SceneError for a medium that nothing can diffuse through, or a solid in it that cannot be one."""
+    """Raise SceneError for a medium in which nothing can diffuse, or with a contradictory solid."""
     described(medium, Medium, "medium")
     wrong = contradiction(medium)
     if wrong is not None:
@@ -72,7 +72,7 @@ def passable(medium: Medium) -> None:
 
 
 def described(struct: Any, kind: type, place: str) -> None:
-    """Raises SceneError for what is not of a kind, or has a value that the grid file may not have."""
+    """Raise SceneError for an object of the wrong type, or with a value that the grid file does not allow."""
     if not isinstance(struct, kind):
         raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
     try:
@@ -86,7 +86,7 @@ def described(struct: Any, kind: type, place: str) -> None:
 
 
 def remarks(scene: Plate) -> tuple[str, ...]:
-    """What was made of a scene that its author may not have meant."""
+    """Remarks on interpretations of a scene that its author may not have intended."""
     x0, y0, x1, y1 = scene.shape.bounds
     notes = [note for slit in scene.slits for note in slit.notes]
     if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
@@ -138,7 +138,7 @@ def _plate(scene: Plate) -> None:
 
 
 def limit_nodes(shape: Surface, spacing: float, place: str) -> None:
-    """Raises SceneError, beginning with `place`, for more nodes of a spacing (m) in a shape than can be made."""
+    """Raise SceneError, beginning with `place`, for more nodes of a spacing (m) in a shape than can be made."""
     x0, y0, x1, y1 = shape.bounds if not shape.is_empty else (0.0, 0.0, 0.0, 0.0)
     for area, many in ((shape.area, MOST_NODES), ((x1 - x0) * (y1 - y0), EMPTY * MOST_NODES)):
         side = math.sqrt(area) / spacing
@@ -166,7 +166,7 @@ def _zones(scene: Plate) -> None:
 
 
 def composed(material: Material, place: str) -> None:
-    """Raises SceneError for a material that cannot be, or is in other units."""
+    """Raise SceneError for an impossible material, or one in other units."""
     described(material, Material, place)
     wave = math.sqrt(material.E / material.rho)
     if wave > FASTEST_WAVE or material.rho < LIGHTEST:

@@ -1,4 +1,4 @@
-"""What is done to a plate, where, and how it follows time; before there are nodes."""
+"""Conditions on a plate, their places and time profiles, before there are nodes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ R = TypeVar("R", Region, MediumRegion)
 
 @dataclass(frozen=True)
 class Place:
-    """Where a condition acts: the rows of nodes along a curve, or the nodes in a surface."""
+    """The place of a condition: rows of nodes along a curve, or the nodes in a surface."""
 
     shape: Curve | Surface
     rows: int = 1
 
     def nodes(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which nodes (n,), at `position` (n, 2) with spacings `delta` (n,), are in this place; all in m."""
+        """Mask (n,) of the nodes in this place, at `position` (n, 2) with spacings `delta` (n,), m."""
         if isinstance(self.shape, Curve) and len(np.unique(delta)) > MOST_SPACINGS:  # a mesh, with no rows to speak of
             return near(position, self.shape, self.rows * delta * (1 - SLACK))
         if isinstance(self.shape, Surface):
@@ -47,7 +47,7 @@ class Place:
 
 @dataclass(frozen=True)
 class PlacedCondition:
-    """A condition of the grid file, its nodes still to be found in `place`."""
+    """A condition of the grid file whose nodes are still to be found in `place`."""
 
     place: Place
     action: AnyCondition
@@ -69,7 +69,7 @@ class PlacedCondition:
 
 @dataclass(frozen=True)
 class PlacedRegion(Generic[R]):
-    """A part of the plate made of another material or medium; of several with a node, the last one has it."""
+    """A part of the plate with another material or medium; of several with a node, the last one counts."""
 
     shape: Surface
     region: R
@@ -83,7 +83,7 @@ class PlacedRegion(Generic[R]):
 
     @property
     def kind(self) -> str:
-        """What it is called."""
+        """The kind of region, in words."""
         return "material" if isinstance(self.region, Region) else "medium"
 
 
@@ -96,7 +96,7 @@ def describe(action: AnyCondition) -> str:
 
 
 def name_of(where: str | Curve | Surface | Circle | Points, kind: str) -> str:
-    """What a condition of a kind is called that has no name of its own: the side, or what and where its place is, m.
+    """Default name of a condition: its side, or the shape and position (m) of its place.
 
     Raises SceneError for points that are no curve.
     """

@@ -1,4 +1,4 @@
-"""What is said of a plate, and the shapes that follow from it."""
+"""The description of a plate and the shapes derived from it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SIDES = {"left": (0, -1), "right": (0, 1), "bottom": (1, -1), "top": (1, 1)}  # 
 
 @dataclass(frozen=True)
 class Zone:
-    """A part of the plate whose nodes have at most this spacing; where zones overlap the finest counts.
+    """A part of the plate whose nodes have at most this spacing; where zones overlap, the finest counts.
 
-    Grown by the horizon of the nodes it replaces, so that none outside sees it, unless `grown` is False: then the
-    spacing changes where it is drawn.
+    With `grown`, it is grown by the horizon of the nodes it replaces, so that no outside node interacts with it;
+    otherwise the spacing changes where the zone is drawn.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Zone:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A zone without drawing: all that is within `distance` of the cracks, the notch roots or the holes."""
+    """A zone without a drawing: everything within `distance` of the cracks, the notch roots or the holes."""
 
     target: Literal["crack", "notch", "hole"]
     distance: float  # m
@@ -46,7 +46,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Plate:
-    """Everything an engineer says about a plate, not checked yet; see Scene."""
+    """An engineer's description of a plate, not yet checked; see Scene."""
 
     outline: Shape
     spacing: float  # m, of the coarsest nodes
@@ -89,12 +89,12 @@ class Plate:
 
     @cached_property
     def whole(self) -> Surface:
-        """The plate without its holes and notches cut."""
+        """The plate without holes and notches."""
         return surface(self.outline, self.finest, "outline")
 
     @cached_property
     def shape(self) -> Surface:
-        """The plate with its holes and notches cut. Raises SceneError."""
+        """The plate with its holes and notches cut out. Raises SceneError."""
         if not self.cutouts:
             return self.whole
         cut = [surface(shape, self.finest, f"cutout {number + 1}") for number, shape in enumerate(self.cutouts)]
@@ -118,11 +118,11 @@ class Plate:
         return tuple(sorted(holes, key=lambda hole: hole.bounds))
 
     def _repr_svg_(self) -> str:
-        """What a notebook shows: the plate and its pre-cracks."""
+        """SVG for a notebook: the plate and its pre-cracks."""
         rings = [ring for part in self.parts for ring in (part.exterior, *part.interiors)]
         return svg(map(shapely.get_coordinates, rings), (shapely.get_coordinates(slit.line) for slit in self.slits))
 
     @cached_property
     def slits(self) -> tuple[Slit, ...]:
-        """The cracks as they are in the plate, their ends on its edge where they were drawn to it."""
+        """The cracks as trimmed to the plate, with ends on its edge where they were drawn to it."""
         return slits_of(self.cracks, self.shape, self.spacing, self.finest)

@@ -49,20 +49,20 @@ Components: TypeAlias = tuple[float | None, float | None]
 
 @dataclass(frozen=True)
 class Scene(Plate):
-    """Everything an engineer says about a plate. Raises SceneError where the parts contradict each other."""
+    """A description of a plate. Raises SceneError for parts that contradict each other."""
 
     def __post_init__(self) -> None:
         checks.check(self)
 
     def hole(self, shape: Shape) -> Scene:
-        """A scene with a hole in it. Raises SceneError."""
+        """The scene with a hole. Raises SceneError."""
         place = f"hole {len(self.cutouts) + 1}"
         if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
             raise SceneError(f"{place}: found outside the plate, expected inside")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def notch(self, shape: Shape) -> Scene:
-        """With a notch cut from its edge."""
+        """The scene with a notch cut from its edge."""
         place = f"notch {len(self.cutouts) + 1}"
         cut = surface(shape, self.finest, place)
         if cut.disjoint(self.whole.boundary):
@@ -72,7 +72,7 @@ class Scene(Plate):
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def crack(self, points: LineString | Points, name: str = "") -> Scene:
-        """With a pre-crack along a polyline."""
+        """The scene with a pre-crack along a polyline."""
         name = name or f"{len(self.cracks) + 1}"
         line = polyline(points, f"crack '{name}'")
         if not isinstance(line, LineString):
@@ -80,16 +80,16 @@ class Scene(Plate):
         return replace(self, cracks=(*self.cracks, Crack(name, line)))
 
     def zone(self, shape: Shape, spacing: float, name: str = "", grown: bool = True) -> Scene:
-        """With nodes of at most this spacing (m) in the shape; see Zone."""
+        """The scene with nodes of at most this spacing (m) in the shape; see Zone."""
         name = name or f"{len(self.zones) + 1}"
         return replace(self, zones=(*self.zones, Zone(name, surface(shape, spacing, f"zone '{name}'"), spacing, grown)))
 
     def refine(self, target: Literal["crack", "notch", "hole"], distance: float, spacing: float | None = None) -> Scene:
-        """With finer nodes within `distance` (m) of all cracks, notch roots or holes; see Refinement."""
+        """The scene with finer nodes within `distance` (m) of all cracks, notch roots or holes; see Refinement."""
         return replace(self, refinements=(*self.refinements, Refinement(target, distance, spacing)))
 
     def region(self, shape: Shape, material: Material, name: str = "") -> Scene:
-        """With another material in the shape."""
+        """The scene with another material in the shape."""
         name = name or name_of(shape, "material")
         area = surface(shape, self.finest, f"material '{name}'")
         return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
@@ -104,10 +104,10 @@ class Scene(Plate):
         name: str = "",
         breakable: bool = False,
     ) -> Scene:
-        """With a traction (Pa) on a curve, or a body force (N/m^3) there or in a surface.
+        """The scene with a traction (Pa) on a curve, or a body force (N/m^3) there or in a surface.
 
-        `where` is "left", "right", "bottom" or "top" (of the plate's outline), points of a curve, or a shape. A
-        curve means its `rows` nearest rows of nodes. `profile` holds points (time in s, factor).
+        `where` is "left", "right", "bottom" or "top" (of the plate's outline), points of a curve, or a shape. A curve
+        stands for its `rows` nearest rows of nodes. `profile` holds points (time in s, factor).
         """
         values = {"traction": traction, "body_force": body_force}
         return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
@@ -122,7 +122,10 @@ class Scene(Plate):
         name: str = "",
         breakable: bool = False,
     ) -> Scene:
-        """With displacements (m) held; None leaves a component free. For the rest see `load`."""
+        """The scene with prescribed displacements (m); None leaves a component free.
+
+        Other arguments are those of `load`.
+        """
         return self._with(Displacement, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
 
     def move(
@@ -136,18 +139,19 @@ class Scene(Plate):
         name: str = "",
         breakable: bool = False,
     ) -> Scene:
-        """With one of: a held velocity (m/s), a held acceleration (m/s^2), a velocity at time 0 (m/s).
+        """The scene with one of: a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s).
 
-        None leaves a component free. For the rest see `load`; an initial velocity has no profile.
+        None leaves a component free. Other arguments are those of `load`; an initial velocity has no profile.
         """
         moves, name = (velocity, acceleration, initial_velocity), name or name_of(where, "move")
         kind, values = actions.motion(name, "xy", *moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
     def absorb(self, where: Where, width: float | None = None, name: str = "") -> Scene:
-        """With a layer in which waves die out, `width` (m) deep from a curve, or all of a shape.
+        """The scene with an absorbing layer, `width` (m) deep from a curve, or all of a shape.
 
-        None: as deep as a pulse of two horizons needs, 12 horizons of the coarsest nodes. For the rest see `load`.
+        The default depth is 12 horizons of the coarsest nodes, enough for a pulse two horizons wide. Other arguments
+        are those of `load`.
         """
         if isinstance(where, Circle | Surface):
             if width is not None:
@@ -161,21 +165,21 @@ class Scene(Plate):
         return self._with(Absorb, {"depth": width}, layer, 1, name)
 
     def solid(self, shape: Shape, name: str = "") -> Scene:
-        """With a solid that dissolves in the shape."""
+        """The scene with a dissolving solid in the shape."""
         return self._with(Solid, {}, shape, 1, name)
 
     def begin(self, shape: Shape, concentration: float, name: str = "") -> Scene:
-        """With a concentration (mol/m^3) in the shape at time 0."""
+        """The scene with a concentration (mol/m^3) in the shape at time 0."""
         return self._with(InitialConcentration, {"value": concentration}, shape, 1, name)
 
     def diffusivity(self, shape: Shape, D: float, name: str = "") -> Scene:
-        """With another diffusivity (m^2/s) in the shape."""
+        """The scene with another diffusivity (m^2/s) in the shape."""
         name = name or name_of(shape, "medium")
         region, area = actions.medium(name, D), surface(shape, self.finest, f"medium '{name}'")
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
     def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
-        """With a concentration (mol/m^3) held: on a curve, or where nodes of a surface begin; see also `load`."""
+        """The scene with a concentration (mol/m^3) prescribed on a curve, or at the nodes of a surface; see `load`."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
     def supply(
@@ -187,7 +191,8 @@ class Scene(Plate):
         profile: Profile = (),
         name: str = "",
     ) -> Scene:
-        """With a flux (mol/(m^2 s)) through a curve, or a rate (mol/(m^3 s)) there or in a surface; see `load`."""
+        """The scene with a flux (mol/(m^2 s)) through a curve, or a rate (mol/(m^3 s)) there or in a surface; see
+        `load`."""
         name = name or name_of(where, "source")
         length = self._length(where, f"source '{name}'") if flux is not None else None
         return self._with(Source, {"flux": flux, "rate": rate, "length": length}, where, rows, name, profile=profile)
@@ -201,7 +206,7 @@ class Scene(Plate):
         profile: Profile = (),
         name: str = "",
     ) -> Scene:
-        """With a flux through a curve of `coefficient` (m/s) times what is `outside` (mol/m^3) less C; see `load`."""
+        """The scene with a flux through a curve of `coefficient` (m/s) times (`outside` - C), mol/m^3; see `load`."""
         name = name or name_of(where, "exchange")
         values = {"coefficient": coefficient, "value": outside, "length": self._length(where, f"exchange '{name}'")}
         return self._with(Exchange, values, where, rows, name, profile=profile)
@@ -229,13 +234,16 @@ class Scene(Plate):
         return polyline(where, place)
 
     def adapt(self, how: Adapt = "hybrid", damped: bool | None = None) -> Scene:
-        """To be solved with peridynamics where bonds may break and something cheaper elsewhere, with cells that split
-        where energy is, or everywhere alike; `damped` is that of `run.collocation`."""
+        """The scene with an adaptive method: "none", "hybrid", "split" or "collocation".
+
+        "hybrid" and "collocation" solve peridynamics only where bonds may break, "split" divides cells of high energy;
+        `damped` is that of `run.collocation`.
+        """
         run = self.run
         if damped is not None:
             run = msgspec.structs.replace(run, collocation=msgspec.structs.replace(run.collocation, damped=damped))
         return replace(self, run=msgspec.structs.replace(run, adapt=how))
 
     def one_scale(self) -> Scene:
-        """A scene of this plate with the finest spacing everywhere."""
+        """The scene with the finest spacing everywhere."""
         return replace(self, spacing=self.finest, zones=(), refinements=())

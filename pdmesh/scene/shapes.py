@@ -1,4 +1,4 @@
-"""Plane shapes: what may stand for an outline, a hole, a crack or a place. Lengths in metres."""
+"""Plane shapes for outlines, holes, cracks and places. Lengths in metres."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ Curve: TypeAlias = LineString | MultiLineString
 
 
 class SceneError(ValueError):
-    """A scene that makes no sense; the message names the place, what was found and what was expected."""
+    """An invalid scene; the message names the place, what was found and what was expected."""
 
 
 class UntrustedError(SceneError):
-    """A program stands where a scene was to be read, and nobody said that it may run: it did not."""
+    """A program in place of a scene, without permission to run it; it was not run."""
 
 
 @dataclass(frozen=True)
 class Circle:
-    """A disc, whose chords follow the spacing of the nodes around it."""
+    """A disc; its chords adapt to the spacing of the nodes around it."""
 
     x: float
     y: float
     radius: float  # m
 
     def polygon(self, spacing: float) -> Polygon:
-        """The disc as a polygon whose chords are off by at most CHORD_TOLERANCE of `spacing`, m."""
+        """The disc as a polygon whose chords deviate by at most CHORD_TOLERANCE of `spacing`, m."""
         sagitta = float(np.clip(CHORD_TOLERANCE * spacing / self.radius, 1e-15, 0.25))
         quarter = min(max(int(np.ceil(np.pi / 4 / np.arccos(1 - sagitta))), 4), MOST_CHORDS)
         return shapely.Point(self.x, self.y).buffer(self.radius, quad_segs=quarter)
@@ -51,7 +51,7 @@ Shape: TypeAlias = Polygon | MultiPolygon | Circle | Points
 
 
 def surface(shape: Shape, spacing: float, place: str) -> Surface:
-    """The shape as a polygon; `place` begins the message of the SceneError that a bad one raises."""
+    """The shape as a polygon. Raises SceneError, beginning with `place`."""
     if isinstance(shape, Circle):
         x, y, radius = _checked(np.array([shape.x, shape.y, shape.radius], dtype=float), place).tolist()
         if not radius > 0:
@@ -92,7 +92,7 @@ def coordinates(points: Iterable[Sequence[float]], least: int, place: str) -> ND
 
 
 def _checked(numbers: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-    """Coordinates that can be computed with; what is next to nothing is 0."""
+    """Coordinates in the allowed range, with negligible ones set to 0. Raises SceneError."""
     if not np.isfinite(numbers).all():
         raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
     largest = float(np.abs(numbers).max(initial=0.0))
@@ -102,19 +102,19 @@ def _checked(numbers: NDArray[np.float64], place: str) -> NDArray[np.float64]:
 
 
 def checked_spacing(value: float, place: str) -> float:
-    """A spacing or another length that is to be more than 0 and finite, m. Raises SceneError."""
+    """A positive and finite length, m. Raises SceneError."""
     if not isinstance(value, float | int) or not 0 < value < np.inf:
         raise SceneError(f"{place}: found {value!r}, expected more than 0 m")
     return value
 
 
 def parts(shape: shapely.Geometry) -> tuple[Polygon, ...]:
-    """The polygons a geometry is made of."""
+    """The polygons of a geometry."""
     return tuple(part for part in shapely.get_parts(shape) if isinstance(part, Polygon))
 
 
 def grown(shape: shapely.Geometry, reach: float) -> Surface:
-    """All points within `reach` (m) of the shape, and a little more."""
+    """All points within `reach` (m) of the shape, with a small margin."""
     return shape.buffer(reach * CIRCUMSCRIBED, quad_segs=ROUND)
 
 
@@ -132,7 +132,7 @@ def concave_points(shape: Surface) -> NDArray[np.float64]:
 def near(
     points: NDArray[np.float64], geometry: shapely.Geometry, reach: float | NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which points (n, 2) lie within `reach`, one for all or (n,), of the geometry; all in m."""
+    """Mask (n,) of points (n, 2) within `reach`, a number or (n,), of the geometry; all in m."""
     close = np.zeros(len(points), dtype=bool)
     if geometry.is_empty or not len(points):
         return close

@@ -1,5 +1,7 @@
-"""Cracks as they are in the plate. An end that overshoots the edge is cut off there; one that misses it by no more than
-the chords of a curved edge are off is put onto it."""
+"""Cracks fitted to the plate: an end beyond the edge is trimmed, an end that misses a curved edge is moved onto it.
+
+The end may miss the edge by at most the deviation of its chords.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,14 @@ ALONG = 1.0  # coarsest spacings that a crack may stay as near as that to an edg
 
 @dataclass(frozen=True)
 class Crack:
-    """A pre-crack as it is drawn: a polyline no bond may cross. `Scene.slits` has it as it is in the plate."""
+    """A pre-crack as drawn: a polyline that no bond may cross. `Scene.slits` holds it fitted to the plate."""
 
     name: str
     line: LineString
 
 
 class Slit(NamedTuple):
-    """A crack in the plate, and what was done to its ends."""
+    """A crack in the plate, and the changes to its ends."""
 
     name: str
     line: LineString
@@ -37,7 +39,7 @@ class Slit(NamedTuple):
 
 
 class _Around(NamedTuple):
-    """What a crack is in."""
+    """The surroundings of a crack."""
 
     plate: Surface
     inside: Surface  # the plate and its edge, a little beyond
@@ -47,7 +49,7 @@ class _Around(NamedTuple):
 
 
 def slits_of(cracks: Sequence[Crack], plate: Surface, coarsest: float, finest: float) -> tuple[Slit, ...]:
-    """The cracks as they are in a plate with these spacings, m. Raises SceneError for one outside, or along an edge."""
+    """The cracks fitted to a plate with these spacings, m. Raises SceneError for one outside, or along an edge."""
     if not cracks:
         return ()
     inside, edge = plate.buffer(EDGE * finest, join_style="mitre"), plate.boundary
@@ -62,7 +64,7 @@ def slits_of(cracks: Sequence[Crack], plate: Surface, coarsest: float, finest: f
 
 
 def _slit(crack: Crack, around: _Around) -> Slit:
-    """The slit of a crack with an end outside the plate or near to its edge."""
+    """The slit of a crack with an end outside the plate or near its edge."""
     edge, on, missed = around.plate.boundary, EDGE * around.finest, MISSED * around.coarsest
     line = shapely.remove_repeated_points(crack.line)
     along = max(shapely.get_parts(line.intersection(around.beside)), key=lambda part: float(part.length), default=line)
@@ -90,7 +92,7 @@ def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str
 
 
 def _trimmed(crack: Crack, around: _Around) -> LineString:
-    """The crack without its ends outside. Raises SceneError if more than those are."""
+    """The crack without its ends outside. Raises SceneError if more than the ends are outside."""
     line, longest = crack.line, OVERSHOOT * crack.line.length
     ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
     kept = [part for part in shapely.get_parts(line.intersection(around.plate)) if part.length > 0]
@@ -105,6 +107,6 @@ def _trimmed(crack: Crack, around: _Around) -> LineString:
 
 
 def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:
-    """The place of the edge (2,), m, that the end of a crack is to be moved to: straight on, or the nearest."""
+    """The place (2,), m, on the edge for the end of a crack: straight ahead, or the nearest."""
     ahead = LineString([end, end + 2 * missed * (end - before) / np.hypot(*(end - before))]).intersection(edge)
     return shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), edge if ahead.is_empty else ahead))[-1]

@@ -1,6 +1,6 @@
-"""Solids in space, as they are said: boxes, cylinders, cones, spheres, and what is added to or taken from them.
+"""Descriptions of solids in space: boxes, cylinders, cones, spheres, and their unions, differences and intersections.
 
-They are words alone; Gmsh's kernel makes a surface of them (`pdmesh.drawing.solids`), a `Shell`.
+`pdmesh.drawing.solids` has Gmsh triangulate them to a `Shell`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Place: TypeAlias = tuple[float, float, float]  # m
 
 
 class Solid:
-    """What has an inside. ``a + b`` is both, ``a - b`` what is in a alone, ``a & b`` what is in both."""
+    """A solid. ``a + b`` is the union, ``a - b`` the difference, ``a & b`` the intersection."""
 
     def __add__(self, other: Solid) -> Solid:
         return Joined("BooleanUnion", self, other)
@@ -33,7 +33,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Joined(Solid):
-    """Two solids made one, in Gmsh's word for how."""
+    """Two solids combined by a Boolean operation, with Gmsh's word for it."""
 
     how: str
     first: Solid
@@ -42,7 +42,7 @@ class Joined(Solid):
 
 @dataclass(frozen=True)
 class Box(Solid):
-    """From one corner to the opposite one."""
+    """A box between opposite corners."""
 
     low: Place  # m
     high: Place  # m
@@ -50,7 +50,7 @@ class Box(Solid):
 
 @dataclass(frozen=True)
 class Cylinder(Solid):
-    """Between the middles of its ends, all around; a cone where the second radius is another."""
+    """A cylinder between the centres of its ends, or a cone if the second radius differs."""
 
     start: Place  # m
     end: Place  # m
@@ -60,7 +60,7 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True)
 class Sphere(Solid):
-    """A ball around `centre`."""
+    """A sphere around `centre`."""
 
     centre: Place  # m
     radius: float  # m
@@ -68,7 +68,7 @@ class Sphere(Solid):
 
 @dataclass(frozen=True)
 class Shell(Solid):
-    """A solid as the triangles of its surface."""
+    """A solid given by the triangles of its surface."""
 
     triangles: NDArray[np.float64]  # (t, 3, 3) m; closed
     volume: float  # m^3, exact where it is known
@@ -97,7 +97,7 @@ class Sheet:
 
     @property
     def areas(self) -> NDArray[np.float64]:
-        """The area (t,) of each triangle, m^2; 0 for a triangle that is a line but for round-off."""
+        """The area (t,) of each triangle, m^2; 0 for a degenerate triangle."""
         a, b, c = self.triangles.transpose(1, 0, 2)
         twice = np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1))
         longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
@@ -105,12 +105,12 @@ class Sheet:
 
     @property
     def area(self) -> float:
-        """The area of all triangles, m^2."""
+        """Total area of the triangles, m^2."""
         return float(self.areas.sum())
 
 
 def name_of(where: object) -> str:
-    """What is called by its place that has no name of its own: a side, or what and where it is, m."""
+    """Default name of a condition or region: its side, or the shape and position of its place, m."""
     ends: tuple[Place, ...] = ()
     match where:
         case str():
@@ -131,7 +131,7 @@ def name_of(where: object) -> str:
 
 
 def checked(solid: object, place: str) -> Solid:
-    """A solid whose numbers can be. Raises SceneError, beginning with `place`."""
+    """A solid with valid numbers. Raises SceneError, beginning with `place`."""
     if isinstance(solid, Joined):
         checked(solid.first, place)
         checked(solid.second, place)

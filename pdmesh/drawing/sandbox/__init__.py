@@ -1,5 +1,5 @@
-"""Reading drawings of strangers: a list of what they may say, and a process that could do no harm.
+"""Reads drawings of unknown origin safely: an allow-list of words, and a confined process.
 
-A .geo file is a program. `scan` lets through what is known to be harmless and nothing else, `copies` writes what was
-let through anew into an empty folder, and `reader` has Gmsh read it there, behind the walls of `walls`.
+A .geo file is a program. `scan` admits only what is known to be harmless, `copies` writes the admitted text into an
+empty folder, and `gmsh_reader` has Gmsh read it there, confined by `walls`.
 """

@@ -1,4 +1,4 @@
-"""Running the readers: Gmsh's and meshio's part of the work, done in processes of their own."""
+"""Runs Gmsh and meshio in processes of their own."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def read_copies(
     tolerance: float = 0.0,
     unit: str = "M",
 ) -> dict[str, Any]:
-    """What Gmsh finds in copies of which the first is the drawing or the CAD file. Raises SceneError.
+    """Output of Gmsh for copies, of which the first is the drawing or the CAD file. Raises SceneError.
 
-    Gmsh has `limit` seconds. `tolerance` is how far a chord of a CAD file may be off its curve; 0: by its size. `unit`,
-    a name of Open CASCADE's, is that in which a CAD file is to be read, and of the tolerance.
+    `limit` is the time limit, s. `tolerance` is the largest distance of a chord of a CAD file from its curve; 0 takes
+    it from the size. `unit`, one of Open CASCADE's names, is the unit of coordinates and of the tolerance.
     """
     first = next(iter(copies))
     with scratch() as folder:
@@ -58,14 +58,14 @@ def read_copies(
 
 
 def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
-    """What Gmsh finds in a drawing where it is, with all that it may do there. Raises SceneError."""
+    """Output of Gmsh for a trusted drawing, read in place and without confinement. Raises SceneError."""
     job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "unit": "M"}
     job["walls"] = False
     return _run(path, job, limit, None)
 
 
 def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
-    """What the reader of drawings finds. Raises SceneError."""
+    """Output of the Gmsh reader for a job. Raises SceneError."""
     with scratch() as aside:
         result = aside / "found.json"
         job |= {"chords": CHORD_TOLERANCE}
@@ -81,9 +81,9 @@ def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> 
 def run_reader(
     module: str, name: str, path: Path, job: Mapping[str, Any], result: Path, limit: float, folder: Path | None
 ) -> str:
-    """Run a module that reads a job as JSON from stdin and writes `result`; returns its last words.
+    """Run a module that reads a job as JSON from stdin and writes `result`; returns the end of its output.
 
-    It runs in `folder`, for `limit` seconds. Raises SceneError, about `path`, where that is not enough for it.
+    It runs in `folder` for at most `limit` seconds. Raises SceneError, naming `path`, if it takes longer.
     """
     said = result.with_name("said")
     command = [sys.executable, "-P", "-m", module, str(result)]
@@ -122,7 +122,7 @@ def _check_installed(found: Mapping[str, Any]) -> None:
 
 
 def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:
-    """Gmsh's message with the files and lines of the user's own, and names as the drawing has them."""
+    """Gmsh's message with the user's file names and lines, and the names of the drawing."""
 
     def place(match: re.Match[str]) -> str:
         copy, line = copies.get(match[1]), int(match[2] or 0)

@@ -1,7 +1,7 @@
-"""The files that Gmsh reads for a drawing: looked through, and written anew for an empty folder.
+"""Copies of a drawing's files for Gmsh, checked and written anew into an empty folder.
 
-Nothing beside them can be picked up there, such as the ``plate.geo.opt`` that Gmsh reads with any ``plate.geo``, and
-what Gmsh reads is what was looked through, whatever becomes of the originals meanwhile.
+The folder holds nothing else that Gmsh could pick up, such as the ``plate.geo.opt`` that it reads with any
+``plate.geo``. Gmsh reads exactly the checked text, even if the originals change meanwhile.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ASIDE = re.compile(rb"'[^']*'|/\*.*?\*/", re.DOTALL)  # strings and comments of 
 
 @dataclass(frozen=True)
 class Copy:
-    """A file as Gmsh is to read it, under a name of its own."""
+    """A file for Gmsh to read, under a new name."""
 
     path: Path  # the original
     data: bytes
@@ -42,7 +42,7 @@ class Copy:
 
 
 def drawing_bytes(path: Path, largest: int = LARGEST_DRAWING) -> bytes:
-    """What is in a .geo file of at most so many bytes. Raises SceneError where it cannot be one."""
+    """Bytes of a .geo file, at most `largest`. Raises SceneError for a file that cannot be a drawing."""
     try:
         data = read_bytes(path, largest)
     except OSError as error:
@@ -55,7 +55,7 @@ def drawing_bytes(path: Path, largest: int = LARGEST_DRAWING) -> bytes:
 
 
 def cad_bytes(path: Path) -> bytes:
-    """What is in a STEP or BREP file. Raises SceneError where it is not what its suffix says."""
+    """Bytes of a STEP or BREP file. Raises SceneError if its content does not match its suffix."""
     try:
         data = read_bytes(path, LARGEST)
     except OSError as error:
@@ -76,12 +76,12 @@ def cad_bytes(path: Path) -> bytes:
 
 
 def cad_copy(path: Path) -> dict[str, Copy]:
-    """The copy of a STEP or BREP file, under a name whose suffix Gmsh knows. Raises SceneError."""
+    """The copy of a STEP or BREP file, under a name with a suffix that Gmsh knows. Raises SceneError."""
     return {f"0{path.suffix.lower()}": Copy(path, cad_bytes(path))}
 
 
 def drawing_copies(path: Path) -> dict[str, Copy]:
-    """The copies of a drawing and of all it reads, by the names they go by; the drawing is the first.
+    """Copies of a drawing and of all files it reads, by their new names; the drawing is the first.
 
     Raises SceneError naming file, line, what was found and what was expected.
     """
@@ -98,7 +98,7 @@ class _Copies:
         self.add(path, ())
 
     def add(self, path: Path, within: tuple[Path, ...]) -> str:
-        """Look through a file and all it reads; returns the name of its copy."""
+        """Check a file and all files it reads; returns the name of its copy."""
         real = path.resolve()
         if real in self.named:
             return self.named[real]
@@ -128,7 +128,10 @@ class _Copies:
         return name
 
     def _beside(self, path: Path, token: Token, command: str) -> Path:
-        """The file that a drawing reads. Raises SceneError unless it is in the drawing's folder, of a known kind."""
+        """Path of a file that a drawing reads.
+
+        Raises SceneError unless it is in the drawing's folder and of a known kind.
+        """
         inner = token.content
         plain = (
             re.fullmatch(r"[^\\:*?\"<>|\n\r]+", inner)

@@ -1,8 +1,8 @@
-"""Gmsh, in a process of its own: reads a drawing or a CAD file, and writes what it found as JSON.
+"""Runs Gmsh in a process of its own: reads a drawing or a CAD file and writes its shapes as JSON.
 
-The only module that imports Gmsh. A drawing that exits, hangs or crashes takes nothing along but this process; unless
-it is trusted, walls (walls.py) go up before it is opened. Run as
-``python -P -m pdmesh.drawing.sandbox.gmsh_reader RESULT`` with a Job as JSON on stdin.
+This is the only module that imports Gmsh. A drawing that exits, hangs or crashes ends only this process. Unless the
+drawing is trusted, walls (walls.py) confine the process before the file is opened. Run as ``python -P -m
+pdmesh.drawing.sandbox.gmsh_reader RESULT`` with a Job as JSON on stdin.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 
 
 def main(result: str) -> None:
-    """Read what stdin asks for."""
+    """Do the job on stdin and write `result`."""
     job = json.load(sys.stdin)
     with open(result, "w", encoding="utf-8") as file:
         _read(job, file)
@@ -100,7 +100,8 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
 
 
 def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
-    """Set parameters, also some that the drawing does not define; returns those that should be numbers and are not."""
+    """Set parameters, including those that the drawing does not define; returns those that should be numbers and
+    are not."""
     wrong = []
     kinds = {entry["name"]: entry["type"] for entry in known}
     for name, value in assignments:
@@ -121,7 +122,8 @@ def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]
 
 
 def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> list[dict[str, Any]]:
-    """The named groups, their curves as points; `chords` is how far one may be off, in spacings of its zone."""
+    """The named groups with their curves as points; `chords` is the largest deviation of a chord, in spacings of
+    its zone."""
     spacings = _spacings(parameters)
     finest = _finest(spacings)
     physical = [
@@ -154,7 +156,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
 
 
 def _spacings(parameters: list[dict[str, Any]]) -> dict[str, float]:
-    """The spacings of zones by their names, in the unit of the drawing."""
+    """Spacings of the zones by name, in the unit of the drawing."""
     return {
         entry["name"].split("/")[2]: entry["values"][0]
         for entry in parameters
@@ -176,7 +178,7 @@ def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
 
 
 def _size(gmsh: Any) -> float:
-    """The larger side of all that is drawn, m."""
+    """The larger side of the drawing's bounding box, m."""
     if not gmsh.model.getEntities():
         return 0.0
     x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(-1, -1)
@@ -189,7 +191,7 @@ def _bounds(gmsh: Any, surfaces: Any) -> list[int]:
 
 
 def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
-    """Points along a curve, halved until no chord is off by more than `tolerance`; the ends are its vertices."""
+    """Points along a curve between its vertices, refined until every chord deviates by at most `tolerance`."""
     low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
 
     def at(parameter: float) -> list[float]:

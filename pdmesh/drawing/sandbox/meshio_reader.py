@@ -1,8 +1,8 @@
-"""meshio, in a process of its own behind walls: reads a mesh, and writes what it found.
+"""Runs meshio in a confined process of its own: reads a mesh and writes its arrays.
 
-Readers of some formats look for an end that a broken file does not have, for ever, or follow references to other
-files. Run as ``python -P -m pdmesh.drawing.sandbox.meshio_reader RESULT`` with a job as JSON on stdin; the result is
-numpy's ``.npz``, with a description as JSON in the array ``about``.
+Some readers loop forever on a broken file or follow references to other files. Run as ``python -P -m
+pdmesh.drawing.sandbox.meshio_reader RESULT`` with a job as JSON on stdin. The result is a ``.npz`` with a JSON
+description in the array ``about``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NEEDED = {  # to read a format
 
 
 def main(result: str) -> None:
-    """Read what stdin asks for."""
+    """Do the job on stdin and write `result`."""
     job = json.load(sys.stdin)
     walls: tuple[str, ...] = ()
     with open(result, "wb") as file:
@@ -48,7 +48,7 @@ def main(result: str) -> None:
 
 
 def _load(suffix: str) -> None:
-    """Import what meshio imports when it meets a file of a format: behind the walls there are no other files."""
+    """Import the modules that meshio needs for a format, as confinement blocks later imports."""
     os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # walls keep a lock from being taken, and nobody writes
     with contextlib.suppress(ImportError):
         for module in NEEDED.get(suffix, ()):
@@ -74,7 +74,7 @@ def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
 
 
 def _described(mesh: Any, tags: list[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """A mesh as what JSON holds and arrays. Raises ValueError where what the readers let pass is no mesh."""
+    """A mesh as a JSON description and arrays. Raises ValueError for an inconsistent mesh."""
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] < 2 or not len(points) or points.dtype.kind not in "fiu":
         raise ValueError("found no points")

@@ -1,10 +1,9 @@
-"""What a drawing may say: every word is on a list (words.py) and in its place, or a name of the drawing's own.
+"""The words a drawing may contain: every word is either on a list (words.py), in its place, or a name of the drawing's.
 
-Gmsh's grammar (src/parser/Gmsh.y) has keywords, whose meaning is fixed, and other words, which are names - or
-commands: ``NAME "text";`` runs a program where NAME is SystemCall. So a word that is not on the list in its place is
-taken for a name, and names are written anew with OWN before them: none can be a command, of this Gmsh or a later one.
-The rules look at neighbours alone, as Gmsh goes on behind the next ``;`` after an error, and back to other lines in
-loops.
+Gmsh's grammar (src/parser/Gmsh.y) has keywords with a fixed meaning, and other words, which are names or commands:
+``NAME "text";`` runs a program if NAME is SystemCall. A word that is not listed in its place is therefore taken as a
+name and written anew with the prefix OWN, so that it cannot be a command in any version of Gmsh. The rules look only at
+neighbouring tokens, as Gmsh resumes behind the next ``;`` after an error, and jumps back to other lines in loops.
 """
 
 from __future__ import annotations
@@ -34,14 +33,14 @@ MORE = len("-.e+308") + len("0.000")  # of a number, beside its digits
 
 
 class Reading(NamedTuple):
-    """A file that a drawing reads: the command, and the place of the file's name among the tokens."""
+    """A file that a drawing reads: the command, and the position of the file's name among the tokens."""
 
     command: str
     place: int
 
 
 class Drawing:
-    """The tokens of a drawing with their neighbours and brackets. Raises Refused where they do not hang together."""
+    """Tokens of a drawing with their neighbours and brackets. Raises Refused if brackets or blocks do not match."""
 
     def __init__(self, tokens: Sequence[Token]) -> None:
         self.tokens = tokens
@@ -49,19 +48,19 @@ class Drawing:
         self.heads = heads(tokens, self.partner, self.depths)
 
     def text(self, place: int) -> str:
-        """The token at a place, or nothing where there is none."""
+        """The token at a position; "" outside the drawing."""
         return self.tokens[place].text if 0 <= place < len(self.tokens) else ""
 
     def kind(self, place: int) -> str:
-        """The kind of the token at a place; "" outside the drawing."""
+        """The kind of the token at a position; "" outside the drawing."""
         return self.tokens[place].kind if 0 <= place < len(self.tokens) else ""
 
     def starts(self, place: int) -> bool:
-        """Whether a statement may begin here."""
+        """Whether a statement may begin at a position."""
         return place == 0 or self.text(place - 1) in (";", "}") or place - 1 in self.heads
 
     def inside(self, word: str) -> set[int]:
-        """The places within the square brackets behind each ``word``."""
+        """Positions within the square brackets behind each ``word``."""
         found, end = set(), 0  # brackets nest: what is open ends with the outermost
         awaited = False  # whether the next bracket is one, unless the statement ends before
         for place, token in enumerate(self.tokens):
@@ -76,7 +75,7 @@ class Drawing:
 
 
 def names(drawing: Drawing) -> set[str]:
-    """The names that the drawing defines, or asks for by ``Exists``."""
+    """Names that the drawing defines or tests by ``Exists``."""
     found = set()
     constants, structs = drawing.inside("DefineConstant"), drawing.inside("Struct")
     for place, token in enumerate(drawing.tokens):
@@ -92,7 +91,7 @@ def names(drawing: Drawing) -> set[str]:
 
 
 def _behind_index(drawing: Drawing, place: int) -> int:
-    """The place behind a name and its index, such as ``a~{i}(2)``."""
+    """Position behind a name and its index, such as ``a~{i}(2)``."""
     place += 1
     while drawing.text(place) == "~" and drawing.text(place + 1) == "{":
         place = drawing.partner[place + 1] + 1
@@ -100,7 +99,7 @@ def _behind_index(drawing: Drawing, place: int) -> int:
 
 
 def readings(drawing: Drawing) -> list[Reading]:
-    """The files that a drawing reads. Raises Refused for one that is not named by a string as it stands."""
+    """Files that a drawing reads. Raises Refused for one that is not named by a literal string."""
     found = []
     for place, token in enumerate(drawing.tokens):
         if token.kind == "word" and token.text in READS:
@@ -115,9 +114,9 @@ def readings(drawing: Drawing) -> list[Reading]:
 
 
 def admitted(drawing: Drawing, known: Collection[str]) -> list[Token]:
-    """The tokens as Gmsh may read them, names marked as such; `known` are the names of all files that are read.
+    """The tokens that Gmsh may read, with names marked; `known` are the names of all files that are read.
 
-    Raises Refused for the first word that is not known to be harmless where it stands.
+    Raises Refused for the first word that is not known to be harmless in its place.
     """
     found = list(drawing.tokens)
     for place, token in enumerate(drawing.tokens):
@@ -137,7 +136,7 @@ def admitted(drawing: Drawing, known: Collection[str]) -> list[Token]:
 
 
 def _quoted(drawing: Drawing, place: int) -> str:
-    """A word for a message, with what it is an option of."""
+    """A word for a message, with the object it is an option of."""
     text = drawing.text(place)
     if drawing.text(place - 1) == ".":
         return f"'{drawing.text(place - 2)}.{text}'"
@@ -146,7 +145,7 @@ def _quoted(drawing: Drawing, place: int) -> str:
 
 
 def _listed(drawing: Drawing, place: int, known: Collection[str]) -> bool:
-    """Whether a word is harmless as it stands. Raises Refused where it is an option that is not listed."""
+    """Whether a word is harmless in its place. Raises Refused for an option that is not listed."""
     text = drawing.text(place)
     if drawing.text(place - 1) == ".":
         return _is_option(drawing, place)
@@ -195,12 +194,12 @@ def _anywhere(drawing: Drawing, place: int) -> bool:
 
 
 def _message(drawing: Drawing, place: int) -> bool:
-    """Printf, Error, Warning: what is printed is harmless, and goes to no file."""
+    """Printf, Error, Warning: printing is harmless unless it goes to a file."""
     return _prints(drawing, place) and drawing.text(drawing.partner[place + 1] + 1) == ";"
 
 
 def _sprintf(drawing: Drawing, place: int) -> bool:
-    """Sprintf: what it makes is short. Raises Refused for numbers that may have any length."""
+    """Sprintf: its result must be short. Raises Refused for formats of unbounded length."""
     if not _prints(drawing, place):
         return False
     token = drawing.tokens[place + 2]
@@ -210,7 +209,7 @@ def _sprintf(drawing: Drawing, place: int) -> bool:
 
 
 def _prints(drawing: Drawing, place: int) -> bool:
-    """Whether a format and numbers follow, of which Gmsh makes a text of bounded length."""
+    """Whether a format and numbers follow that Gmsh turns into text of bounded length."""
     if drawing.text(place + 1) not in ("(", "[") or drawing.kind(place + 2) != "string":
         return False
     content = drawing.tokens[place + 2].content
@@ -235,7 +234,7 @@ def _with_digits(piece: re.Match[str]) -> str:
 
 
 def _is_short(content: str) -> bool:
-    """Whether each piece of a format, and all that it makes, is short for any numbers."""
+    """Whether each piece of a format, and its output for any numbers, is short."""
     start = content.find("%") if "%" in content else len(content)
     sizes, place = [start], start
     while place < len(content):
@@ -284,7 +283,7 @@ def _arrangement(drawing: Drawing, place: int) -> bool:
 
 
 def _attribute(drawing: Drawing, place: int) -> bool:
-    """Whether a token is an attribute in a list: a value, or nothing, follows it."""
+    """Whether a token is an attribute in a list, followed by a value or by nothing."""
     follows = drawing.kind(place + 1) in ("string", "number", "word") or drawing.text(place + 1) in ("{", "-", ",", "}")
     return drawing.depths[place] > 0 and drawing.text(place - 1) in (",", "[") and follows
 
@@ -294,12 +293,12 @@ def _option(drawing: Drawing, place: int) -> bool:
 
 
 def _named(drawing: Drawing, place: int) -> bool:
-    """Whether a token begins a command with a single text, as in ``SetName "plate";``."""
+    """Whether a token begins a command with one string, as in ``SetName "plate";``."""
     return drawing.starts(place) and drawing.kind(place + 1) == "string" and drawing.text(place + 2) == ";"
 
 
 def _table(*rules: tuple[Iterable[str], Rule]) -> dict[str, Rule]:
-    """Rules by word; of several for a word, one is enough."""
+    """Rules by word; if a word has several, one that accepts is enough."""
     found: dict[str, list[Rule]] = {}
     for listed, rule in rules:
         for word in listed:

@@ -1,7 +1,7 @@
-"""How a drawing's tokens hang together: which bracket closes which, and that loops, tests and macros nest.
+"""Structure of a drawing's tokens: matching brackets, and nesting of loops, tests and macros.
 
-Gmsh goes back to the line after the head of a loop or a macro, and finds the end of what it skips by its name alone.
-So heads stand alone on their lines, ends are where they seem to be, and between them statements are whole.
+Gmsh jumps back to the line after the head of a loop or a macro, and finds the end of a skipped block by its name alone.
+Heads must therefore stand alone on their lines, ends must be real ends, and statements between them must be whole.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ HIDDEN_END = re.compile(r"(?:EndIf|EndFor|Else|Return)(?![A-Za-z_])")
 
 
 def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
-    """The partner of every bracket, and how many are open around each token. Raises Refused."""
+    """The matching bracket of each bracket, and the nesting depth of each token. Raises Refused."""
     found: dict[int, int] = {}
     open_at: list[int] = []
     depths = []
@@ -48,7 +48,7 @@ def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
 
 
 def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int]) -> set[int]:
-    """The places of the last tokens of all heads and ends of loops, tests and macros. Raises Refused."""
+    """Positions of the last tokens of all heads and ends of loops, tests and macros. Raises Refused."""
     found: set[int] = set()
     blocks: list[Token] = []
     for place, token in enumerate(tokens):
@@ -70,7 +70,7 @@ def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int
 
 
 def _last(tokens: Sequence[Token], place: int, partner: dict[int, int]) -> int:
-    """The place of the last token of the head or end that begins at `place`. Raises Refused."""
+    """Position of the last token of the head or end that begins at `place`. Raises Refused."""
     token, rest = tokens[place], [following.text for following in tokens[place + 1 : place + 4]]
     match token.text, rest:
         case (("EndFor" | "EndIf" | "Else" | "Return"), _):
@@ -99,7 +99,7 @@ def _nest(token: Token, blocks: list[Token]) -> None:
 
 
 def _alone(tokens: Sequence[Token], last: int, token: Token) -> None:
-    """Raises Refused where something stands behind a head on its line, which Gmsh would read out of turn."""
+    """Raise Refused if anything follows a head on its line, as Gmsh would read it out of order."""
     if token.text in ("If", "ElseIf", "Else", "EndIf"):  # Gmsh reads on from there
         return
     behind = last + 1

@@ -1,4 +1,4 @@
-"""Volumes and surfaces in space, as Gmsh has them, as triangles. It is handed Gmsh's module, and knows no other."""
+"""Volumes and surfaces in space as triangles, from Gmsh, whose module is an argument."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ LEAST = 1e-6  # of the size of a drawing: finer chords are not made
 
 
 def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
-    """The named groups of a body: points, and for each group its triangles by the numbers of their corners; of volumes
-    those of their surface. `tolerance` is how far a triangle may be off its surface.
+    """Named groups of a body: points, and for each group the corner numbers of its triangles.
 
-    What the zones are together is in the group ``body``; its volume, and that of others, is exact where Open CASCADE
-    has it, else 0.
+    For volumes these are the triangles of their surfaces. `tolerance` is the largest deviation of a triangle from its
+    surface. The group ``body`` is the union of the zones. Volumes are exact where Open CASCADE computes them, else 0.
     """
     physical = [
         (
@@ -49,7 +48,7 @@ def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
 
 
 def _united(gmsh: Any, volumes: list[int]) -> list[int]:
-    """The volumes fused into one; unchanged if there is only one, or if Open CASCADE did not make them."""
+    """The volumes fused into one; unchanged if there is only one, or if they are not Open CASCADE's."""
     if len(volumes) < 2 or not _by_open_cascade(gmsh, volumes):
         return volumes
     copies = gmsh.model.occ.copy([(3, tag) for tag in volumes])
@@ -63,7 +62,7 @@ def _by_open_cascade(gmsh: Any, volumes: list[int]) -> bool:
 
 
 def _triangulate(gmsh: Any, tolerance: float) -> None:
-    """All surfaces: Open CASCADE's own triangles, or a mesh of others."""
+    """Triangulate all surfaces: by Open CASCADE where possible, otherwise as a mesh."""
     x0, y0, z0, x1, y1, z1 = gmsh.model.getBoundingBox(-1, -1)
     gmsh.option.setNumber("Mesh.StlLinearDeflectionRelative", 0)
     gmsh.option.setNumber("Mesh.StlLinearDeflection", max(tolerance, LEAST * max(x1 - x0, y1 - y0, z1 - z0)))

@@ -1,12 +1,12 @@
-"""A drawing's tokens, as Gmsh's own lexer (src/parser/Gmsh.l) sees them, and the text written anew from them.
+"""Tokens of a drawing as Gmsh's own lexer (src/parser/Gmsh.l) sees them, and text written anew from them.
 
-Gmsh reads bytes. Blanks are space, tab, line feed, carriage return and form feed; ``//`` ends at a line feed alone;
-strings have no escapes, may go on over lines, and break off after 1023 bytes; a number ends where a word begins.
+Gmsh reads bytes. Blanks are space, tab, line feed, carriage return and form feed; ``//`` ends only at a line feed;
+strings have no escapes, may span lines, and break off after 1023 bytes; a number ends where a word begins.
 
-Gmsh has more readers than its lexer. A branch that is not taken is skipped by another, which loses characters and
-so may take the end of a string for its beginning; a loop or a macro goes back to where a line begins, be that in a
-string or in a comment; lines are read in pieces of 8 kB. `written` leaves these readers nothing to differ on: no
-comments, a blank before every quote, strings and lines short, strings on one line.
+Gmsh has more readers than its lexer. One skips a branch that is not taken; it loses characters and may mistake the end
+of a string for its beginning. A loop or a macro jumps back to the beginning of a line, even inside a string or a
+comment. Lines are read in pieces of 8 kB. `written` produces text on which all readers agree: no comments, a blank
+before every quote, short lines and strings, strings on one line.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CONTROL = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 
 class Token(NamedTuple):
-    """A piece of a drawing; a word is all that Gmsh takes for a command, a keyword or a name."""
+    """A token of a drawing; a word is anything that Gmsh takes for a command, a keyword or a name."""
 
     kind: str  # string, word, number or sign
     text: str
@@ -46,12 +46,12 @@ class Token(NamedTuple):
 
     @property
     def content(self) -> str:
-        """What a string holds."""
+        """The text inside a string's quotes."""
         return self.text[1:-1]
 
 
 class Refused(Exception):
-    """A drawing that is not read: the line, what was found there and what was expected."""
+    """A drawing that is rejected: the line, what was found there and what was expected."""
 
     def __init__(self, line: int, found: str, expected: str, trustable: bool = False) -> None:
         self.line, self.found, self.expected, self.trustable = line, found, expected, trustable
@@ -59,7 +59,7 @@ class Refused(Exception):
 
 
 def decoded(data: bytes) -> str:
-    """The text of a drawing, in UTF-8 or else in Latin-1, line ends as they are."""
+    """The text of a drawing in UTF-8 or else in Latin-1, with line ends unchanged."""
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:
@@ -67,8 +67,7 @@ def decoded(data: bytes) -> str:
 
 
 def tokens_of(text: str, most: int = MOST_TOKENS) -> list[Token]:
-    """The tokens of a drawing. Raises Refused where Gmsh's readers could disagree about them, and for more than
-    `most`."""
+    """The tokens of a drawing. Raises Refused if Gmsh's readers could disagree, or for more than `most` tokens."""
     data = text.encode("utf-8")
     found: list[Token] = []
     known, token = dict[bytes, str](), Token._make  # pieces that are there often are one text
@@ -117,7 +116,7 @@ def _checked(token: Token) -> Token:
 
 
 def written(tokens: Iterable[Token]) -> tuple[bytes, Sequence[int]]:
-    """The drawing anew, each token once, and the line of the file that each line of it comes from."""
+    """The drawing written anew, and the original line of each of its lines."""
     lines: list[list[str]] = []
     origins: list[int] = []
     size, row = 0, 0

@@ -1,4 +1,4 @@
-"""What a drawing says of its mesh, which no grid has: to be told that it is not used."""
+"""Words of a drawing about mesh sizes, which a node grid does not use, for a note to the user."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ SIZES = ("Characteristic", "Field", "MeshSize", "Transfinite")
 
 
 def unused(drawing: Drawing) -> dict[str, int]:
-    """What of a drawing is about the size of a mesh's elements, and the first line of each."""
+    """Words about the size of mesh elements, with the first line of each."""
     found: dict[str, int] = {}
     for place, token in enumerate(drawing.tokens):
         what = _what(drawing, place) if token.kind == "word" else ""
@@ -29,6 +29,6 @@ def _what(drawing: Drawing, place: int) -> str:
 
 
 def _count(drawing: Drawing, bracket: int) -> int:
-    """How many values there are between braces."""
+    """Number of values between braces."""
     inside = range(bracket + 1, drawing.partner[bracket])
     return 1 + sum(drawing.text(i) == "," and drawing.depths[i] == drawing.depths[bracket] + 1 for i in inside)

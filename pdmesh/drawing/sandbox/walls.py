@@ -1,9 +1,9 @@
-"""What a process may still do once it has read all it needs: compute, read one folder, and write what it has open.
+"""Confines a process that reads foreign files: it may compute, read one folder, and write files already open.
 
-A second wall behind the list of `scan`: Gmsh is a large program in C++, and a list may have a hole. On Linux, without
-rights or libraries: a filter of system calls (seccomp, x86-64) that lets through a few harmless ones - none starts a
-program or a process, opens a file for writing or a socket, or reaches another process - and Landlock, which leaves one
-folder to read and none to write. Elsewhere limits alone, where the system has them.
+This is a second wall behind the list of `scan`: Gmsh is a large C++ program, and a list may have a gap. On Linux it
+needs neither rights nor libraries. A filter of system calls (seccomp, x86-64) admits a few harmless ones: none starts a
+program or a process, opens a file for writing or a socket, or reaches another process. Landlock leaves one folder
+readable and none writable. Other systems have only resource limits, as far as they support them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NAMES = {"landlock": "Landlock", "seccomp": "seccomp"}  # beside limits, which a
 
 
 def warn_of_missing(path: Path, stand: Collection[str]) -> None:
-    """Warns where a file of unknown origin was read without a wall that Linux on x86-64 has."""
+    """Warn that a file of unknown origin was read without a wall that Linux on x86-64 has."""
     missing = [name for wall, name in NAMES.items() if wall not in stand]
     if missing:
         warnings.warn(
@@ -42,9 +42,9 @@ def warn_of_missing(path: Path, stand: Collection[str]) -> None:
 
 
 def raise_walls(folder: Path, seconds: float, memory: int = MEMORY) -> tuple[str, ...]:
-    """Confine this process to reading `folder`, for so many seconds of computing; returns which walls stand.
+    """Confine this process to reading `folder` and to `seconds` of computing; returns the names of the walls in force.
 
-    Files that are open stay so. There is no way back. What a system does not have is left out.
+    Open files stay open. Confinement cannot be undone. Walls that a system lacks are skipped.
     """
     raised = [("limits", _limit(seconds, memory))]
     if platform.system() == "Linux":
@@ -148,7 +148,7 @@ def _seccomp(libc: ctypes.CDLL) -> bool:
 
 
 def _filter(process: int) -> bytes:
-    """The filter as a program of BPF: the data are the call's number, the processor, and its arguments."""
+    """The system call filter as a BPF program; its input is the call's number, the architecture and the arguments."""
 
     def step(code: int, value: int, if_so: int = 0, if_not: int = 0) -> bytes:
         return struct.pack("=HBBI", code, if_so, if_not, value)

@@ -1,10 +1,10 @@
-"""What a drawing may say: words of Gmsh's language that make shapes, groups, numbers and pictures, and reach nothing.
+"""Words a drawing may contain: Gmsh's words for shapes, groups, numbers and pictures, which reach nothing else.
 
-Each set is an allow-list; what is in none of them is refused (scan.py). Left out on purpose, besides all that runs
-programs, writes files or sends data: ``Mesh`` as a command, views and plugins, which read and write files and are not
-needed for a grid; ``StringToName`` and ``NameToString``, words out of strings and back; ``GetEnv``, ``FileExists`` and
-``ListFromFile``; ``GetValue``, which asks at the terminal; windows; the options that name files and commands, that
-start threads, and that silence Gmsh's messages.
+Each set is an allow-list; scan.py refuses any other word. Everything that runs programs, writes files or sends data is
+left out on purpose, and also: ``Mesh`` as a command, views and plugins, which read and write files and are not needed
+for a grid; ``StringToName`` and ``NameToString``, which turn strings into words and back; ``GetEnv``, ``FileExists``
+and ``ListFromFile``; ``GetValue``, which asks at the terminal; windows; the options that name files and commands, start
+threads, or silence Gmsh's messages.
 """
 
 from __future__ import annotations
