@@ -13,10 +13,11 @@ is reflected less where spacings differ.
 - Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method: a bond is multiplied so that, in
   uniform stretching along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V.
   Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families lack more of
-  themselves, the stretching has the contraction of a free bar across it, and what corrected bonds hold is corrected
-  anew, four rounds: a bar four nodes thick is then 1.3 % stiffer than its lattice, in one round and as in the plane
-  12 %. Bonds that a pre-crack cuts hold none, around its tip as well: to spare the tip makes displacements around it
-  worse (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
+  themselves, a bond is multiplied by sum_a n_a^2 (c_ia + c_ja) / 2 with three numbers c a node, n = xi / |xi|: those
+  with which the node, were its neighbours like it, holds the energy of a full lattice in stretching along each axis
+  with the contraction of a free bar across it. A bar four nodes thick is then 0.3 % softer than its lattice, one of
+  eight 0.4 %. Bonds that a pre-crack cuts hold none, around its tip as well: to spare the tip makes displacements
+  around it worse (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
 - A bond that goes round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of that length.
 - Where two materials meet, each end brings half the stiffness and half the energy a bond spends on breaking.
 """
@@ -40,7 +41,7 @@ from pdsolve.laws import limits
 from pdsolve.model import Model
 
 NU = BONDS_NU["space"]
-ROUNDS = {2: 1, 3: 4}  # of corrections of surfaces, by dimension
+LEAST, MOST = 0.2, 8.0  # of the corrections of a node in space; those of a cube are 0.59 to 5.2
 SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bond, but for round-off
 
 
@@ -101,18 +102,12 @@ class Rule:
         intact = (far < 2 * self._farthest) & self._strong(modulus, reach)
         return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
 
-    def lack(
-        self, rows: NDArray[np.int64], found: Paired, before: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """What surfaces take from rows (k, d), which increase, with these pairs, of what `before` (n, r d), of so many
-        rounds, does not give back; see `_lack`."""
-        if before is not None and before.shape[1]:
-            factor = _energy_factor(self._model.grid.position, found.pairs, before)
-            found = found._replace(stiffness=found.stiffness * factor)
+    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+        """What surfaces take from rows (k, d), which increase, with these pairs; see `_lack`."""
         return _lack(self._model, rows, found, self.area, self._corrections)
 
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
-        """The bonds of consecutive rows with these pairs; nodes lack (n, r d) in r rounds."""
+        """The bonds of consecutive rows with these pairs; nodes lack (n, d)."""
         factor = _energy_factor(self._model.grid.position, found.pairs, lack)
         found = found._replace(stiffness=found.stiffness * factor * found.weight)
         return part_of(self._model.grid.position, self._held, rows, found)
@@ -121,17 +116,12 @@ class Rule:
 def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, nodes, d = Rule(model, corrections), len(model.grid), model.grid.dimension
-    rounds = ROUNDS[d] if corrections.surfaces else 0
-    lack, some = np.ones((nodes, d * max(rounds, 1))), np.arange(nodes)
+    lack = np.ones((nodes, d))
     all_of_them: Paired | None = None  # where they are so few as to be found in one go
-    for first in range(0, d * rounds, d):
-        for chunk in row_chunks(len(some)):
-            rows = some[chunk]
-            found = rule.looked(rule.neighbours.pairs(rows)) if all_of_them is None else all_of_them
-            lack[rows, first : first + d] = rule.lack(rows, found, lack[:, :first])
-            all_of_them = found if len(rows) == nodes else None
-        if all_of_them is None and first + d < d * rounds:
-            some = rule.beside(np.flatnonzero((np.abs(lack[:, first : first + d] - 1) > ROUND_OFF).any(axis=1)))
+    for rows in row_chunks(nodes) if corrections.surfaces else ():
+        found = rule.looked(rule.neighbours.pairs(rows))
+        lack[rows] = rule.lack(rows, found)
+        all_of_them = found if len(rows) == nodes else None
 
     def part(rows: NDArray[np.int64]) -> Part:
         known = all_of_them is not None and len(rows) == nodes
@@ -193,32 +183,48 @@ def _lack(
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
-    """What the rows (k, d) of a full lattice hold in uniform stretching along each axis, in space with the contraction
-    across it of a free bar, over what the intact pairs of these hold; 1 where they hold nothing."""
+    """In the plane what the rows (k, 2) of a full lattice hold in uniform stretching along each axis, over what the
+    intact pairs of these hold; 1 where they hold nothing. In space the corrections c (k, 3) with which they do."""
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full, lack = _full_energy(model, rows, corrections), []
     together = int(rows[-1] - rows[0]) + 1 == len(rows)
     place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
-    for axis in range(n.shape[1]):
-        stretch = n[:, axis] ** 2 if n.shape[1] == 2 else n[:, axis] ** 2 * (1 + NU) - NU  # over that along the axis
-        energy = found.stiffness * pairs.length * stretch**2 * area[pairs.target] / 2
-        held = np.bincount(place, np.where(found.intact, energy, 0.0), minlength=len(rows))
+    stiffness = np.where(found.intact, found.stiffness * pairs.length * area[pairs.target] / 2, 0.0)
+    if n.shape[1] == 3:
+        return _corrections_in_space(full, n, stiffness, place)
+    for axis in range(2):
+        held = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
         with np.errstate(divide="ignore"):
             lack.append(np.where(held > 0, full / held, 1.0))
     return np.column_stack(lack)
 
 
+def _corrections_in_space(
+    full: NDArray[np.float64], n: NDArray[np.float64], stiffness: NDArray[np.float64], place: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """c (k, 3) of nodes that are to hold `full` (k,), Pa, by their bonds' directions (b, 3) and stiffnesses (b,)."""
+    squares = n**2
+    held = np.empty((len(full), 3, 3))  # in stretching along a by what c_b multiplies
+    for a in range(3):
+        stretched = stiffness * (squares[:, a] * (1 + NU) - NU) ** 2
+        for b in range(3):
+            held[:, a, b] = np.bincount(place, stretched * squares[:, b], minlength=len(full))
+    scale = held.trace(axis1=1, axis2=2)
+    held += ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)  # bonds may all lie in a plane
+    lacks = full[:, None] - held.sum(axis=2)
+    found = 1 + np.linalg.solve(held, lacks[..., None])[..., 0]
+    return np.where(scale[:, None] > 0, np.clip(found, LEAST, MOST), 1.0)
+
+
 def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
     """Correction (b,) of each pair's modulus by all rounds, 1 in the interior of a uniform grid; the same both ways."""
     n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
-    factor = np.ones(len(n))
-    for first in range(0, lack.shape[1], n.shape[1]):
-        total = np.zeros(len(n))
-        for axis, own in enumerate(lack.T[first : first + n.shape[1]]):
-            total += (n[:, axis] / ((own[pairs.source] + own[pairs.target]) / 2)) ** 2
-        factor *= total**-0.5
-    return factor
+    total = np.zeros(len(n))
+    for axis, own in enumerate(lack.T):
+        mean = (own[pairs.source] + own[pairs.target]) / 2
+        total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
+    return total if n.shape[1] == 3 else total**-0.5
 
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
