@@ -1,7 +1,7 @@
-"""Explicit bond-based peridynamics with fracture: a node grid in, an SQLite database of results out.
+"""Explicit bond-based peridynamics with fracture: input is a node grid, output an SQLite database of results.
 
-For scripts: `read_model` reads a grid file with what is laid over it, `simulate` solves it; `read_study` and
-`solve_study` do so with many; `estimate_run` and `plan_study` say what that takes.
+For scripts: `read_model` reads a grid file with settings, `simulate` solves it; `read_study` and `solve_study` do so
+for many runs; `estimate_run` and `plan_study` estimate the cost.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The command `pdsolve`: solve a model, write its results."""
+"""The command `pdsolve`: solves a model and writes its results."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _study_parser() -> argparse.ArgumentParser:
 
 
 def _leave_out_blas() -> None:
-    """Load numba's arrays where they do not find SciPy's BLAS: no kernel uses it, and it imports as slowly as numba."""
+    """Load numba's array support without SciPy's BLAS: no kernel uses it, and its import is slow."""
     blas = "scipy.linalg.cython_blas"
     if blas not in sys.modules:
         sys.modules[blas] = None  # type: ignore[assignment]
@@ -101,7 +101,7 @@ def _leave_out_blas() -> None:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Nothing is looked through for garbage: what is imported is none, and that look takes a tenth of a short run."""
+    """A context without garbage collection: imports create no garbage, and collection takes a tenth of a short run."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -162,7 +162,7 @@ def _solve(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
-    """Says how to go on with a run that was stopped where something is lost."""
+    """A context that says how to continue a stopped run if something would be lost."""
     try:
         yield
     except KeyboardInterrupt as stop:
@@ -173,7 +173,7 @@ def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
 
 @contextmanager
 def _names_the_signal(watch: Watch) -> Iterator[None]:
-    """Raises Interrupted for the signal that a run was stopped for where something of it is lost."""
+    """A context that raises Interrupted for the signal that stopped a run, if something of it is lost."""
     try:
         yield
     except KeyboardInterrupt:
@@ -181,7 +181,7 @@ def _names_the_signal(watch: Watch) -> Iterator[None]:
 
 
 def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
-    """Raises UsageError for a setting given here that a run of this kind would not use."""
+    """Raise UsageError for a given setting that a run of this kind does not use."""
     from pdmesh.model.unused_settings import in_vain
 
     # a table that is emptied takes away what is said
@@ -192,7 +192,7 @@ def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
 
 
 def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
-    """The flags that stand for settings, as assignments."""
+    """Flags that stand for settings, as assignments."""
     flags = [] if args.every is None else [("run.every", args.every)]
     if args.adapt is not None:
         flags.append(("run.adapt", f'"{args.adapt}"'))
@@ -229,7 +229,7 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
 
 
 def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
-    """What going on with a run would take. Raises ResultsError where it cannot go on."""
+    """Show the cost of continuing a run; returns the exit code. Raises ResultsError if it cannot continue."""
     from pdsolve.model import model_of
     from pdsolve.results import Kind, Results, state_of
     from pdsolve.run.estimate import estimate_run

@@ -1,7 +1,7 @@
-"""What a checkpoint may hold: anyone may have written it, and its checksums are no secret.
+"""Validation of checkpoints, which may come from anyone, as checksums are no secret.
 
-Each part that goes back to a checkpoint asks for its arrays here, by shape, type and bounds, before it uses them. What
-no run has written raises a CheckpointError, which names what was found and what was expected.
+Each part that restores a checkpoint requests its arrays here by shape, type and bounds before it uses them. Invalid
+content raises a CheckpointError, which names what was found and what was expected.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def entry(
     low: float = -MOST_OF_NUMBERS,
     high: float = MOST_OF_NUMBERS,
 ) -> NDArray[Any]:
-    """The array `name` of a checkpoint, in its shape: of this kind, all values numbers from `low` to `high`.
+    """The array `name` of a checkpoint in the given shape and type, with all values from `low` to `high`.
 
     Raises CheckpointError.
     """
@@ -52,12 +52,12 @@ def entry(
 
 
 def like(kept: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
-    """The array `name` of a checkpoint, of the shape and the kind of this one. Raises CheckpointError."""
+    """The array `name` of a checkpoint, with the shape and type of `array`. Raises CheckpointError."""
     return entry(kept, name, array.shape, array.dtype)
 
 
 def expect_broken(broken: Broken, step: int, nodes: int) -> None:
-    """Raises CheckpointError for bonds that break after `step` or at none, of nodes that are not there, or twice."""
+    """Raise CheckpointError for bonds that break after `step` or at none, between missing nodes, or twice."""
     for values, low, high, what in (
         (broken.step, 1, step, "a bond that breaks in step"),
         (broken.source, 0, nodes - 1, "a broken bond of row"),
@@ -71,7 +71,7 @@ def expect_broken(broken: Broken, step: int, nodes: int) -> None:
 
 
 def expect_found(there: NDArray[np.bool_], source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
-    """Raises CheckpointError unless all bonds (k,) of these rows are `there` (k,)."""
+    """Raise CheckpointError unless all bonds (k,) of these rows are `there` (k,)."""
     if not there.all():
         at = int((~there).argmax())
         raise CheckpointError(

@@ -1,4 +1,4 @@
-"""What makes a model impossible or doubtful, found before it is solved; and what a run must not do unnoticed.
+"""Checks of a model before it is solved, and of a run's energy at its end.
 
 Impossible is a ModelError, doubtful a ModelWarning; each says where, what was found and what was expected.
 """
@@ -39,7 +39,7 @@ class Nearest(NamedTuple):
 
 
 def nearest(model: Model) -> Nearest:
-    """The nearest other node of each node, and how far it is, m."""
+    """The nearest other node of each node, and its distance, m."""
     position, delta = model.grid.position, model.grid.delta
     found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
@@ -56,10 +56,9 @@ def nearest(model: Model) -> Nearest:
 
 
 def refuse(model: Model, partial_cells: bool) -> None:
-    """Raises ModelError for settings that cannot be, for a model that has no stiffness, or numbers that nothing can be
-    computed with.
+    """Raise ModelError for contradictory settings, a model without stiffness, or numbers out of range.
 
-    `partial_cells` says whether the family reaches half a spacing beyond the horizon.
+    `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
     for wrong in impossible(model.settings, model.grid.dimension):
         raise ModelError(f"{model.name}: {wrong}")
@@ -79,10 +78,10 @@ def refuse(model: Model, partial_cells: bool) -> None:
 
 
 def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
-    """Warns of what can be solved but will hardly be what was meant.
+    """Warn of models that can be solved but are probably not intended.
 
-    `bonds` (n,) are those each node has, the other two as in `refuse` and `closing`. Raises ModelError for nodes at one
-    place.
+    `bonds` (n,) are the numbers of bonds, the other two arguments are as in `refuse` and `closing`. Raises ModelError
+    for coincident nodes.
     """
     stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
     if stiffest > softest and not symmetric:
@@ -116,7 +115,7 @@ def advise_unused(model: Model) -> None:
 
 
 def warn(model: Model, message: str) -> None:
-    """A doubt of this model, in one line."""
+    """Issue a ModelWarning about this model, in one line."""
     warnings.warn(f"{model.name}: {message}", ModelWarning, stacklevel=2)
 
 
@@ -127,7 +126,7 @@ def named(model: Model, row: int) -> str:
 
 
 def _digits(model: Model) -> None:
-    """Plates so far from the origin that round-off decides who is within whose horizon."""
+    """Warn of plates so far from the origin that round-off decides who is within whose horizon."""
     farthest, least = float(np.abs(model.grid.position).max()), float(model.horizons.min())
     known = float(np.spacing(farthest))
     needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
@@ -140,7 +139,7 @@ def _digits(model: Model) -> None:
 
 
 def _places(model: Model, found: Nearest) -> None:
-    """Nodes too near to each other, and spacings that jump."""
+    """Check for nodes too close to each other, and for jumps in spacing."""
     grid = model.grid
     near = found.distance / np.minimum(grid.delta, grid.delta[found.row])
     row = int(near.argmin())
@@ -168,7 +167,7 @@ def _places(model: Model, found: Nearest) -> None:
 
 
 def _cracks(model: Model) -> NDArray[np.bool_]:
-    """Which nodes (n,) a pre-crack passes through."""
+    """Mask (n,) of nodes on a pre-crack."""
     grid = model.grid
     hit = np.zeros(len(grid), dtype=bool)
     if grid.dimension == 3:
@@ -196,7 +195,7 @@ def _cracks(model: Model) -> NDArray[np.bool_]:
 
 
 def _faces(model: Model) -> NDArray[np.bool_]:
-    """Which nodes (n,) of a body a pre-crack passes through."""
+    """Mask (n,) of nodes of a body on a pre-crack."""
     grid, triangles = model.grid, model.grid.cracks.reshape(-1, 3, 3)
     hit = np.zeros(len(grid), dtype=bool)
     if len(triangles):
@@ -211,7 +210,7 @@ def _faces(model: Model) -> NDArray[np.bool_]:
 
 
 def _probes(model: Model) -> None:
-    """Places to be watched that are not on the plate."""
+    """Warn of probes outside the plate."""
     grid = model.grid
     places = np.reshape(model.settings.run.probes, (-1, grid.dimension))
     if not len(places):
@@ -236,7 +235,7 @@ def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
 
 
 def _shapes(model: Model) -> None:
-    """Plates that are too small to be one."""
+    """Warn of plates that are only a few nodes wide."""
     position, widest = model.grid.position, float(model.horizons.max())
     extent = float(np.ptp(position, axis=0).max() + model.grid.delta.max())
     if len(position) < 3:
@@ -258,16 +257,16 @@ def _shapes(model: Model) -> None:
 
 
 def advise_damped(model: Model, damped: float, put_in: float) -> None:
-    """Warns at the end of a run in time from which damping took much of the energy `put_in`, J/m."""
+    """Warn, at the end of a run in time, if damping took much of the supplied energy `put_in`, J/m."""
     said = remark(model.settings.run, model.settings.conditions, damped, put_in)
     if said is not None and model.settings.run.solver != "static":  # at rest every crack gives some up
         warn(model, said)
 
 
 def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
-    """Warns at the end of a run whose energy does not add up though its operator is `symmetric`, or is coupled.
+    """Warn, at the end of a run, if energy does not balance although the operator is `symmetric`, or coupled.
 
-    `balance` is that of the last ledger; `spent`, J/m, went into softening and breaking bonds.
+    `balance` is that of the last ledger entry; `spent`, J/m, was dissipated by softening and breaking bonds.
     """
     if spent < 0:
         warn(

@@ -1,4 +1,4 @@
-"""What is done to the plate, in time: loads on nodes, and components of their motion that are held."""
+"""Conditions on the plate over time: loads on nodes, and prescribed components of their motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATI
 
 
 class Profiles(NamedTuple):
-    """Factors over time, one after the other: profile p has the points start[p] to start[p + 1]."""
+    """Factors over time, concatenated: profile p has the points start[p] to start[p + 1]."""
 
     start: NDArray[np.int64]  # (p + 1,)
     time: NDArray[np.float64]  # s, increasing within a profile
@@ -29,7 +29,7 @@ class Profiles(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """Components that something is done to: e entries, of one node and one axis each."""
+    """Components with a condition: e entries, of one node and one axis each."""
 
     node: NDArray[np.int64]  # (e,) row of the grid
     axis: NDArray[np.int64]  # (e,) 0, 1 or, in space, 2
@@ -39,7 +39,7 @@ class Entries(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """All conditions of a model as the stepper needs them; n nodes."""
+    """All conditions of a model for the stepper; n nodes."""
 
     profiles: Profiles
     loads: Entries
@@ -52,7 +52,7 @@ class Drive(NamedTuple):
 
 
 def unbreakable(model: Model) -> NDArray[np.bool_]:
-    """Which nodes (n,) carry a condition that keeps their bonds from breaking."""
+    """Mask (n,) of nodes with a condition that makes their bonds unbreakable."""
     marked = np.zeros(len(model.grid), dtype=bool)
     for condition in model.settings.conditions:
         if isinstance(condition, Condition) and not condition.breakable:
@@ -61,7 +61,7 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
 
 
 def initial_velocity(model: Model) -> NDArray[np.float64]:
-    """Velocities (n, d) at time 0, m/s: those of initial and of held velocities."""
+    """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities."""
     d = model.grid.dimension
     velocity = np.zeros((len(model.grid), d))
     for condition in model.settings.conditions:
@@ -77,18 +77,18 @@ def initial_velocity(model: Model) -> NDArray[np.float64]:
 
 
 def refuse_layers(model: Model) -> None:
-    """Raises ModelError for a layer that absorbs waves and leaves no node for them to come from."""
+    """Raise ModelError for an absorbing layer that covers all nodes."""
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Absorb) and len(model.selected(condition)) == len(model.grid):
             raise ModelError(f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge")
 
 
 def damping(model: Model) -> NDArray[np.float64]:
-    """Force against motion over mass and velocity (n,), 1/s: that of the run, and of layers that absorb waves.
+    """Damping coefficient (n,), 1/s: force over mass and velocity, from the run and from absorbing layers.
 
-    In a layer of depth L it is K (c / L) (d / L), c being the speed of P waves and d how far a node is from those that
-    are not in the layer: of waves shorter than L, exp(-K / 2) comes back from its end, and little from its beginning.
-    Of several layers the most counts.
+    In a layer of depth L it is K (c / L) (d / L), with the P wave speed c and the distance d of a node from those
+    outside the layer. Of waves shorter than L, a share exp(-K / 2) returns from its end, and little from its beginning.
+    Of several layers, the largest value counts.
     """
     found = np.full(len(model.grid), model.settings.run.damping)
     speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of]
@@ -104,12 +104,11 @@ def damping(model: Model) -> NDArray[np.float64]:
 
 
 def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: type[np.floating]) -> Drive:
-    """The model's conditions, their body forces at time 0 in place.
+    """Conditions of the model, with the body forces of time 0.
 
-    A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and
-    where the length of the loaded edge, or the area of the loaded face, is known, its nodes share traction times that
-    by their `areas` (n,), m^2, or volumes.
-    Where two holds meet in a component, the later one has it.
+    A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and if the
+    length of the loaded edge (or the area of the loaded face) is known, its nodes share traction times that in
+    proportion to their `areas` (n,), m^2, or volumes. If two holds prescribe one component, the later one counts.
     """
     d = model.grid.dimension
     profiles: list[Sequence[tuple[float, float]]] = []
@@ -156,7 +155,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
 
 
 def put_loads(drive: Drive, time: float) -> None:
-    """Put the body forces of `time`, s, in place, once: what `apply_loads` does in every step, without compiling it."""
+    """Apply the body forces of `time`, s, once, without compiling `apply_loads`."""
     drive.force[:] = 0
     _add_loads(drive, time, drive.force)
 
@@ -221,7 +220,7 @@ def factors(condition: Condition, times: Sequence[float]) -> list[float]:
 
 @njit
 def apply_loads(drive, time):  # type: ignore[no-untyped-def]
-    """Put the body forces of `time`, s, in place and keep the last ones."""
+    """Apply the body forces of `time`, s, and keep the previous ones."""
     loads, force = drive.loads, drive.force
     for e in range(len(loads.node)):
         drive.before[loads.node[e], loads.axis[e]] = force[loads.node[e], loads.axis[e]]

@@ -37,7 +37,7 @@ NESTED = "found values nested too deep to be read, expected those of the grid fi
 
 
 class ModelWarning(UserWarning):
-    """A model that can be solved but may not mean what its author thinks; one line."""
+    """A model that can be solved but may not mean what its author intends; one line."""
 
 
 class ModelError(ValueError):
@@ -45,7 +45,7 @@ class ModelError(ValueError):
 
 
 def counted(model: Model, step: float) -> Model:
-    """The model with as many steps of so many seconds as its duration takes. Raises ModelError for too many."""
+    """The model with its duration expressed in steps of `step` s. Raises ModelError for too many steps."""
     try:
         run = durations.counted(model.settings.run, step)
     except GridError as error:
@@ -57,7 +57,7 @@ def counted(model: Model, step: float) -> Model:
 
 @dataclass(frozen=True)
 class Model:
-    """A grid and everything needed to solve it. Raises ModelError where the parts contradict each other."""
+    """A grid and everything needed to solve it. Raises ModelError for contradictory parts."""
 
     grid: Grid
     settings: Settings
@@ -137,7 +137,7 @@ class Model:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The plate's material, then those of its regions; of a body in space, those in space."""
+        """The plate's material, then those of its regions; in a body in space, with plane "space"."""
         assert self.settings.material is not None
         every = self.settings.material, *(region.material for region in self.settings.regions)
         if self.grid.dimension == 2:
@@ -145,7 +145,7 @@ class Model:
         return tuple(msgspec.structs.replace(material, plane="space") for material in every)
 
     def place_of(self, number: int) -> str:
-        """Where the material of this number is, in the words of messages."""
+        """Place of the material with this number, in the words of messages."""
         return f"{self.name}: $.material" if number == 0 else f"{self.name}: $.regions[{number - 1}].material"
 
     @cached_property
@@ -171,11 +171,11 @@ class Model:
         return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
 
     def _repr_svg_(self) -> str | None:
-        """What a notebook shows: as in `Grid`."""
+        """SVG for a notebook: that of the grid."""
         return self.grid._repr_svg_()
 
     def to_json(self) -> str:
-        """The model as one document; `model_of` reads it back."""
+        """The model as one JSON document, which `model_of` reads."""
         return encode(document_of(self.grid, self.settings)).decode()
 
 
@@ -201,7 +201,7 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
 
 
 def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tuple[str, str]]) -> None:
-    """Raises ModelError for a plane that a body in space is given; one that is left out is no plane's."""
+    """Raise ModelError if settings give a body in space a `material.plane` other than space."""
     layers = [] if settings is None else [_read_toml(settings)]
     layers += [_nested(name, _toml_value(name, text)) for name, text in assignments]
     for layer in layers:
@@ -214,7 +214,7 @@ def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tupl
 def overlaid(
     below: Settings, path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()
 ) -> Settings:
-    """The settings of the file at `path` with a TOML file and then assignments laid over. Raises ModelError."""
+    """Settings of the file at `path`, overridden by a TOML file and then by assignments. Raises ModelError."""
     layers = msgspec.to_builtins(below, builtin_types=())
     if settings is not None:
         above = _read_toml(settings)
@@ -233,7 +233,7 @@ def overlaid(
 
 
 def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """The layers below steps without their duration, below a duration without their steps."""
+    """Settings `below` without the duration if `above` gives steps, and without the steps if it gives a duration."""
     run, ends = above.get("run"), ("steps", "duration")
     given = [name for name in ends if isinstance(run, dict) and name in run]
     if len(given) != 1 or not isinstance(below.get("run"), dict):
@@ -262,7 +262,7 @@ def _toml_value(name: str, text: str) -> Any:
 
 
 def _fields(text: str, run: Any) -> list[str]:
-    """The names of fields in a user's list: all, these, or after a plus these besides those of the layers below."""
+    """Field names in a user's list: all, the listed ones, or after a plus the listed ones besides those `below`."""
     if text == "all":
         return list(Run().fields)
     names = text.removeprefix("+").split(",")

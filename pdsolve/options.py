@@ -1,4 +1,4 @@
-"""How to solve, as opposed to what."""
+"""Options of how to solve a model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WORTH = 10_000
 
 
 class Options(NamedTuple):
-    """What a run is asked to be, by whoever starts it."""
+    """Options of a run, chosen by the caller."""
 
     mode: str = "conservative"
     precision: str = "float64"
@@ -21,5 +21,5 @@ class Options(NamedTuple):
 
 
 def threads_of(options: Options, nodes: int, fast: bool) -> int:
-    """How many threads share the work on so many nodes; `fast`: of blocks, whose steps are over sooner."""
+    """Number of threads for so many nodes; `fast`: for the block kernel, whose steps are shorter."""
     return options.threads or (crew(nodes, WORTH) if fast else crew(nodes))

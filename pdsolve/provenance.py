@@ -1,4 +1,4 @@
-"""How a database of results came to be: by what, and in which units."""
+"""Origin of a database of results: program versions and units."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdmesh import VERSION
 
 
 def made_by(provenance: str, dimension: int) -> dict[str, Any]:
-    """What results of any physics say of themselves, of a plate or, in three dimensions, a body."""
+    """Metadata common to results of any physics, for a plate or, with `dimension` 3, a body."""
     return {
         "program": f"pdsolve {VERSION}",
         "provenance": provenance,

@@ -1,2 +1,2 @@
-"""Nodes that follow a crack: two lattices coupled by clipped bonds (`hybrid`) or by stencils (`collocation`), cells
-that split and merge (`quadtree`)."""
+"""Adaptive grids: two lattices coupled by clipped bonds (`hybrid`) or by stencils (`collocation`), and splitting
+cells (`quadtree`)."""

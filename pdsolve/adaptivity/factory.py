@@ -1,4 +1,4 @@
-"""Fine zones that move, of whatever kind."""
+"""Chooses the operator of a moving fine zone."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Moving = HybridOperator | CollocationOperator
 def moving_of(
     model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int
 ) -> tuple[Moving, float]:
-    """The run as it starts, as `run.adapt` says, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start that `run.adapt` selects, and the surely stable step, s; `step_of` chooses the step.
 
-    Raises ModelError for what cannot be solved so.
+    Raises ModelError for a model that the method does not support.
     """
     if model.settings.run.adapt == "collocation":
         return collocation_of(model, mode, precision, step_of, threads)

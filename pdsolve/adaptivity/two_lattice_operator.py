@@ -1,4 +1,4 @@
-"""What operators of two lattices have in common: they own which nodes are there, and a fused march of their own."""
+"""The common part of operators on two lattices: they determine which nodes exist, and have a fused march."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Sums(NamedTuple):
-    """What such nodes come to, all together."""
+    """Totals over all nodes."""
 
     kinetic: float  # J/m
     strain: float  # J/m
@@ -38,10 +38,10 @@ class Nodes(Protocol):
         """Sum the forces at the displacements there are, those of loads left out; bonds over their limit break."""
 
     def keep(self) -> Kept:
-        """What a checkpoint holds of them."""
+        """Arrays for a checkpoint."""
 
     def back(self, kept: Kept) -> None:
-        """Go back to what was kept."""
+        """Restore a checkpoint."""
 
     def bytes(self) -> int:
         """The memory of the nodes' arrays, bytes."""
@@ -51,9 +51,9 @@ N = TypeVar("N", bound=Nodes)
 
 
 class TwoLatticeOperator(ABC, Generic[N]):
-    """An operator on the n nodes that `hybrid` has now, in the order of their places; its arrays are those of `hybrid`.
+    """An operator on the n current nodes of `hybrid`, in the order of their places; its arrays are those of `hybrid`.
 
-    A node that is tied to others has no motion of its own: its force density is that which lets it move with them.
+    A tied node has no motion of its own: its force density is the one with which it follows the nodes it is tied to.
     """
 
     name: str
@@ -65,45 +65,48 @@ class TwoLatticeOperator(ABC, Generic[N]):
     @property
     @abstractmethod
     def model(self) -> Model:
-        """The model of the nodes (n,) there are now, with nothing done to it."""
+        """The model of the n current nodes, without conditions."""
 
     @property
     @abstractmethod
     def current(self) -> bool:
-        """Whether the nodes of `hybrid` are still these."""
+        """Whether the nodes of `hybrid` are unchanged."""
 
     @abstractmethod
     def changed(self) -> Self | None:
-        """The operator on the nodes there are now, if they are others."""
+        """The operator on the current nodes if they have changed, else None."""
 
     @abstractmethod
     def _put(self, state: State) -> None:
-        """Give the nodes of `hybrid` the values and rates of a state."""
+        """Set the nodes of `hybrid` to the values and rates of a state."""
 
     def take(self, state: State) -> None:
-        """Give the nodes of `hybrid` the values and rates of a state. Raises RuntimeError where they became others."""
+        """Set the nodes of `hybrid` to the values and rates of a state.
+
+        Raises RuntimeError if the nodes have changed.
+        """
         if not self.current:
             raise RuntimeError(f"{self.name}: found nodes that have become others, expected these to be asked for")
         self._put(state)
 
     @abstractmethod
     def sync(self, state: State) -> None:
-        """Bring a state up to date with the nodes of `hybrid`."""
+        """Update a state from the nodes of `hybrid`."""
 
     @abstractmethod
     def accelerations(self) -> NDArray[np.float64]:
-        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
 
     @abstractmethod
     def spent(self) -> NDArray[np.float64]:
-        """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
+        """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
 
     @abstractmethod
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
 
     def state(self) -> State:
-        """The state of the nodes now."""
+        """The state of the current nodes."""
         nodes = len(self.places)
         found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
         self.sync(found)
@@ -114,7 +117,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add force densities (n, 2), N/m^3, to `out`; what is over its limit breaks; see `Operator`."""
+        """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
         before = self.spent()
         self.take(state)
         self.hybrid.sum_forces(step, dt)
@@ -122,21 +125,21 @@ class TwoLatticeOperator(ABC, Generic[N]):
         state.dissipated[:] += self.spent() - before
 
     def stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,), N/m^4, by the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""
+        """A bound (n,), N/m^4, from the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""
         nodes = len(self.places)
         rows = abs(self.tangent(State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes))))).sum(axis=1)
         return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
 
     def keep(self) -> Kept:
-        """What a checkpoint holds of the two lattices."""
+        """Arrays of the two lattices for a checkpoint."""
         return self.hybrid.keep()
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore a checkpoint, which has the broken bonds; the nodes may be others then (`changed`)."""
+        """Restore a checkpoint, which contains the broken bonds; the nodes may have changed then (`changed`)."""
         self.hybrid.back(kept)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """No fields: the two lattices store none beside their displacements."""
+        """Empty: the two lattices store no fields besides their displacements."""
         return {}
 
     def bytes(self) -> int:
@@ -145,13 +148,13 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
 
 class FusedMarch:
-    """Takes steps with a two-lattice operator: forces and motion in one sweep; nodes may become others meanwhile."""
+    """Takes steps with a two-lattice operator: forces and motion in one sweep, during which nodes may change."""
 
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator
 
     def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; the state follows as long as the nodes are those of the operator.
+        """Take the steps `first` to `last` - 1; the state is updated as long as the nodes are those of the operator.
 
         Raises UnstableError.
         """

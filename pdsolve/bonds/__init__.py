@@ -1,1 +1,1 @@
-"""Bonds: what a scheme makes of a model, statistics of them, and how they break at rest."""
+"""Bonds made by a scheme, their statistics, and how they break at rest."""

@@ -1,4 +1,4 @@
-"""Bonds: what a scheme makes of a model, in one list or some rows at a time."""
+"""Bonds made by a scheme, in one list or in parts of some rows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pdsolve.model import Model
 
 
 class Bonds(NamedTuple):
-    """Bonds ready for the kernels, those of node i at start[i]:start[i + 1]; b of them, n nodes."""
+    """Bonds for the kernels, those of node i at start[i]:start[i + 1]; b of them, n nodes."""
 
     start: NDArray[np.int64]  # (n + 1,)
     neighbour: NDArray[np.int32]  # (b,)
@@ -27,7 +27,7 @@ class Bonds(NamedTuple):
 
 
 class Counted(NamedTuple):
-    """What is known of n nodes besides their bonds."""
+    """Data of n nodes besides their bonds."""
 
     area: NDArray[np.float64]  # (n,) m^2
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
@@ -43,7 +43,7 @@ class Assembly(NamedTuple):
 
     @property
     def counted(self) -> Counted:
-        """What is known of the nodes."""
+        """Data of the nodes besides their bonds."""
         return Counted(self.area, self.family, np.diff(self.bonds.start))
 
 
@@ -56,7 +56,7 @@ class Part(NamedTuple):
 
 
 class Filling(NamedTuple):
-    """How a scheme fills the bonds of a model with n nodes."""
+    """How a scheme makes the bonds of a model with n nodes."""
 
     area: NDArray[np.float64]  # (n,) m^2
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
@@ -73,7 +73,7 @@ class Filling(NamedTuple):
 
 
 def listed(parts: Iterable[Part], area: NDArray[np.float64]) -> Assembly:
-    """All parts in one list."""
+    """All parts as one list."""
     every = list(parts)
     counts = np.concatenate([np.diff(part.bonds.start) for part in every])
     columns = (np.concatenate(column) for column in zip(*(part.bonds[1:] for part in every), strict=True))
@@ -82,13 +82,13 @@ def listed(parts: Iterable[Part], area: NDArray[np.float64]) -> Assembly:
 
 
 def in_precision(bonds: Bonds, precision: str) -> Bonds:
-    """The bonds with their numbers rounded to a precision."""
+    """The bonds with values rounded to a precision."""
     rounded = (np.ascontiguousarray(column, dtype=precision) for column in bonds[2:])
     return Bonds(bonds.start, bonds.neighbour, *rounded)
 
 
 class Paired(NamedTuple):
-    """Pairs that lie in the plate, b of them, and what their bonds are like."""
+    """Pairs inside the plate, b of them, with the properties of their bonds."""
 
     pairs: Pairs
     intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
@@ -99,23 +99,23 @@ class Paired(NamedTuple):
 
 
 class ByPairs(Protocol):
-    """How a scheme fills the bonds of a model with n nodes from pairs, each of which is looked at by itself."""
+    """A scheme that makes the bonds of a model with n nodes from pairs, each considered by itself."""
 
     area: NDArray[np.float64]  # (n,) m^2
     neighbours: Neighbours
 
     def looked(self, pairs: Pairs) -> Paired:
-        """The pairs that can be bonds, and what is known of each by itself."""
+        """Pairs that can be bonds, with the properties that depend on each pair alone."""
 
     def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
-        """What the families of nodes lack (k, ...), in rows (k,) that increase, from all their pairs."""
+        """Surface correction data (k, ...) of the families of `rows` (k,), which increase, from all their pairs."""
 
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
-        """The bonds of consecutive rows by all their pairs, and by what nodes (n, ...) lack."""
+        """Bonds of consecutive rows from all their pairs and from the nodes' correction data (n, ...)."""
 
 
 def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:
-    """The pairs of these rows as bonds, less those a pre-crack cuts; those of the nodes `held` (n,) do not break.
+    """Pairs of these rows as bonds, without those cut by a pre-crack; bonds of the nodes `held` (n,) do not break.
 
     `position` (n, d) in m.
     """
@@ -136,9 +136,9 @@ def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArra
 
 
 def areas(model: Model, usual: Literal["cells", "eq19"]) -> NDArray[np.float64]:
-    """Areas (n,), m^2, of a body volumes, m^3, by the model's rule, or by the `usual` one of a scheme.
+    """Areas (n,), m^2, or volumes of a body, m^3, by the model's rule, or by default the scheme's `usual` one.
 
-    Exact cells are those of the grid file; where it has none, full cells stand for them.
+    Exact cells come from the grid file; without them, full cells are used.
     """
     grid, rule = model.grid, model.settings.area_rule or usual
     if rule == "eq19":
@@ -147,12 +147,12 @@ def areas(model: Model, usual: Literal["cells", "eq19"]) -> NDArray[np.float64]:
 
 
 def ends(bonds: Bonds, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
+    """Rows (k,) of both nodes of the bonds with these indices (k,)."""
     return np.searchsorted(bonds.start, numbers, side="right") - 1, bonds.neighbour[numbers].astype(np.int64)
 
 
 def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,). Raises CheckpointError for one that is none."""
+    """Indices (k,) of the bonds from `source` (k,) to `target` (k,). Raises CheckpointError for a missing bond."""
     nodes = len(bonds.start) - 1
     key = np.repeat(np.arange(nodes), np.diff(bonds.start)) * nodes + bonds.neighbour
     wanted = source * nodes + target
@@ -162,13 +162,13 @@ def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> 
 
 
 def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> NDArray[np.float64]:
-    """A bound (n,) of what resists each node's motion, N/m^4: a step of sqrt(2 rho / it) is surely stable everywhere.
+    """A bound (n,) of each node's stiffness, N/m^4: a step of sqrt(2 rho / it) is surely stable everywhere.
 
-    With k = stiffness / |xi| (b,) and n = xi / |xi| of the bonds as they are: sum k after S. A. Silling, E. Askari,
-    Comput. Struct. 83 (2005) 1526-1535, for any bonds. For `symmetric` ones the larger eigenvalue of sum k n n^T:
-    (n . (u_i - u_j))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2 in their energy. That makes the step the square root of 2 times
-    as long inside a square lattice, less at corrected edges, which are stiffer along themselves. True limits of
-    plates are 1.15 to 1.27 times that, and 1.66 times the bound for any bonds.
+    With k = stiffness / |xi| (b,) and n = xi / |xi| of the bonds: sum k for any bonds, after S. A. Silling, E. Askari,
+    Comput. Struct. 83 (2005) 1526-1535. For `symmetric` ones, the larger eigenvalue of sum k n n^T, as (n . (u_i -
+    u_j))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2 in their energy. This makes the step sqrt(2) times as long inside a square
+    lattice, less at corrected edges, which are stiffer along themselves. True limits of plates are 1.15 to 1.27 times
+    that, and 1.66 times the bound for any bonds.
     """
     nodes, dimension = len(bonds.start) - 1, bonds.xi.shape[1]
     length = lengths(bonds.xi)

@@ -1,4 +1,4 @@
-"""Bonds that break at rest, the worst first: forces are those of bonds that last until they are taken away."""
+"""Breaking of bonds at rest, the most overstretched first; forces are those of lasting bonds until they are removed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TIE = 1e-3  # relative: bonds this near to the worst are as bad; they break toge
 
 
 class Breakable(NamedTuple):
-    """Bonds that may break, b of them, in the order of their nodes."""
+    """Breakable bonds, b of them, in the order of their nodes."""
 
     source: NDArray[np.int64]  # (b,) row of the node whose bond it is
     target: NDArray[np.int64]  # (b,)
@@ -23,36 +23,36 @@ class Breakable(NamedTuple):
     intact: NDArray[np.bool_]  # (b,) changes
 
     def stretches(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Stretches (b,) at these displacements (n, d), free of cancellation."""
+        """Stretches (b,) at these displacements (n, d), without cancellation."""
         eta = value[self.target] - value[self.source]
         e = ((2 * self.xi + eta) * eta).sum(axis=1) / (self.xi**2).sum(axis=1)
         return np.asarray(e / (np.sqrt(1 + e) + 1))
 
     def worst(self, stretches: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
-        """The intact bonds (k,) that are worst of those over their limit, and the largest stretch over a limit."""
+        """The intact bonds (k,) most over their limit, and the largest ratio of stretch to limit."""
         over = np.where(self.intact, stretches / self.limit, 0.0)
         most = float(over.max(initial=0.0))
         return np.flatnonzero(over > max(1.0, (1 - TIE) * most)), most
 
     def hold(self, which: NDArray[np.int64], stretches: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The energy densities (k,) that these bonds give their own nodes, half of a bond's each, J/m^3."""
+        """Energy densities (k,), J/m^3, that these bonds give their own nodes, half of each bond's."""
         length = np.sqrt((self.xi[which] ** 2).sum(axis=1))
         return np.asarray(self.stiffness[which] * length * stretches[which] ** 2 / 4)
 
 
 class StaticBreakage:
-    """Bonds of a filling that last, and meanwhile those that would break."""
+    """Makes the bonds of a filling unbreakable, and records those that would break."""
 
     def __init__(self, filling: Filling) -> None:
         self._filling = filling
         self._columns: dict[int, tuple[NDArray[Any], ...]] = {}  # by first row, as parts may be filled again
 
     def filling(self) -> Filling:
-        """The bonds of the filling, none of which breaks."""
+        """The filling with unbreakable bonds."""
         return self._filling._replace(part=self._part)
 
     def breakable(self) -> Breakable | None:
-        """The bonds that have a limit, of all parts filled so far; None if there is none."""
+        """Bonds with a limit, from all parts filled so far; None without any."""
         columns = [np.concatenate(column) for column in zip(*self._columns.values(), strict=True)]
         columns.append(np.ones(len(columns[0]), dtype=bool))
         return Breakable(*columns) if len(columns[0]) else None

@@ -1,4 +1,4 @@
-"""What is kept of bonds while they pass, part by part."""
+"""Statistics of bonds, collected part by part."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdsolve.bonds.assembly import Filling, Part, stiffness_bound
 
 
 class BondStatistics:
-    """What is kept of the bonds while they pass, part by part."""
+    """Statistics of bonds, collected part by part."""
 
     def __init__(self, filling: Filling, symmetric: bool) -> None:
         self._filling, self._symmetric = filling, symmetric
@@ -21,7 +21,7 @@ class BondStatistics:
         self.softens = False
 
     def parts(self) -> Iterator[Part]:
-        """All parts of the bonds; what the survey counts is added up on the way."""
+        """All parts of the bonds; statistics are collected while they are iterated."""
         for part in self._filling.parts():
             bonds = part.bonds
             self._counts.append(np.diff(bonds.start))
@@ -32,12 +32,12 @@ class BondStatistics:
 
     @property
     def count(self) -> NDArray[np.int64]:
-        """Bonds (n,) of each node."""
+        """Number (n,) of bonds of each node."""
         return np.concatenate(self._counts)
 
     @property
     def family(self) -> NDArray[np.int64]:
-        """Bonds (n,) of each node at the start, those that a pre-crack cuts included."""
+        """Number (n,) of bonds of each node at the start, including those cut by a pre-crack."""
         return np.concatenate(self._families)
 
     @property

@@ -1,1 +1,1 @@
-"""Cracks that are grown: where, when and whither."""
+"""Growth of cracks of particles: criteria, tips and directions."""

@@ -1,14 +1,14 @@
-"""Whether the crack at a tip grows, and whither.
+"""Criteria for the growth of a crack tip, and its direction.
 
-intensity  the hoop stress ahead that the stress intensities around the tip make, cos^2(a / 2) (K1 cos(a / 2) - 3 K2
-           sin(a / 2)) at the angle a where it is largest (F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525),
-           against the toughness, sqrt(E' G0) unless given. K1 and K2 are those of interaction integrals on a ring.
-           Where an edge or another crack leaves no room for it: sqrt(E' J) of a smaller ring, straight on.
-stress     the largest principal value of the mean stress ahead, within 1.5 horizons, against the strength.
+    intensity  the largest hoop stress ahead from the stress intensities around the tip, cos^2(a / 2) (K1 cos(a / 2)
+               - 3 K2 sin(a / 2)) at its angle a (F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525), against the
+               toughness, by default sqrt(E' G0). K1 and K2 are those of interaction integrals on a ring. If an edge or
+               another crack leaves no room for it: sqrt(E' J) of a smaller ring, straight ahead.
+    stress     the largest principal value of the mean stress ahead, within 1.5 horizons, against the strength.
 
-The direction is that of the largest hoop stress, of the intensities or, by stress, of the nodes ahead; or that across
-the axis of the mean stress. By stress a crack forks where the hoop stress has a second maximum nearly as large as the
-first; two maxima that are nearer to each other than cracks can be are one between them.
+The direction is that of the largest hoop stress, from the intensities or, for the stress criterion, from the nodes
+ahead; or the normal to the axis of the mean stress. With the stress criterion, a crack forks if the hoop stress has a
+second maximum nearly as large as the first. Two maxima closer to each other than cracks can be are merged.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ APART = 45.0  # degrees between the branches of a fork, at least
 
 
 class Verdict(NamedTuple):
-    """What a tip is found to do."""
+    """The decision about a tip."""
 
     share: float  # of what lets it grow; it does from 1 on
     angles: tuple[float, ...]  # rad from its way, to the left positive: one, or two where it forks
@@ -42,7 +42,7 @@ class Verdict(NamedTuple):
 def by_intensity(
     at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
 ) -> Verdict:
-    """By stress intensities, against a toughness, Pa m^0.5."""
+    """Decide by stress intensities, against a toughness, Pa m^0.5."""
     found = integrals(at, tip, way, ring, plate)
     turn = np.radians(kink(found.K1, found.K2))
     half = turn / 2
@@ -54,7 +54,8 @@ def by_intensity(
 def by_release(
     at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
 ) -> Verdict:
-    """By J alone, which a ring too narrow for intensities gives too, against a toughness, Pa m^0.5: straight on."""
+    """Decide by J alone, which a ring too narrow for intensities also gives, against a toughness, Pa m^0.5:
+    straight ahead."""
     found = integrals(at, tip, way, ring, plate)
     return Verdict(float(np.sqrt(max(found.J, 0.0) * plate.effective) / toughness), (0.0,))
 
@@ -67,7 +68,8 @@ def by_stress(
     rules: ParticleRules,
     forks: bool,
 ) -> Verdict:
-    """By the stress of nodes ahead, against the strength of the rules; `forks`: whether the crack may."""
+    """Decide by the stress of the nodes ahead, against the strength of the rules; `forks`: whether the crack may
+    fork."""
     assert rules.strength is not None
     turned = (at.position - tip) @ np.array([way, [-way[1], way[0]]]).T
     far, angle = np.hypot(*turned.T), np.arctan2(turned[:, 1], turned[:, 0])
@@ -97,7 +99,7 @@ def _hoop(
     tip: NDArray[np.float64],
     horizon: float,
 ) -> NDArray[np.float64]:
-    """The hoop stress around a tip at `ANGLES`, as it would be a horizon away."""
+    """Hoop stress around a tip at `ANGLES`, extrapolated to a distance of one horizon."""
     out = (at.position[near] - tip) / far[near, None]
     xx, yy, xy = at.stress[near].T
     hoop = xx * out[:, 1] ** 2 + yy * out[:, 0] ** 2 - 2 * xy * out[:, 0] * out[:, 1]
@@ -107,7 +109,7 @@ def _hoop(
 
 
 def _maxima(profile: NDArray[np.float64], branch: float) -> tuple[float, ...]:
-    """The angles of the largest value and, where it is `branch` of that, of the second maximum."""
+    """Angles of the largest value and of a second maximum of at least `branch` times it."""
     padded = np.concatenate([[-np.inf], profile, [-np.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
     tops = tops[np.argsort(-profile[tops], kind="stable")]

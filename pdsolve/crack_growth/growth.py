@@ -1,9 +1,9 @@
-"""Cracks that grow particle by particle ahead of their tips, and what that does to bonds.
+"""Growth of cracks, particle by particle ahead of their tips, and its effect on bonds.
 
-All tips are looked at in one state; those that may then grow, by one particle each. Bonds that meet a new arm are cut
-as bonds of a crack are, or become weaker where they are seen round its tip: what they held is booked as spent, and the
-motion goes on without their forces. Particles are
-all that is kept: who is a tip, and which way it points, follows from them, so that a run that goes on does the same.
+All tips are judged in one state; those that may grow then grow by one particle each. Bonds that cross a new arm are cut
+like bonds of a pre-crack, or weakened where they see each other round its tip. Their energy is booked as dissipated,
+and the motion continues without their forces. Only particles are stored: tips and their directions follow from them, so
+that a resumed run equals an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -45,10 +45,13 @@ FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels it
 
 
 class Growth:
-    """The cracks of a run and the operator whose bonds they cut."""
+    """The cracks of a run, and the operator whose bonds they cut."""
 
     def __init__(self, model: Model, operator: Operator, filling: Filling, drive: Drive, every: int | None) -> None:
-        """`every`: steps between two looks; None: at rest, when told. Raises ModelError where no crack can grow."""
+        """`every` is the number of steps between checks; None: at rest, on request.
+
+        Raises ModelError if no crack can grow.
+        """
         self.every, self.rules = every, model.settings.run.particles
         self._model, self._operator, self._no_fail = model, operator, unbreakable(model)
         self._held = np.zeros((len(filling.area), 2), dtype=bool)
@@ -69,11 +72,11 @@ class Growth:
                 raise ModelError(f"{model.name}: $.notch: {refused}")
 
     def tips(self) -> list[Tip]:
-        """The ends of cracks inside the plate, that are on no other crack."""
+        """Ends of cracks inside the plate that lie on no other crack."""
         return tips_of(self.particles, self._ground)
 
     def look(self, state: State, step: int) -> bool:
-        """Let cracks grow from a state, as of `step`; returns whether any has."""
+        """Let cracks grow from a state, as of `step`; returns whether any did."""
         before, tips = len(self.particles.place), self.tips()
         verdicts = [self.judge(tip, tips, state) for tip in tips]
         for tip, verdict in zip(tips, verdicts, strict=True):
@@ -87,7 +90,7 @@ class Growth:
         return new > 0
 
     def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
-        """What a tip, one of all, is found to do in a state."""
+        """Decide about a tip, one of all `tips`, in a state."""
         horizon, rules = self._horizon(tip), self.rules
         if rules.criterion == "stress":
             sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
@@ -113,7 +116,7 @@ class Growth:
         return by_release(sampled, tip.place, self._way(tip), ring, plate, toughness)
 
     def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
-        """Set particles ahead of a tip."""
+        """Add particles ahead of a tip."""
         rules, grid = self.rules, self._model.grid
         way = self._way(tip)
         length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
@@ -133,8 +136,8 @@ class Growth:
             self.particles = grown(self.particles, place, tip.particle, step)
 
     def _folds(self, tip: Tip, place: NDArray[np.float64]) -> bool:
-        """Whether a crack that goes on to a place (2,) comes back to where it was, over more than two horizons of what
-        has grown."""
+        """Whether a crack extended to a place (2,) would return to its own path, over more than two horizons of
+        growth."""
         line, at = [place], tip.particle
         while self.particles.step[at] > 0:
             line.append(self.particles.place[at])
@@ -146,7 +149,7 @@ class Growth:
         return bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any())
 
     def _watch(self, share: float, new: int, step: int) -> None:
-        """Say it where cracks at rest run on by themselves: the further they are, the more their tips feel."""
+        """Remark on cracks at rest that run unstably: the farther they run, the larger the driving force."""
         began = self._began if self._began.step == step else _Began(step, share, 0)
         self._began = began = began._replace(particles=began.particles + new)
         if began.particles > self._long and share > RISES * began.share:
@@ -156,7 +159,7 @@ class Growth:
             self._remark("runs", f"load step {step}: {found}, {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
-        """Cut the bonds that meet new arms (k, 4)."""
+        """Cut the bonds that cross new arms (k, 4)."""
         operator, near, model = self._operator, self._near, self._model
         reach = 1.5 * float(model.horizons.max()) + float(np.hypot(*(new[:, 2:] - new[:, :2]).T).max())
         rows = np.unique(np.concatenate([near.rows((arm[:2] + arm[2:]) / 2, reach) for arm in new]))
@@ -182,19 +185,19 @@ class Growth:
             state.second[:] += lost.astype(state.second.dtype)
 
     def _reweigh(self, share: NDArray[np.float64] | None) -> None:
-        """Let bonds go on with a share (b,) of what they weighed, all of it where they are not intact."""
+        """Set the weights of bonds to shares (b,) of their initial weights; None restores all that are intact."""
         if share is not None:
             assert isinstance(self._operator, BondList)
             self._operator.reweigh(np.where(self._near.intact & (share > 0), share, 1.0))
 
     def keep(self) -> dict[str, NDArray[Any]]:
-        """The particles, for a checkpoint."""
+        """Particles for a checkpoint."""
         remarks = np.frombuffer(json.dumps(self._remarks).encode(), dtype=np.uint8)
         columns = {name: column.copy() for name, column in self.particles._asdict().items()}
         return {f"particle_{name}": column for name, column in {**columns, "remarks": remarks}.items()}
 
     def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
-        """Go back to what was kept, and to these broken bonds. Raises CheckpointError."""
+        """Restore a checkpoint with these broken bonds. Raises CheckpointError."""
         self.particles, self._remarks = self._kept_particles(kept), _kept_remarks(kept)
         near, nodes = self._near, len(self._near.start) - 1
         near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
@@ -202,7 +205,7 @@ class Growth:
             self._reweigh(self._round.share(arms(self.particles)))
 
     def _kept_particles(self, kept: Mapping[str, NDArray[Any]]) -> Particles:
-        """The particles of a checkpoint: those of pre-cracks, and what grew from them inside the plate."""
+        """Particles of a checkpoint: those of pre-cracks, and those grown from them inside the plate."""
         first, position = self._first, self._model.grid.position
         far = float(np.abs(position).max() + self._model.grid.delta.max())
         step = entry(kept, "particle_step", (None,), np.int64, 0, MOST_STEPS)
@@ -220,7 +223,7 @@ class Growth:
         return Particles(place, normal, parent, step)
 
     def rows(self, after: int) -> list[tuple[float, ...]]:
-        """The particles since a step as rows of results."""
+        """Particles created after a step, as rows of results."""
         place, normal, parent, step = self.particles
         numbers = np.flatnonzero(step > after)
         columns = numbers, step[numbers], parent[numbers], *place[numbers].T, *normal[numbers].T
@@ -231,7 +234,7 @@ class Growth:
         return float(self._model.horizons[self._near.nearest(tip.place)])
 
     def _way(self, tip: Tip) -> NDArray[np.float64]:
-        """The unit vector (2,) a tip points along, from where the ring around it begins, or from a horizon behind."""
+        """Unit vector (2,) of a tip's direction, from the inner radius of its ring, or from a horizon behind it."""
         return tip.way((BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip))
 
     def _room(self, tip: Tip, tips: list[Tip]) -> tuple[float, str]:
@@ -242,7 +245,7 @@ class Growth:
         return self._ground.room(tip.place, np.vstack([every[~own], *other]) if other else every[~own])
 
     def _too_small(self, tip: Tip, tips: list[Tip]) -> str:
-        """Why a tip has no room for a ring, "" if it has."""
+        """Why a tip has no room for a ring; "" if it has."""
         radius, what = self._room(tip, tips)
         least = LEAST * self._horizon(tip)
         if radius >= least:
@@ -251,7 +254,7 @@ class Growth:
 
     @property
     def remarks(self) -> list[str]:
-        """What was found on the way that a path should be read with."""
+        """Remarks to be read together with the crack paths."""
         return list(self._remarks.values())
 
     def _remark(self, key: str, words: str) -> None:
@@ -262,7 +265,7 @@ class Growth:
 
 
 class _Began(NamedTuple):
-    """How cracks began to grow in a load step."""
+    """State of crack growth at the beginning of a load step."""
 
     step: int
     share: float  # of what lets a tip grow, the largest then
@@ -270,7 +273,7 @@ class _Began(NamedTuple):
 
 
 def _kept_remarks(kept: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """The remarks of a checkpoint."""
+    """Remarks of a checkpoint."""
     letters = entry(kept, "particle_remarks", (None,), np.uint8).tobytes()
     try:
         return msgspec.json.decode(letters, type=dict[str, str])

@@ -1,4 +1,4 @@
-"""Where a crack can go: up to the edge of the plate or another crack, and past nodes; and how much room a tip has."""
+"""Paths of cracks: they end at the edge of the plate or another crack and avoid nodes; and the room around a tip."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COVERED = 0.75  # spacings from the nearest node, in a plate without an outline
 
 
 class Obstacles:
-    """A plate that cracks are grown in."""
+    """A plate with growing cracks."""
 
     def __init__(self, model: Model) -> None:
         grid = model.grid
@@ -31,7 +31,7 @@ class Obstacles:
         self._acted_on = np.unique(np.concatenate([np.zeros(0, np.int64), *(model.selected(c) for c in acting)]))
 
     def inside(self, place: NDArray[np.float64], way: NDArray[np.float64]) -> bool:
-        """Whether a tip that comes along a unit vector is inside the plate, and not on its edge."""
+        """Whether a tip that arrives along a unit vector is inside the plate, and not on its edge."""
         if self._edge is None:
             ahead = place + way * self._delta[self._tree.query(place)[1]] / 2
             distance, near = self._tree.query(ahead)
@@ -42,8 +42,7 @@ class Obstacles:
     def end(
         self, start: NDArray[np.float64], angle: float, length: float, arms: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Where an arm ends that goes from a place (2,) at an angle, rad, for so many metres; `arms` (k, 4) are those
-        there are."""
+        """End of an arm from a place (2,) at an angle, rad, over `length`, m; `arms` (k, 4) are the existing ones."""
         other = arms[distance(start, arms) > self.slack]
         for turn in TURNS:
             way = np.array([np.cos(angle + turn), np.sin(angle + turn)])
@@ -55,22 +54,21 @@ class Obstacles:
     def ahead(
         self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, arms: NDArray[np.float64]
     ) -> bool:
-        """Whether a crack that goes along a unit vector comes to an edge or to one of the `arms` (k, 4) within a reach,
-        m."""
+        """Whether an edge or one of the `arms` (k, 4) lies ahead along a unit vector, within `reach`, m."""
         far = self._met(start, way, reach, arms[distance(start, arms) > self.slack])
         return len(far) > 0
 
     def _stop(
         self, start: NDArray[np.float64], way: NDArray[np.float64], length: float, other: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Where an arm ends that goes along a unit vector: at the first thing it meets, if that is not far beyond."""
+        """End of an arm along a unit vector: at the first obstacle, if that is not far beyond `length`."""
         far = self._met(start, way, (1 + LEFT) * length, other)
         return np.asarray(start + (far.min() if len(far) else length) * way)
 
     def _met(
         self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, other: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """How far it is along a unit vector to what is met within a reach, m."""
+        """Distance to the first obstacle along a unit vector within `reach`, m."""
         long = shapely.LineString([start, start + reach * way])
         walls = [shapely.multilinestrings(other.reshape(-1, 2, 2))] if len(other) else []
         walls += [] if self._edge is None else [self._edge]
@@ -79,7 +77,7 @@ class Obstacles:
         return np.asarray(far[far > self.slack])
 
     def _clears(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
-        """Whether no node is on an arm."""
+        """Whether an arm passes no node."""
         middle, half = (start + end) / 2, np.hypot(*(end - start)) / 2
         spacing = self._delta[self._tree.query(middle)[1]]
         near = self._tree.query_ball_point(middle, half + spacing)
@@ -87,8 +85,10 @@ class Obstacles:
         return not shapely.dwithin(shapely.LineString([start, end]), points, CLEAR * spacing).any()
 
     def room(self, tip: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, str]:
-        """How far it is from a tip to what is not the plate and its own crack, m, and what that is; `others` (k, 4) are
-        arms of other cracks, and other tips as arms of no length."""
+        """Distance, m, from a tip to the first thing that is not the plate or its own crack, and its name.
+
+        `others` (k, 4) are arms of other cracks, and other tips as arms of zero length.
+        """
         found = [(np.inf, "")]
         if self._edge is not None:
             found.append((float(self._edge.distance(shapely.Point(tip))), "the edge of the plate"))
@@ -101,7 +101,7 @@ class Obstacles:
 
 
 def distance(place: NDArray[np.float64], arms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far arms (k, 4) are from a place (2,), m."""
+    """Distances of arms (k, 4) from a place (2,), m."""
     start, way = arms[:, :2], arms[:, 2:] - arms[:, :2]
     squared = (way**2).sum(axis=1)
     share = ((place - start) * way).sum(axis=1) / np.where(squared > 0, squared, 1.0)

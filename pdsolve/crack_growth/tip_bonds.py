@@ -1,4 +1,4 @@
-"""Bonds that go round the tips of cracks that grow: how much of what they weighed is left."""
+"""Weights of bonds round the tips of growing cracks, relative to their initial weights."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pdsolve.model import Model
 
 
 class Round:
-    """What the bonds of a run weigh as its cracks grow."""
+    """Weights of a run's bonds as its cracks grow."""
 
     def __init__(self, model: Model, near: Surroundings, filling: Filling) -> None:
         assert filling.strength is not None
@@ -27,7 +27,7 @@ class Round:
         self._began = self._strengths(model.grid.cracks)
 
     def share(self, cracks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The share (b,) of what each bond was at the start that is left with cracks (k, 4); 0: it is cut."""
+        """Share (b,) of each bond's initial weight that remains with cracks (k, 4); 0: it is cut."""
         left = self._strengths(cracks) / self._began
         return np.where(self._no_fail, 1.0, np.where(left > ROUND_OFF, np.minimum(left, 1.0), 0.0))
 

@@ -1,4 +1,4 @@
-"""What the nodes around a tip are like: gradients of their displacements, and stress, where the run is now."""
+"""Fields of the nodes around a tip at the current state: displacement gradients and stress."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from pdsolve.state import State
 
 
 class Surroundings:
-    """The bonds of a run, as far as no crack has cut them, and the fields that go with them."""
+    """The bonds of a run that no crack has cut, and the fields fitted to them."""
 
     def __init__(self, model: Model, operator: Operator, area: NDArray[np.float64], rest: bool) -> None:
-        """`area` (n,) m^2; `rest`: nothing moves."""
+        """`area` (n,) m^2; `rest`: the run is static."""
         self.model, self._area, self._rest = model, area, rest
         self.source, self.target = operator.bonds(start=True)
         self.start = np.searchsorted(self.source, np.arange(len(area) + 1))
@@ -28,7 +28,7 @@ class Surroundings:
         self._elastic = Stiffness(E, nu, model.materials[0].plane)
 
     def rows(self, place: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
-        """The rows of the nodes within a radius of a place, m."""
+        """Rows of the nodes within a radius of a place, m."""
         return np.flatnonzero(np.hypot(*(self.model.grid.position - place).T) <= radius)
 
     def nearest(self, place: NDArray[np.float64]) -> int:
@@ -36,22 +36,22 @@ class Surroundings:
         return int(np.hypot(*(self.model.grid.position - place).T).argmin())
 
     def bonds(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The numbers (k,) of the intact bonds of these nodes, in their order."""
+        """Indices (k,) of the intact bonds of these nodes, in their order."""
         count = self.start[rows + 1] - self.start[rows]
         numbers = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - self.start[rows], count)
         return np.asarray(numbers[self.intact[numbers]])
 
     def pairs(self, numbers: NDArray[np.int64]) -> Pairs:
-        """The bonds with these numbers as pairs of nodes."""
+        """The bonds with these indices as pairs of nodes."""
         source, target, position = self.source[numbers], self.target[numbers], self.model.grid.position
         return Pairs(source, target, np.hypot(*(position[target] - position[source]).T))
 
     def plate(self, row: int) -> Elastic:
-        """What a node is made of."""
+        """Elastic constants of a node."""
         return Elastic(float(self._elastic.E[row]), float(self._elastic.nu[row]), self._elastic.plane)
 
     def sampled(self, state: State, rows: NDArray[np.int64]) -> Sampled:
-        """The fields of these nodes now."""
+        """The fields of these nodes at a state."""
         numbers = self.bonds(rows)
         start = np.searchsorted(self.source[numbers], np.append(rows, len(self.intact)))
         families = start, self.target[numbers], rows

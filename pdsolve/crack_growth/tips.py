@@ -1,4 +1,4 @@
-"""The ends of cracks that are particles."""
+"""Ends of cracks of particles."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Tip(NamedTuple):
         return np.asarray(self.back[0])
 
     def way(self, far: float) -> NDArray[np.float64]:
-        """The unit vector it points along, as seen from so many metres back along the crack."""
+        """Unit vector of the tip's direction, from a point `far` m back along the crack."""
         steps = np.hypot(*np.diff(self.back, axis=0).T)
         along = np.concatenate([[0.0], np.cumsum(steps)])
         begin = [np.interp(min(far, along[-1]), along, column) for column in self.back.T]
@@ -34,7 +34,7 @@ class Tip(NamedTuple):
 
 
 def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
-    """The ends of cracks inside the plate, that are on no other crack."""
+    """Ends of cracks inside the plate that lie on no other crack."""
     around, every = links(particles, ground.slack), arms(particles)
     found = []
     for number, others in enumerate(around):

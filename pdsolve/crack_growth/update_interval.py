@@ -1,4 +1,4 @@
-"""The mode that cracks of particles are solved in, and how often they are looked at."""
+"""The mode required for cracks of particles, and the interval between checks of their growth."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pdsolve.model import Model, ModelError
 
 
 def refuse(model: Model, mode: str) -> None:
-    """Raises ModelError for a mode that cracks that are particles cannot be solved in."""
+    """Raise ModelError for a mode that does not support cracks of particles."""
     if model.settings.run.cracks != "bonds" and mode != "conservative":
         raise ModelError(f"{model.name}: mode: found {mode}, expected conservative with cracks that are particles")
 
 
 def every_of(model: Model, step: float) -> int:
-    """Steps of so many seconds between two looks at cracks: a crack that grows at each runs as fast as Rayleigh waves,
-    which none outruns."""
+    """Steps of `step` s between checks: a crack that grows at every check runs at the Rayleigh speed, the upper
+    limit."""
     speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
     shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
     return max(1, int(np.ceil(shortest / (max(speeds) * step))))

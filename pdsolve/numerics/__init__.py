@@ -1,1 +1,1 @@
-"""What kernels need of the machine: a cache of compiled code, and threads."""
+"""Machine support of kernels: a cache of compiled code, and threads."""

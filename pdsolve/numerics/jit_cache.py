@@ -1,10 +1,10 @@
-"""Kernels that are compiled once and kept on disk, in a folder of the user's own.
+"""Kernels that are compiled once and stored on disk, in a folder of the user's own.
 
-numba itself looks at a kernel's own file, not at those of the functions compiled into it: with other sizes of arrays in
-them, the old kernel would write where it must not. And it keeps compiled code, which is run as it is found, wherever
-the environment or the current folder say. So kernels are kept where `pdmesh.trust` says, under a name made of the
-sources they are made of and of the libraries that compile them: two checkouts with the same sources share them. What
-one process compiles another waits for.
+numba checks only a kernel's own file, not the files of functions compiled into it: after a change of array sizes there,
+an old kernel would write out of bounds. It also stores compiled code, which is executed as found, wherever the
+environment or the current folder say. Kernels are therefore stored where `pdmesh.trust` says, under a name derived from
+their sources and from the compiling libraries; two checkouts with equal sources share them. A process waits for a
+kernel that another one is compiling.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ WAIT, PAUSE = 300.0, 0.05  # s: for another process that compiles the same kerne
 if sys.platform == "win32":
 
     def _lock(handle: int, wait: float) -> None:
-        """Two processes that compile at the same time may lose an entry, and compile it again."""
+        """A lock for systems without one: two processes compiling at once may lose an entry and compile it again."""
 else:
     import fcntl
 
     def _lock(handle: int, wait: float) -> None:
-        """Lock a file; raises BlockingIOError after so many seconds."""
+        """Lock a file; raises BlockingIOError after `wait` seconds."""
         until = time.monotonic() + wait
         while True:
             try:
@@ -58,7 +58,7 @@ else:
 
 
 def cached_njit(**options: Any) -> Callable[[Any], Any]:
-    """A decorator as `numba.njit`, whose functions are compiled by the first process that needs them."""
+    """A decorator like `numba.njit`, whose functions are compiled by the first process that needs them."""
 
     def decorate(function: Any) -> Any:
         made = numba.njit(**options)(function)
@@ -71,7 +71,7 @@ def cached_njit(**options: Any) -> Callable[[Any], Any]:
 
 @cache
 def folder_of(file: str) -> Path:
-    """Where the kernels of a file are kept; those of its older states, which nothing has used for long, go."""
+    """Folder of a file's kernels; unused folders of its older versions are removed."""
     libraries = hashlib.sha256("\n".join(LIBRARIES).encode()).hexdigest()
     name = kernel_sources.name_of(Path(file).resolve())
     found = trust.private_folder().path / f"{name}-{libraries[:8]}-{kernel_sources.digest_of(file)[:24]}"
@@ -85,12 +85,12 @@ def folder_of(file: str) -> Path:
 
 
 def is_kept() -> bool:
-    """Whether any kernel of these sources has been compiled and kept."""
+    """Whether any kernel of these sources is stored."""
     return any(any(folder_of(file).glob("*.nbi")) for file in kernel_sources.with_kernels())
 
 
 def _clear(own: Path) -> None:
-    """Remove the folders beside this one that are out of use: of this file all but a few, of others the very old."""
+    """Remove unused folders beside this one: of this file all but a few, of other files the very old ones."""
     now, name = time.time(), own.name.rpartition("-")[0]
     others = sorted(((other.stat().st_mtime, other) for other in own.parent.iterdir()), reverse=True)
     same = [other for _, other in others if other.name.rpartition("-")[0] == name]
@@ -101,7 +101,7 @@ def _clear(own: Path) -> None:
 
 
 class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
-    """Where the kernels of a file are kept."""
+    """Location of a file's kernels, for numba."""
 
     def __init__(self, function: Any, file: str) -> None:
         self._py_file, self._lineno = file, function.__code__.co_firstlineno
@@ -114,7 +114,7 @@ class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
 
 
 class _Entries(IndexDataCacheFile):
-    """What is kept of a kernel: what is damaged is compiled anew, what cannot be kept is compiled each time."""
+    """Stored entries of a kernel: a damaged one is recompiled, one that cannot be stored is compiled each time."""
 
     def load(self, key: Any) -> Any:
         try:
@@ -134,7 +134,7 @@ class _Entries(IndexDataCacheFile):
 
     @contextmanager
     def alone(self, of: str = "", wait: float = 10.0) -> Iterator[None]:
-        """No other process does the same meanwhile, unless it waited so long (s)."""
+        """A context that excludes other processes, or gives up after waiting `wait`, s."""
         handle = os.open(f"{self._index_path}{of}.lock", os.O_RDWR | os.O_CREAT, 0o600)
         try:
             with suppress(OSError):  # it took too long, or the file system has no locks
@@ -149,7 +149,7 @@ class _Kept(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    """The kernels of a function. Who compiles a signature holds its lock from looking for it until it is kept."""
+    """Kernels of a function. A process holds a signature's lock from looking it up until it is stored."""
 
     _impl_class = _Kept
 

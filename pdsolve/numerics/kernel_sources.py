@@ -1,7 +1,7 @@
-"""Which sources a compiled kernel is made of, so that a change of any other does not compile it again.
+"""The sources of a compiled kernel, so that changes elsewhere do not cause recompilation.
 
-A kernel is made of its own file and of the files that this one imports, at any remove; and of the laws, whose functions
-are bound by the types of arguments and imported by nobody.
+A kernel depends on its own file, on all files that it imports directly or indirectly, and on the laws, whose functions
+are bound by argument types without being imported.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ OVERLOAD = re.compile(r"^\s*@overload\(", re.MULTILINE)
 
 @cache
 def digest_of(file: str) -> str:
-    """The digest (64 hex digits) of all sources that the kernels of a file are made of.
+    """Digest (64 hex digits) of all sources of a file's kernels.
 
     A file outside the packages may import any of them: all of them count, and its own text.
     """
@@ -46,7 +46,7 @@ def name_of(path: Path) -> str:
 
 
 def with_kernels() -> Iterator[str]:
-    """The files of the packages that have kernels."""
+    """Files of the packages that contain kernels."""
     for name, text in _sources().items():
         if KERNEL.search(text):
             yield str(trust.HOME.joinpath(*name.split(".")).with_suffix(".py"))
@@ -54,13 +54,13 @@ def with_kernels() -> Iterator[str]:
 
 @cache
 def _digest(text: str) -> str:
-    """The digest of a source, which most kernels share: it is computed once."""
+    """Digest of a source, cached as many kernels share it."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
 def _sources() -> dict[str, str]:
-    """The texts of all files that kernels may be made of, by their dotted names."""
+    """Texts of all files that kernels may depend on, by dotted name."""
     paths = (path for folder in FOLDERS for path in sorted((trust.HOME / folder).rglob("*.py")))
     return {name_of(path): path.read_text(encoding="utf-8") for path in paths}
 
@@ -72,7 +72,7 @@ def _laws() -> tuple[str, ...]:
 
 @cache
 def _imports(name: str) -> frozenset[str]:
-    """The files that a file imports from."""
+    """Files that a file imports from."""
     found = set()
     for module, words in IMPORT.findall(_sources()[name]):
         found |= {module, *(f"{module}.{word}" for word in re.findall(r"\w+", words))}
@@ -80,7 +80,7 @@ def _imports(name: str) -> frozenset[str]:
 
 
 def _closure(names: Iterable[str]) -> frozenset[str]:
-    """These files and all that they import, at any remove."""
+    """These files and all that they import, directly or indirectly."""
     found: set[str] = set()
     left = set(names)
     while left:

@@ -1,7 +1,7 @@
-"""Work that several threads share.
+"""Threads that share the work of compiled code.
 
-numba's own parallel loops take as long to compile as all that is in them, and to begin and end some microseconds each
-time. Here Python's threads run compiled code side by side, and wait for each other inside of it.
+numba's own parallel loops take long to compile, and some microseconds to begin and end each time. Here Python's threads
+run compiled code side by side, and synchronize inside it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NAP = 20  # us
 
 
 class Gate(NamedTuple):
-    """Where threads wait for each other."""
+    """A barrier for threads."""
 
     arrived: NDArray[np.int64]  # (1,) how often any thread has come
     threads: int
@@ -36,12 +36,12 @@ class Gate(NamedTuple):
 
 
 def cores() -> int:
-    """How many threads there may be: the cores that the process may use, or NUMBA_NUM_THREADS."""
+    """Largest number of threads: the cores that the process may use, or NUMBA_NUM_THREADS."""
     return int(numba.config.NUMBA_NUM_THREADS)
 
 
 def crew(rows: int, least: int = LEAST) -> int:
-    """How many threads so many rows are worth, at `least` so many for each: of all that there may be."""
+    """Number of threads worth using for `rows` rows, with at least `least` rows each."""
     return max(1, min(cores(), rows // least))
 
 
@@ -52,9 +52,9 @@ def gate_of(threads: int) -> Gate:
 
 @cache
 def _idle() -> int:
-    """The address of what lets somebody else have the processor for a while.
+    """Address of a system function that yields the processor for a moment.
 
-    Whoever only offers it waits for all others' turns, some milliseconds each; whoever sleeps is woken in time.
+    Offering it (sched_yield) waits for all others' turns, some milliseconds each; a sleeping thread is woken in time.
     """
     if sys.platform == "win32":
         idle = ctypes.windll.kernel32.SwitchToThread  # leaves the number alone
@@ -65,7 +65,7 @@ def _idle() -> int:
 
 @njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def meet(gate):  # type: ignore[no-untyped-def]
-    """Go on when all threads have come here."""
+    """Wait until all threads have arrived here."""
     if gate.threads == 1:
         return
     wait(gate.arrived, 0, (take(gate.arrived, 0) // gate.threads + 1) * gate.threads, gate)
@@ -73,7 +73,7 @@ def meet(gate):  # type: ignore[no-untyped-def]
 
 @njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def wait(counts, at, goal, gate):  # type: ignore[no-untyped-def]
-    """Go on when a count is at its goal."""
+    """Wait until a count reaches its goal."""
     looks = 0
     while counted(counts, at) < goal:
         looks += 1
@@ -83,7 +83,7 @@ def wait(counts, at, goal, gate):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def take(typingctx: Any, counts: Any, at: Any) -> Any:
-    """Count one more, in an element that all threads see; returns how many there were before."""
+    """Atomically increment an element; returns its previous value."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         data = context.make_array(counts)(context, builder, values[0]).data
@@ -94,7 +94,7 @@ def take(typingctx: Any, counts: Any, at: Any) -> Any:
 
 @intrinsic
 def counted(typingctx: Any, counts: Any, at: Any) -> Any:
-    """How many there are now."""
+    """Atomically read an element."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         data = context.make_array(counts)(context, builder, values[0]).data
@@ -105,7 +105,7 @@ def counted(typingctx: Any, counts: Any, at: Any) -> Any:
 
 @intrinsic
 def _call(typingctx: Any, address: Any, number: Any) -> Any:
-    """Call a function of a whole number."""
+    """Call a function of an integer, given its address."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(32), (ir.IntType(32),))
@@ -116,7 +116,7 @@ def _call(typingctx: Any, address: Any, number: Any) -> Any:
 
 
 def side_by_side(work: Callable[[int], None], threads: int) -> None:
-    """Do `work(thread)` on so many threads; it must let go of Python's lock. Raises RuntimeError for too many."""
+    """Run `work(thread)` on `threads` threads; it must release the GIL. Raises RuntimeError for too many threads."""
     if threads == 1:
         work(0)
         return
@@ -138,7 +138,7 @@ def side_by_side(work: Callable[[int], None], threads: int) -> None:
 
 
 def share(work: Callable[[int, int], None], rows: int, threads: int) -> None:
-    """Do `work(first, last)` on all rows, in equal parts side by side; it must let go of Python's lock."""
+    """Run `work(first, last)` on all rows, divided equally among threads; it must release the GIL."""
     parts = max(1, min(threads, rows // LEAST))
     ends = list(pairwise(rows * part // parts for part in range(parts + 1)))
     side_by_side(lambda part: work(*ends[part]), parts)

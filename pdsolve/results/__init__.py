@@ -1,9 +1,9 @@
-"""The database of a run: schema, writer, reader. Everything that looks at results needs this package alone.
+"""The database of a run: schema, writer, reader. Programs that read results need only this package.
 
-A plain SQLite file. Fields of nodes are float32, in chunks of `CHUNK` nodes; the view ``node_state`` decodes them
-in SQL, so ``SELECT time, uy FROM node_state WHERE node = 7`` works in any client. One transaction writes a frame
-with its broken bonds and its ledger: a killed run loses at most the last frame. About once a second it holds a
-checkpoint in full precision as well, from which a run goes on.
+A plain SQLite file. Nodal fields are float32, in chunks of `CHUNK` nodes. The view ``node_state`` decodes them in SQL,
+so ``SELECT time, uy FROM node_state WHERE node = 7`` works in any client. One transaction writes a frame with its
+broken bonds and its ledger: a killed run loses at most the last frame. About once a second, a transaction also writes a
+checkpoint in full precision, from which a run can continue.
 """
 
 from pdsolve.results.background_writer import Behind, behind

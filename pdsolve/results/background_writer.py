@@ -1,4 +1,4 @@
-"""Writing on a thread of its own, while the run goes on."""
+"""Writing on a separate thread while the run continues."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ TURN = 2e-4  # s after which the writer's Python gives way to the run's: Python'
 
 
 class Behind:
-    """A writer one frame behind the run; what goes wrong with a frame is raised by the next call.
+    """A writer one frame behind the run; an error in writing a frame is raised by the next call.
 
-    The writer is made there too, with the first frame; of a new run there is nothing to keep before that is written.
+    The first frame creates the writer, on that thread; a new run leaves nothing behind before it.
     """
 
     def __init__(self, make: Callable[[], Writer], new: bool, pool: ThreadPoolExecutor) -> None:
-        """`make` gives the writer, on the thread of `pool`; `new`: of a run that begins."""
+        """`make` creates the writer on the thread of `pool`; `new` marks a run that begins."""
         self.stop: Callable[[], bool] = lambda: False  # whether the run is to stop
         self._make, self._new, self._pool = make, new, pool
         self._writer: Writer | None = None
@@ -30,22 +30,22 @@ class Behind:
         self._pending: Future[None] | None = None
 
     def write(self, frame: Frame) -> None:
-        """Write a frame as soon as the last one is written. Raises WriteError for that."""
+        """Write a frame after the previous one is written. Raises WriteError if that failed."""
         self._wait()
         self._pending = self._pool.submit(self._write, frame)
 
     def look(self) -> None:
-        """Raises WriteError for what is known by now to have gone wrong."""
+        """Raise WriteError if writing is known to have failed."""
         if self._pending is not None and self._pending.done():
             self._pending.result()
 
     def done(self) -> Writer:
-        """The writer, when all is written. Raises WriteError."""
+        """The writer, after everything is written. Raises WriteError."""
         self._wait()
         return self._made()
 
     def abandon(self, status: str) -> None:
-        """After an error: keep the frames there are, if there are any, with this status."""
+        """After an error: keep the frames written so far, if any, with this status."""
         self._stopping = True
         while self._pending is not None and not self._pending.done():
             with suppress(KeyboardInterrupt):  # it does not take long, and nobody else may write meanwhile
@@ -74,7 +74,7 @@ class Behind:
 
 @contextmanager
 def behind(make: Callable[[], Writer], new: bool) -> Iterator[Behind]:
-    """A writer on a thread that ends with the block."""
+    """A context with a writer on its own thread."""
     turn = sys.getswitchinterval()
     sys.setswitchinterval(TURN)
     try:

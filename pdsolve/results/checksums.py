@@ -1,8 +1,8 @@
-"""Checksums: what is read is what was written, or it is refused.
+"""Checksums: data is read as written, or refused.
 
-A row with large values has a CRC-32 of all the rest of it. The rows of a table, of such ones all but the large values,
-have a running one in the table `checksum`, which each transaction brings up to date. So a page that is gone, a bit
-that has turned, a table cut short do not pass for results.
+A row with large values has a CRC-32 of the rest of the row. The rows of a table (without the large values) have a
+running checksum in the table `checksum`, updated by each transaction. A missing page, a flipped bit or a truncated
+table is therefore not taken for results.
 """
 
 from __future__ import annotations
@@ -35,13 +35,16 @@ _packed = msgspec.msgpack.Encoder().encode
 
 
 class Checksum(NamedTuple):
-    """The checksum of some rows, one after the other."""
+    """Checksum of consecutive rows."""
 
     rows: int = 0
     crc: int = 0
 
     def of(self, table: str, rows: Iterable[Row] | NDArray[np.void]) -> Checksum:
-        """Goes on with `rows` of the table. Raises TypeError, ValueError or OverflowError for what cannot be in it."""
+        """The checksum continued with `rows` of the table.
+
+        Raises TypeError, ValueError or OverflowError for invalid values.
+        """
         if isinstance(rows, np.ndarray):
             return Checksum(self.rows + len(rows), zlib.crc32(rows.tobytes(), self.crc))
         count, crc, left, end = self.rows, self.crc, iter(rows), KEYS.get(table)
@@ -55,19 +58,19 @@ class Checksum(NamedTuple):
 
 
 def record(table: str, columns: int) -> np.dtype[np.void]:
-    """The type of a row of a table of many that has so many columns; older files have fewer."""
+    """Record type of a table of many rows with so many columns; older files have fewer."""
     names = RECORDS[table].names or ()
     return np.dtype([(name, RECORDS[table][name]) for name in names[:columns]])
 
 
 def with_crc(table: str, row: Row) -> Row:
-    """A row of a table with large values, its CRC put in; `row` is one without."""
+    """A row with large values, with its CRC inserted; `row` has none."""
     key, values = row[: KEYS[table]], row[KEYS[table] :]
     return (*key, _crc(key, values), *values)
 
 
 def is_whole(table: str, row: Row) -> bool:
-    """Whether the CRC of a row with large values is that of the rest."""
+    """Whether the CRC of a row with large values matches the rest."""
     at = KEYS[table]
     return bool(row[at] == _crc(row[:at], row[at + 1 :]))
 
@@ -81,7 +84,7 @@ def _crc(key: Row, values: Row) -> int:
 
 
 def stored(value: Any) -> Any:
-    """A value as SQLite gives it back: there is no -0.0, and what is no number is nothing."""
+    """A value as SQLite returns it: -0.0 becomes 0.0, and NaN becomes None."""
     if isinstance(value, float):
         return None if value != value else float(value) + 0.0
     return value
@@ -96,12 +99,12 @@ def records(table: str, columns: Sequence[NDArray[np.generic]]) -> NDArray[np.vo
 
 
 def select(table: str, where: str = "", columns: str = "*") -> str:
-    """SQL for rows of a table in the order that its checksum takes them; rows of two tables are written to again."""
+    """SQL for rows of a table in the order of its checksum; rows of two tables are rewritten in place."""
     order = {"meta": "key", "checkpoint": "name"}.get(table, "rowid")
     return f"SELECT {columns} FROM {table} {where} ORDER BY {order}"
 
 
 def select_schema() -> str:
-    """SQL for what the checksum called schema is of: the SQL of our tables and our view."""
+    """SQL for the content of the checksum called schema: the SQL of our tables and our view."""
     ours = ", ".join(f"'{name}'" for name in (*TABLES, "node_state"))
     return f"SELECT type, name, sql FROM sqlite_master WHERE name IN ({ours}) ORDER BY name"

@@ -1,4 +1,4 @@
-"""What can be wrong with a database."""
+"""Errors and warnings about databases of results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ResultsError(ValueError):
 
 
 class EmptyError(ResultsError):
-    """A database with nothing in it yet: a run has only just begun."""
+    """A database without content: its run has just begun."""
 
 
 class DamagedError(ResultsError):
@@ -23,23 +23,23 @@ class DamagedError(ResultsError):
 
 
 class WriteError(ResultsError):
-    """A database that could not be written: a full disk, a folder that may not be written to."""
+    """A database that could not be written, for instance on a full disk or in a write-protected folder."""
 
 
 class GoneError(WriteError):
-    """A database that was removed or renamed while a run wrote to it."""
+    """A database that was removed or renamed during its run."""
 
 
 class TakenError(WriteError):
-    """A database that another run has begun to write to."""
+    """A database that another run has started to write."""
 
 
 class BusyError(ResultsError):
-    """A database that another run is writing to."""
+    """A database that another run is writing."""
 
 
 class ResultsWarning(UserWarning):
-    """Something about a database that a user should know of while the run goes on; one line."""
+    """A remark about a database for the user of a running program; one line."""
 
 
 MOST_SAID = 200  # letters of what SQLite says: it may quote a damaged value in full
@@ -53,7 +53,7 @@ HINTS = {
 
 
 class explained:
-    """Turns SQLite's errors into one of ours that names the file."""
+    """A context that turns SQLite's errors into ours, naming the file."""
 
     def __init__(self, path: Path | None, kind: type[ResultsError] = ResultsError) -> None:
         self.path, self.kind = path, kind
@@ -70,7 +70,7 @@ class explained:
 
 @contextmanager
 def gone_back(path: Path) -> Iterator[None]:
-    """Raises DamagedError, which names the file, where parts of a run do not find in its checkpoint what is theirs."""
+    """A context that raises DamagedError, naming the file, if a checkpoint's content is invalid."""
     try:
         yield
     except CheckpointError as error:

@@ -1,4 +1,4 @@
-"""The bonds of all nodes as they were written, checked while they are inflated."""
+"""Bonds of all nodes as written, checked while decompressing."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ TABLE = "family_chunk"
 
 
 def written_families(tables: Tables, nodes: Nodes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How many bonds each node that ever was (n,) had at its birth, and the rows (b,) of its neighbours, one node after
-    the other. Raises DamagedError."""
+    """Number of bonds (n,) of every node that ever lived, at its birth, and rows (b,) of their neighbours.
+
+    Neighbours of one node are consecutive. Raises DamagedError.
+    """
     counts, neighbours, row = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     rows, expected = len(nodes.ids), nodes.family - nodes.cut
     for first, *_, bonds, further in tables.all(TABLE):
@@ -42,7 +44,7 @@ def written_families(tables: Tables, nodes: Nodes) -> tuple[NDArray[np.int64], N
 
 
 def _inflated(tables: Tables, packed: bytes, most: int) -> NDArray[np.int64]:
-    """Whole numbers, at most so many and one more: what is deflated may be far larger than the file."""
+    """Decompressed integers, at most `most` + 1 of them, as decompressed data may be far larger than the file."""
     try:
         data = zlib.decompressobj().decompress(packed, 4 * (most + 1))
     except zlib.error as error:

@@ -1,9 +1,8 @@
-"""One run at a time writes to a database: a lock that the system lets go of when its holder ends, however it ends.
+"""Locks a database for one run at a time; the system releases the lock whenever its holder ends.
 
-It is on a file beside the database and not on the database itself: closing a second handle of that would drop the
-locks that SQLite holds, and a run that is started anew replaces it. The file goes with the run; one that a killed run
-has left behind is not locked. As that file may be removed, a run puts a token into the database too, and looks at it
-before it writes.
+The lock is on a file beside the database: closing a second handle of the database would drop SQLite's own locks, and a
+restarted run replaces the database. The file is removed with the run; a file left by a killed run is unlocked. As that
+file may be removed, a run also stores a token in the database and checks it before writing.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ TRIES, PAUSE = 10, 0.01  # who only looks whether a lock is held holds it for a 
 
 
 def holder(path: Path) -> str | None:
-    """The run that writes to the database at `path`, as "process 12 on host"; None where there is none."""
+    """The run that writes to the database at `path`, as "process 12 on host"; None without one."""
     token = token_in(path)
     if token is not None and token.is_alive(path):
         return token.name
@@ -72,9 +71,9 @@ def _named(handle: int) -> str:
 
 @contextmanager
 def writing_to(path: Path | None) -> Iterator[None]:
-    """Keeps other runs from writing to the database at `path`; None is one in memory.
+    """A context that keeps other runs from writing to the database at `path`; None is one in memory.
 
-    Raises BusyError if another run writes to it, WriteError where nothing can be written.
+    Raises BusyError if another run writes to it, WriteError if the folder cannot be written.
     """
     if path is None:
         yield
@@ -96,7 +95,7 @@ def _busy(path: Path, name: str) -> BusyError:
 
 
 def _locked(path: Path, place: Path) -> int | None:
-    """A handle that holds the lock; None where the file system has no locks."""
+    """A handle that holds the lock; None if the file system has no locks."""
     tries = 0
     while True:
         try:
@@ -133,7 +132,7 @@ def _locked(path: Path, place: Path) -> int | None:
 
 
 def _holder() -> str:
-    """Who holds the lock: the process, and the host if that has a name."""
+    """The lock's holder in words: the process and, if known, the host."""
     host = socket.gethostname()
     return f"process {os.getpid()}" + (f" on {host}" if host else "")
 
@@ -146,8 +145,10 @@ def _is_at(handle: int, place: Path) -> bool:
 
 
 def _let_go(handle: int, place: Path) -> None:
-    """First the file, unless it is another run's, then the lock, so that no one locks a file that is about to go;
-    Windows wants it closed."""
+    """Remove the file, unless it is another run's, then release the lock, so that nobody locks a file about to vanish.
+
+    Windows requires closing it first.
+    """
     ours = _is_at(handle, place)
     if sys.platform == "win32":
         os.close(handle)

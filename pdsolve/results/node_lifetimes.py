@@ -1,4 +1,4 @@
-"""Which nodes are there when: every node that ever was is a row, with a birth and perhaps a death."""
+"""Lifetimes of nodes: every node that ever lived is a row with a birth and perhaps a death."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NEVER = np.iinfo(np.int64).max
 
 
 class _Sorted(NamedTuple):
-    """The r rows by id, those of one id by birth."""
+    """The r rows sorted by id, then by birth."""
 
     row: NDArray[np.int64]  # (r,)
     birth: NDArray[np.int64]  # (r,)
@@ -23,18 +23,18 @@ class _Sorted(NamedTuple):
 
 
 class Lives:
-    """All r nodes that ever were, in the order of their births."""
+    """All r nodes that ever lived, in the order of birth."""
 
     def __init__(self, nodes: Nodes, birth: NDArray[np.int64], death: NDArray[np.int64]) -> None:
-        """`birth` (r,) is the first step of a node, `death` (r,) the first without it, NEVER while there is none."""
+        """`birth` (r,) is the first step of a node, `death` (r,) the first step without it, NEVER if it lives."""
         self.nodes, self.birth, self.death = nodes, birth, death
 
     def rows(self, step: int) -> NDArray[np.int64]:
-        """The rows (n,) of the nodes that are there at a step."""
+        """Rows (n,) of the nodes that live at a step."""
         return np.flatnonzero((self.birth <= step) & (step < self.death))
 
     def at(self, ids: NDArray[np.int64], step: ArrayLike) -> NDArray[np.int64]:
-        """The rows (k,) of the nodes that had these ids (k,) at a step, or at steps (k,); -1 where none had."""
+        """Rows (k,) of the nodes with these ids (k,) at a step, or at steps (k,); -1 if none had the id then."""
         table, steps = self._sorted, np.broadcast_to(step, np.shape(ids))
         if not len(table.ids) or not len(ids):
             return np.full(len(ids), -1)
@@ -47,7 +47,7 @@ class Lives:
         return np.where(there, row, -1)
 
     def now(self, step: int) -> NDArray[np.int64]:
-        """For each row (r,) the place among `rows(step)` of the node that has its id then; -1 where none has."""
+        """For each row (r,), the index in `rows(step)` of the node with its id at that step; -1 without one."""
         rows = self.rows(step)
         place = np.full(len(self.birth), -1)
         place[rows] = np.arange(len(rows))
@@ -55,7 +55,7 @@ class Lives:
         return np.where(same < 0, -1, place[same])
 
     def broke(self, breaks: Breaks, rows: NDArray[np.int64], ids: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the bonds (k,) of the nodes that are `rows` (k,) to those of `ids` (k,) broke in their lives."""
+        """Whether the bonds (k,) from nodes `rows` (k,) to nodes `ids` (k,) broke during their lives."""
         number = np.unique(np.concatenate([ids, breaks.neighbour]), return_inverse=True)[1]
         own = np.concatenate([rows, self.at(breaks.node, breaks.step)])
         bonds = own * (number.max(initial=0) + 1) + number

@@ -1,4 +1,4 @@
-"""Opens databases to read them, and puts right what a killed program has left of SQLite's files beside them."""
+"""Opens databases for reading, and repairs SQLite's files left by a killed program."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ INDEX = 3007000  # the version of the index of a log, with the number of pages t
 
 
 def read_only(path: Path) -> sqlite3.Connection:
-    """A connection that reads the file at `path`. A journal that a killed program has left is rolled back before.
+    """A read-only connection to the file at `path`; a journal left by a killed program is rolled back first.
 
-    Raises sqlite3.Error, and ResultsError where the journal or the log cannot be read because the folder cannot be
-    written to, or is beside another name of the file.
+    Raises sqlite3.Error. Raises ResultsError if the journal or the log cannot be read because the folder is
+    write-protected, or if it belongs to another name of the file.
     """
     _expect_own_name(path)
     try:
@@ -45,22 +45,22 @@ def read_only(path: Path) -> sqlite3.Connection:
 
 
 def roll_back(path: Path) -> None:
-    """Put back what a killed program has left in a journal; what cannot be is said by whoever opens the file next."""
+    """Roll back a journal left by a killed program; failures are reported by the next program that opens the file."""
     if os.path.exists(f"{os.path.realpath(path)}-journal"):
         with suppress(sqlite3.Error):
             _opened(path, "mode=rw").close()
 
 
 def _beside(name: str) -> list[str]:
-    """The journal or the log of the database at `name`, where there is something in it."""
+    """Names of the database's journal and log files that are not empty."""
     found = [f"{name}{end}" for end in BESIDE]
     return [beside for beside in found if os.path.exists(beside) and os.path.getsize(beside)]
 
 
 def _expect_own_name(path: Path) -> None:
-    """Raises ResultsError where a file has several names (hard links), and SQLite's files are beside another one.
+    """Raise ResultsError if a file has several names (hard links) and SQLite's files belong to another one.
 
-    SQLite would open it by this name without them: older than it is, or half written.
+    Under this name SQLite would open it without them: outdated or half written.
     """
     try:
         found = path.stat()
@@ -81,7 +81,7 @@ def _expect_own_name(path: Path) -> None:
 
 
 def _opened(path: Path, how: str) -> sqlite3.Connection:
-    """A connection that has read something."""
+    """A connection that has successfully read something."""
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True)
     try:
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -92,17 +92,16 @@ def _opened(path: Path, how: str) -> sqlite3.Connection:
 
 
 class Log(NamedTuple):
-    """SQLite's log beside a database that nobody writes to: transactions that are not in the database itself yet."""
+    """SQLite's log beside a database without a writer: transactions not yet in the database itself."""
 
     read: int = 0  # transactions that can be read
     lost: int = 0  # transactions behind a damaged place, which SQLite leaves out without a word
 
 
 def log_of(connection: sqlite3.Connection, path: Path) -> Log:
-    """How far the log of the database at `path` can be read, by a connection that is open on it.
+    """How far the log of the database at `path` can be read over an open connection.
 
-    A transaction that was being written when the program ended has no mark of its end, and is none. Raises
-    sqlite3.Error.
+    A transaction interrupted by the end of the program has no end mark and does not count. Raises sqlite3.Error.
     """
     connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # SQLite has looked for the end of the log now
     real = os.path.realpath(path)
@@ -127,7 +126,7 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
 
 
 def _is_whole(header: bytes) -> bool:
-    """Whether the header of a log has the checksum of the rest of it."""
+    """Whether the checksum in a log's header is correct."""
     one = two = 0
     words = "<" if header[3] == LITTLE else ">"
     for first, second in struct.iter_unpack(f"{words}2I", header[:24]):

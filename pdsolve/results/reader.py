@@ -25,15 +25,14 @@ from pdsolve.results.tables import Meta, Tables
 
 
 class Results:
-    """Reads one run. Arrays are of the nodes that are there at a step, in the order of the model's; steps name frames.
+    """Reads the results of one run. Arrays hold the nodes of one step, in the model's order; steps identify frames.
 
-    Nodes may be born and die between steps: those there at the last frame are meant where no step is given.
-
-    What is read is compared with its checksums; all methods raise ResultsError where it is not what was written.
+    Nodes may be born and die between steps; the default step is that of the last frame. Everything read is compared
+    with its checksum; all methods raise ResultsError on a mismatch.
     """
 
     def __init__(self, connection: sqlite3.Connection, name: str, path: Path | None = None) -> None:
-        """`path`: the file, which anyone may have written; None: in memory."""
+        """`path` is the file, which may come from anyone; None: in memory."""
         self.connection = connection
         self.name = name
         self._tables = Tables(connection, name, path)
@@ -42,7 +41,7 @@ class Results:
 
     @classmethod
     def open(cls, path: Path) -> Results:
-        """The results in the file at `path`, read only. Raises ResultsError if it is not one of ours."""
+        """The results in the file at `path`, read only. Raises ResultsError if it is not a database of results."""
         if not path.is_file():
             raise ResultsError(f"{path}: found no such file, expected a database of results")
         with explained(path):
@@ -68,8 +67,10 @@ class Results:
         return bool(self._tables.checked)
 
     def verify(self, older: bool = False) -> None:
-        """Read all there is. Raises ResultsError where it is not what was written, or where an older version wrote it,
-        unless `older`."""
+        """Read and check everything.
+
+        Raises ResultsError for damage and, unless `older`, for a file of an older version.
+        """
         if self._tables.version != SCHEMA_VERSION and not older:
             raise ResultsError(
                 f"{self.name}: found schema version {self._tables.version}, which can be read but not gone on with,"
@@ -84,7 +85,7 @@ class Results:
         self.close()
 
     def __repr__(self) -> str:
-        """Where the results are, of what they are, how the run stands."""
+        """Name, model and status of the results."""
         try:
             status, steps, nodes = self.meta().get("status"), self.frames()[0], len(self.nodes(0).ids)
         except (sqlite3.Error, ValueError):  # closed, or damaged: whoever asks for words wants no error
@@ -92,7 +93,7 @@ class Results:
         return f"<Results {self.name}: {nodes} nodes, {len(steps)} frames, {status}>"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: a picture of the last frame, which pdpost draws."""
+        """PNG for a notebook: the last frame, drawn by pdpost; None without a frame."""
         from pdpost import notebook_png
 
         return notebook_png(self)
@@ -102,7 +103,7 @@ class Results:
         self.connection.close()
 
     def meta(self) -> dict[str, Any]:
-        """What the run says of itself: mode, step, versions, status; all but the model."""
+        """Metadata of the run without the model: mode, step, versions, status."""
         tables, most = self._tables, "WHERE key <> 'model'"
         with tables.snapshot():
             if tables.checked:
@@ -138,7 +139,7 @@ class Results:
         return int(self.meta().get("dimension", 2)) if self._tables.space else 2
 
     def epochs(self) -> NDArray[np.int64]:
-        """The steps (k,) from which on nodes are others than before, 0 among them."""
+        """Steps (k,) at which the nodes change, beginning with 0."""
         if not self._tables.epochs:
             return np.zeros(1, dtype=np.int64)
         rows = self._tables.all("epoch")
@@ -146,7 +147,7 @@ class Results:
         return np.array([row[0] for row in rows], dtype=np.int64)
 
     def bond_updates(self, steps: int) -> int:
-        """Directed bonds times steps, until this many steps were taken."""
+        """Number of directed bonds times steps, over the first `steps` steps."""
         if not self._tables.epochs:
             return steps * int((self.nodes().family - self.nodes().cut).sum())
         first, _, bonds = np.array(self._tables.all("epoch"), dtype=np.int64).T
@@ -154,7 +155,7 @@ class Results:
         return int(long @ bonds)
 
     def epoch(self, step: int | None = None) -> int:
-        """The step from which on the nodes are those of `step`."""
+        """The step since which the nodes are those of `step`."""
         epochs = self.epochs()
         if len(epochs) > 1 and step is None:
             step = int(self.frames()[0].max(initial=0))
@@ -162,7 +163,7 @@ class Results:
         return int(epochs[max(at, 0)])
 
     def lives(self) -> Lives:
-        """All nodes that ever were, read once: the arrays are shared and cannot be written to."""
+        """All nodes that ever lived, read once: the arrays are shared and read-only."""
         with self._tables.snapshot():
             known = self._tables.count("node"), self._tables.count("node_death")
             if self._lives is None or self._lives[0] != known:
@@ -170,7 +171,7 @@ class Results:
         return self._lives[1]
 
     def nodes(self, step: int | None = None) -> Nodes:
-        """The nodes at a step. The arrays are shared and cannot be written to."""
+        """The nodes at a step. The arrays are shared and read-only."""
         lives, epoch = self.lives(), self.epoch(step)
         if self._nodes is None or self._nodes[0] is not lives or self._nodes[1] != epoch:
             rows = lives.rows(epoch)
@@ -183,14 +184,15 @@ class Results:
         return self._nodes[2]
 
     def rows(self, step: int | None = None) -> NDArray[np.int64]:
-        """The rows (n,) of the table `node` that the nodes at a step are."""
+        """Rows (n,), in the table `node`, of the nodes at a step."""
         count = self._tables.count("node")
         if count is not None and len(self.epochs()) == 1:
             return np.arange(count)
         return self.lives().rows(self.epoch(step))
 
     def families(self, step: int | None = None) -> Families:
-        """Who of the nodes at a step was bonded to whom at its birth; who has the id of a neighbour takes its place."""
+        """Families of the nodes at a step, as bonded at birth; a node that takes over a neighbour's id takes its
+        place."""
         bonds, neighbour = written_families(self._tables, self.lives().nodes)
         if len(self.epochs()) > 1:
             bonds, neighbour = self._bonded(self.epoch(step), bonds, neighbour)
@@ -199,8 +201,7 @@ class Results:
     def _bonded(
         self, step: int, bonds: NDArray[np.int64], neighbour: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The families of the nodes at a step as numbers among them; broken bonds to nodes that are gone are left
-        out."""
+        """Families of the nodes at a step, numbered among them; broken bonds to dead nodes are left out."""
         lives = self.lives()
         rows, ids = lives.rows(step), lives.nodes.ids
         there = np.zeros(len(bonds), dtype=bool)
@@ -229,7 +230,7 @@ class Results:
         return found
 
     def particles(self) -> Particles:
-        """All particles of cracks that are some; none where bonds break by themselves."""
+        """All crack particles; empty if bonds break by themselves."""
         rows = self._tables.all("crack_particle") if self._tables.particles else []
         table = np.array(rows, dtype=float).reshape(-1, 7)
         number, step, parent = table[:, :3].astype(np.int64).T
@@ -245,7 +246,7 @@ class Results:
         return steps, times
 
     def field(self, name: str, step: int) -> NDArray[np.float32]:
-        """A field (n,) of the nodes at `step`. Raises ResultsError, naming those there are, if it is not there."""
+        """A field (n,) of the nodes at `step`. Raises ResultsError, naming the stored fields, if it is missing."""
         found = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
         if not found:
             self._expect_field(name, step)
@@ -266,7 +267,7 @@ class Results:
         return self._finite(name, step, values[place])
 
     def _finite(self, name: str, step: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The values (n,) of a field. Raises DamagedError for those that no node has."""
+        """The values (n,) of a field. Raises DamagedError for impossible ones."""
         if np.isinf(values).any() or (name in USUAL and np.isnan(values).any()):
             self._tables.impossible(
                 "field_chunk", f"found {name} at step {step} that is no number, expected finite ones"
@@ -299,7 +300,7 @@ class Results:
         return Lives(nodes, birth, death)
 
     def _expect_field(self, name: str, step: int) -> None:
-        """Raises ResultsError, naming those there are, if a frame does not hold a field."""
+        """Raise ResultsError, naming the stored fields, if a frame does not hold a field."""
         steps, _ = self.frames()
         if step not in steps:
             there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
@@ -316,31 +317,39 @@ class Results:
         return found
 
     def history(self) -> NDArray[np.void]:
-        """The ledger, a record a row, with fields step, time, kinetic, strain, dissipated, work, momentum_x,
-        momentum_y, broken, refinement, fine_share, clipped_stretch, momentum_z and damped; in files of schema 6 and
-        older what is damped is part of what is dissipated."""
+        """The ledger, one record a row.
+
+        Its fields are step, time, kinetic, strain, dissipated, work, momentum_x, momentum_y, broken, refinement,
+        fine_share, clipped_stretch, momentum_z and damped. In files of schema 6 and older, damped energy is part of the
+        dissipated energy.
+        """
         return self._numbers("history", self._tables.all("history"))
 
     def masses(self) -> NDArray[np.void]:
-        """What there is of a substance and where it has gone, a record a row, with fields step, time, inside, through,
-        supplied, solid, dissolved and surface; none of a model of mechanics."""
+        """Mass balance of a substance, one record a row; empty for a model of mechanics.
+
+        Its fields are step, time, inside, through, supplied, solid, dissolved and surface.
+        """
         rows = self._tables.all("mass") if self._tables.version > WITHOUT_SPACE else []
         return self._numbers("mass", rows)
 
     def probes(self) -> NDArray[np.void]:
-        """What was written down at the probes, a record a row, with fields step, time, node, ux ... ay, uz, vz, az."""
+        """Records of the probes, with fields step, time, node, ux ... ay, uz, vz, az."""
         found = self._numbers("probe", self._tables.all("probe"))
         return found[np.lexsort((found["step"], found["node"]))]
 
     def reactions(self) -> NDArray[np.void]:
-        """What the conditions did, a record a row, with fields step, time, condition, force_x, force_y, displacement_x,
-        displacement_y, force_z and displacement_z; their kinds are in the model."""
+        """Records of the conditions.
+
+        Their fields are step, time, condition, force_x, force_y, displacement_x, displacement_y, force_z and
+        displacement_z; the model holds the kinds of conditions.
+        """
         rows = [(*row[:3], *row[4:]) for row in self._tables.all("reaction")]
         found = self._numbers("reaction", rows, leave_out="kind")
         return found[np.lexsort((found["step"], found["condition"]))]
 
     def has_checkpoint(self) -> bool:
-        """Whether there is one to go on from: a run may be stopped before its first frame."""
+        """Whether there is a checkpoint; a run may be stopped before its first frame."""
         return bool(self._tables.count("checkpoint"))
 
     def checkpoint(self) -> tuple[int, dict[str, NDArray[np.floating]]]:

@@ -1,4 +1,4 @@
-"""In what state a database of results is, after whatever has happened to the run that wrote it."""
+"""State of a database of results after its run has ended or was interrupted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pdsolve.results.reader import Results
 
 
 class Kind(Enum):
-    """What can be done with a database: its value says what it is, and what goes on with it."""
+    """What can be done with a database; the value describes it and how to continue."""
 
     NONE = "no file: a run begins"
     RUNNING = "a run is writing to it: wait for its end, or stop it"
@@ -51,7 +51,7 @@ class State(NamedTuple):
 
     @property
     def warning(self) -> str | None:
-        """What cannot be read of a database whose log was damaged; None where there is nothing to say."""
+        """A warning about content lost in a damaged log; None if nothing is lost."""
         if not self.log.lost:
             return None
         until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
@@ -63,10 +63,10 @@ class State(NamedTuple):
 
 
 def state_of(path: Path) -> State:
-    """The state of the database at `path`; a journal that a killed run has left is rolled back.
+    """The state of the database at `path`; a journal left by a killed run is rolled back.
 
-    A file that nobody holds may be held the next moment: who writes to it asks for its lock (`writing_to`), and gets
-    a BusyError then. Raises ResultsError for a file that is no database of ours, and for one that is damaged.
+    A free file may be taken the next moment: a writer asks for its lock (`writing_to`) and gets a BusyError then.
+    Raises ResultsError for a file that is not a database of results, and for a damaged one.
     """
     held = holder(path)
     if held is not None:
@@ -101,7 +101,7 @@ def _last(connection: sqlite3.Connection, table: str) -> int | None:
 
 
 def _expect_no_log(path: Path) -> None:
-    """Raises ResultsError where a database is gone whose log is there: its run was killed, and it was renamed."""
+    """Raise ResultsError if a log has lost its database: the run was killed and its database renamed."""
     log = Path(f"{os.path.realpath(path)}-wal")
     if log.is_file() and log.stat().st_size:
         raise ResultsError(

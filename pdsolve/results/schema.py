@@ -1,4 +1,4 @@
-"""What a database of results holds: its tables, and the tuples that go in and come out."""
+"""Contents of a database of results: its tables, and the tuples written and read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHUNK = 1000  # nodes: their fields, with keys, are just less than a quarter of 
 
 
 class Nodes(NamedTuple):
-    """What a run knows of n nodes from their birth."""
+    """Properties of n nodes, fixed at their birth."""
 
     ids: NDArray[np.int64]  # (n,)
     position: NDArray[np.float64]  # (n, 2) reference position, m; (n, 3) of a body in space
@@ -27,20 +27,20 @@ class Nodes(NamedTuple):
 
 
 def taken(nodes: Nodes, rows: NDArray[np.int64]) -> Nodes:
-    """Some nodes, those of these rows (k,)."""
+    """The nodes of these rows (k,)."""
     ids, position, delta, area, family, cut = nodes
     return Nodes(ids[rows], position[rows], delta[rows], area[rows], family[rows], cut[rows])
 
 
 class Families(NamedTuple):
-    """Who is bonded to whom at birth, those of node i at start[i]:start[i + 1]; cut and unseen ones left out."""
+    """Bonds at birth, those of node i at start[i]:start[i + 1], without cut and unseen ones."""
 
     start: NDArray[np.int64]  # (n + 1,)
     neighbour: NDArray[np.int64]  # (b,) rows of the nodes, not their ids
 
 
 class Breaks(NamedTuple):
-    """Bonds broken in a run, in the order of their steps; a bond of both its nodes is there twice."""
+    """Bonds broken in a run, in the order of their steps; a bond in both families appears twice."""
 
     step: NDArray[np.int64]  # (b,)
     node: NDArray[np.int64]  # (b,) id of the node whose bond it was
@@ -48,7 +48,7 @@ class Breaks(NamedTuple):
 
 
 class Epoch(NamedTuple):
-    """Nodes that are born and die between two steps. One whose bonds become others dies, and is born under its id."""
+    """Nodes that are born and die between two steps. A node whose bonds change dies and is born under the same id."""
 
     step: int  # the first that is taken without the dead and with the born
     first: int  # row of the first of those born; how many rows there were before
@@ -60,7 +60,7 @@ class Epoch(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What one transaction writes."""
+    """The content of one transaction."""
 
     step: int
     time: float  # s
@@ -135,7 +135,7 @@ STEPPED = (
 
 
 def prefixes() -> list[tuple[int, float | None, float | None]]:
-    """For each sign and exponent of a float32 the value at mantissa 0 and of one unit of mantissa."""
+    """For each sign and exponent of a float32: the value at mantissa 0, and that of one unit of mantissa."""
     rows: list[tuple[int, float | None, float | None]] = []
     for prefix in range(512):
         sign, exponent = (-1.0 if prefix & 256 else 1.0), prefix & 255
@@ -149,7 +149,7 @@ def prefixes() -> list[tuple[int, float | None, float | None]]:
 
 
 def statements(dimension: int = 2) -> list[str]:
-    """SQL that makes an empty database, of a plate or of a body in space."""
+    """SQL that creates an empty database, of a plate or of a body in space."""
     tables = [f"CREATE TABLE {name} ({columns})" for name, columns in TABLES.items()]
     marks = [f"PRAGMA application_id = {APPLICATION_ID}", f"PRAGMA user_version = {SCHEMA_VERSION}"]
     return [*tables, _view(dimension), *marks]

@@ -1,4 +1,4 @@
-"""Reads the tables of a database, and compares them with their checksums."""
+"""Reads the tables of a database and compares them with their checksums."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEAST, PER_BYTE = 10**7, 64  # operations that a query may take, and how many mo
 
 
 class Meta(dict[str, Any]):
-    """What a run says of itself. Raises ResultsError for what it does not say."""
+    """Metadata of a run. Raises ResultsError for a missing key."""
 
     def __init__(self, rows: Mapping[str, Any], name: str) -> None:
         super().__init__(rows)
@@ -40,10 +40,10 @@ class Meta(dict[str, Any]):
 
 
 class Tables:
-    """The tables of a database called `name`. All methods raise ResultsError, for what is damaged DamagedError."""
+    """The tables of a database called `name`. All methods raise ResultsError, for damage DamagedError."""
 
     def __init__(self, connection: sqlite3.Connection, name: str, path: Path | None = None) -> None:
-        """`path`: a file that anyone may have written; None: what this process itself has written."""
+        """`path` is a file that may come from anyone; None: a database written by this process."""
         self.connection = connection
         self.name = name
         self.path = path
@@ -57,7 +57,7 @@ class Tables:
         self.particles = self.version > WITHOUT_SPACE  # whether cracks may be particles
 
     def expect_ours(self) -> None:
-        """Look whether this is a database of ours, with the tables that it was made with; it may be made meanwhile."""
+        """Check that this is a database of results with its original tables; it may still be under construction."""
         with self.snapshot():
             ((found,),) = self.rows("PRAGMA application_id")
             there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
@@ -82,15 +82,17 @@ class Tables:
 
     @property
     def size(self) -> int | None:
-        """Bytes of the file with what SQLite keeps beside it; None in memory."""
+        """Size of the file and of SQLite's files beside it, bytes; None in memory."""
         if self.path is None:
             return None
         return sum(os.path.getsize(file) for file in (self.path, f"{self.path}-wal") if os.path.exists(file))
 
     @contextmanager
     def _bounded(self) -> Iterator[None]:
-        """Inside, a query ends that takes more operations, or a value larger, than a file of this size can give: the
-        pages of a damaged one may lead in circles."""
+        """A context that ends queries with more operations, or larger values, than the file's size can justify.
+
+        The pages of a damaged file may form a loop.
+        """
         with explained(Path(self.name)):
             size = self.size
             if size is None:
@@ -111,7 +113,7 @@ class Tables:
                 self.connection.set_progress_handler(None, 0)
 
     def verify(self) -> None:
-        """Read all there is, and look whether it is what was written."""
+        """Read everything and compare it with the checksums."""
         with self.snapshot():
             ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
             if found != "ok":
@@ -123,7 +125,7 @@ class Tables:
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """Inside, nothing that a run writes meanwhile is seen."""
+        """A context in which a run's later writes are invisible."""
         if self.connection.in_transaction:
             yield
             return
@@ -136,13 +138,15 @@ class Tables:
                 self.connection.execute("ROLLBACK")
 
     def rows(self, query: str, values: Row = ()) -> list[Row]:
-        """What a query finds, not compared with anything."""
+        """Result of a query, without comparing checksums."""
         with self._bounded(), closing(self.connection.execute(query, values)) as cursor:
             return cursor.fetchall()
 
     def each(self, table: str, where: str = "", values: Row = ()) -> Iterator[Row]:
-        """Rows of a table in their order, each value of its column's type; such with large values, which are the last
-        ones, compared with their CRC."""
+        """Rows of a table in order, with values of their columns' types; large values are compared with their CRC.
+
+        Large values are in the last columns.
+        """
         columns = None if table in RECORDS else table_columns(self.connection, table)
         with self._bounded(), closing(self.connection.execute(select(table, where), values)) as rows:
             for row in rows if columns is None else checked_rows(rows, columns):
@@ -160,7 +164,7 @@ class Tables:
         return rows
 
     def records(self, table: str) -> NDArray[np.void]:
-        """All rows of a table of many, its columns named f0, f1 and so on."""
+        """All rows of a table of many rows, with columns named f0, f1 and so on."""
         with self.snapshot():
             ((count,),) = self.rows(f"SELECT count(*) FROM {table}")
             kind = record(table, len(self.rows(f"PRAGMA table_info({table})")))
@@ -174,7 +178,7 @@ class Tables:
         return found
 
     def count(self, table: str) -> int | None:
-        """How many rows were written to a table; None if it is not known."""
+        """Number of rows written to a table; None if unknown."""
         rows = self.rows("SELECT rows FROM checksum WHERE name = ?", (table,)) if self.checked else []
         count, size = rows[0][0] if rows else None, self.size
         if rows and (not isinstance(count, int) or count < 0 or (size is not None and count > size)):
@@ -182,7 +186,7 @@ class Tables:
         return count
 
     def compare(self, table: str, rows: Iterable[Row] | NDArray[np.void]) -> None:
-        """Look whether these are all rows of the table, as they were written."""
+        """Raise DamagedError unless these are all rows of the table, as written."""
         if not self.checked:
             return
         expected = self.rows("SELECT rows, crc FROM checksum WHERE name = ?", (table,))
@@ -196,12 +200,12 @@ class Tables:
             self.damaged(table)
 
     def expect(self, table: str, wrong: str | None) -> None:
-        """Raises DamagedError if there is something wrong with a table."""
+        """Raise DamagedError if `wrong` is not None."""
         if wrong is not None:
             self.impossible(table, wrong)
 
     def impossible(self, table: str, wrong: str) -> NoReturn:
-        """Raises DamagedError for what no run has written, although the checksums may be right."""
+        """Raise DamagedError for content that no run writes, although checksums may match."""
         raise DamagedError(f"{self.name}: table {table}: {wrong}")
 
     def damaged(self, table: str) -> NoReturn:

@@ -1,6 +1,6 @@
-"""What the tables of a database may hold, besides what their checksums say: a file may be of anyone's making.
+"""Valid contents of a database's tables beyond matching checksums, as a file may come from anyone.
 
-Each function returns what is wrong, as "found ..., expected ...", or nothing.
+Each function returns the error as "found ..., expected ...", or None.
 """
 
 from __future__ import annotations
@@ -47,8 +47,10 @@ def table_columns(connection: sqlite3.Connection, table: str) -> list[tuple[str,
 
 
 def wrong_schema(connection: sqlite3.Connection, current: bool) -> str | None:
-    """What is in ``sqlite_master`` and not ours, or otherwise; of files of older versions (not `current`) the columns
-    are looked at alone, which may be fewer."""
+    """Objects in ``sqlite_master`` that are unknown or differ from ours.
+
+    For files of older versions (not `current`), only columns are checked, and some may be missing.
+    """
     with closing(connection.execute("SELECT type, name, tbl_name, sql, rootpage FROM sqlite_master")) as rows:
         found = rows.fetchall()
     ours = [_master(2), _master(3)]
@@ -76,7 +78,7 @@ OLDER = {"family_chunk": [("chunk", "INTEGER", 0)]}  # columns that older versio
 
 
 def plain(sql: str) -> str:
-    """SQL without comments and blanks that mean nothing."""
+    """SQL without comments and redundant blanks."""
     return " ".join(re.sub(r"--[^\n]*", "", sql).split())
 
 
@@ -99,7 +101,7 @@ def _known_columns() -> dict[str, list[tuple[str, str, int]]]:
 
 
 def checked_rows(rows: Iterable[Row], columns: Sequence[tuple[str, str, int]]) -> Iterator[Row | str]:
-    """The rows of a table as they are; what is wrong with one in place of it."""
+    """The rows of a table; an invalid row is replaced by its error message."""
     kinds = [TYPES.get(kind, ()) for _, kind, _ in columns]
     for row in rows:
         at = next((at for at, value in enumerate(row) if type(value) not in kinds[at]), None)
@@ -115,7 +117,7 @@ def _bearable(value: float) -> bool:
 
 
 def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
-    """What is wrong with all nodes that ever were (n,), rows of the table and births (n,)."""
+    """Error in the nodes that ever lived (n,), with rows of the table and births (n,)."""
     count = len(row)
     if not np.array_equal(row, np.arange(count)):
         return "found rows that are not numbered from 0 on, expected them one after the other"
@@ -138,14 +140,14 @@ def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) 
 
 
 def wrong_deaths(step: NDArray[np.int64], row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
-    """What is wrong with the steps and rows of deaths (d,) among nodes of these births (n,)."""
+    """Error in the steps and rows of deaths (d,), for nodes with these births (n,)."""
     if ((row < 0) | (row >= len(birth))).any() or (step <= birth[row]).any() or len(np.unique(row)) < len(row):
         return "found a death of a node that is not there then, expected one of those born before"
     return None
 
 
 def wrong_epochs(rows: Sequence[Row]) -> str | None:
-    """What is wrong with the rows of the table `epoch`."""
+    """Error in the rows of the table `epoch`."""
     steps = [row[0] for row in rows]
     rises = all(one < other for one, other in pairwise(steps))
     if steps[:1] != [0] or not rises or not all(0 <= number <= 2**53 for row in rows for number in row):
@@ -154,7 +156,7 @@ def wrong_epochs(rows: Sequence[Row]) -> str | None:
 
 
 def wrong_frames(steps: NDArray[np.int64], times: NDArray[np.float64]) -> str | None:
-    """What is wrong with the steps and times (t,), s, of frames."""
+    """Error in the steps and times (t,), s, of frames."""
     if (np.diff(steps) <= 0).any() or ((steps < 0) | (steps > MOST_STEPS)).any():
         return "found frames of steps that do not rise, expected them in their order"
     if not (np.abs(times) <= MOST).all() or (np.diff(times) < 0).any():
@@ -163,7 +165,7 @@ def wrong_frames(steps: NDArray[np.int64], times: NDArray[np.float64]) -> str | 
 
 
 def wrong_breaks(breaks: Breaks, ids: NDArray[np.int64]) -> str | None:
-    """What is wrong with broken bonds (b,), of nodes that have these ids (n,)."""
+    """Error in broken bonds (b,), for nodes with these ids (n,)."""
     if ((breaks.step < 0) | (breaks.step > MOST_STEPS)).any() or (np.diff(breaks.step) < 0).any():
         return "found bonds that break at steps that do not rise, expected them in their order"
     strange = ~np.isin(np.concatenate(breaks[1:]), ids)
@@ -173,12 +175,12 @@ def wrong_breaks(breaks: Breaks, ids: NDArray[np.int64]) -> str | None:
 
 
 def wrong_places(places: NDArray[np.float64]) -> str | None:
-    """What is wrong with coordinates, m."""
+    """Error in coordinates, m."""
     return None if (np.abs(places) <= LARGEST).all() else f"found a place beyond {LARGEST:g} m, expected metres"
 
 
 def wrong_particles(step: NDArray[np.int64], parent: NDArray[np.int64], number: NDArray[np.int64]) -> str | None:
-    """What is wrong with particles of cracks: their steps, what they grew from and their numbers (p,)."""
+    """Error in crack particles: steps, parents and numbers (p,)."""
     if not np.array_equal(number, np.arange(len(number))):
         return "found particles that are not numbered from 0 on, expected them one after the other"
     if ((step < 0) | (step > MOST_STEPS) | (parent < -1) | (parent >= number)).any():
@@ -187,7 +189,7 @@ def wrong_particles(step: NDArray[np.int64], parent: NDArray[np.int64], number: 
 
 
 def wrong_meta(key: object, value: object) -> str | None:
-    """What is wrong with a row of the table `meta`."""
+    """Error in a row of the table `meta`."""
     if key in WORDS and not isinstance(value, str):
         return f"found {str(value)[:40]!r} as {key}, expected text"
     if key in NUMBERS:
@@ -198,7 +200,7 @@ def wrong_meta(key: object, value: object) -> str | None:
 
 
 def wrong_checkpoint(rows: Sequence[Row]) -> str | None:
-    """What is wrong with the rows (name, step, type, crc or nothing, data) of a checkpoint."""
+    """Error in the rows (name, step, type, CRC or None, data) of a checkpoint."""
     for name, step, kind, *_, data in rows:
         if step != rows[0][1] or not 0 <= step <= MOST_STEPS:
             return f"found step {step} of '{name[:40]}', expected one step for all"
@@ -208,7 +210,7 @@ def wrong_checkpoint(rows: Sequence[Row]) -> str | None:
 
 
 def wrong_chunk(first: int, bonds: Any, rows: int) -> str | None:
-    """What is wrong with how many bonds (n,) the nodes from the row `first` on have, of so many in all."""
+    """Error in the numbers of bonds (n,) of the nodes from row `first` on, of `rows` in all."""
     if not len(bonds) or len(bonds) > CHUNK or first + len(bonds) > rows or (bonds < 0).any() or (bonds >= rows).any():
         return f"found bonds of {len(bonds)} nodes from row {first} on, expected those of {rows} rows"
     return None

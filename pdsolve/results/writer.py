@@ -32,10 +32,9 @@ FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice
 
 
 class Writer:
-    """Writes one run. Use `create` for a new database, `reopen` for one to go on with; close it in the end.
+    """Writes one run: `create` begins a new database, `reopen` continues one; close it at the end.
 
-    Where another program keeps the database to itself it waits, with a ResultsWarning now and then, until `stop` says
-    that it is not to.
+    While another program locks the database, it waits, with an occasional ResultsWarning, until `stop` returns true.
     """
 
     def __init__(self, connection: sqlite3.Connection, path: Path | None) -> None:
@@ -55,10 +54,10 @@ class Writer:
         cracks: NDArray[np.float64],
         meta: Mapping[str, Any],
     ) -> Writer:
-        """A new database at `path` (in memory if None), replacing what is there; `cracks` are those of a grid.
+        """A new database at `path` (in memory if None), replacing an existing one; `cracks` are those of a grid.
 
-        `families(first, last)` gives those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
-        written, and then leaves nothing behind.
+        `families(first, last)` returns those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
+        written, leaving nothing behind.
         """
         if path is not None:
             remove(path)
@@ -85,9 +84,9 @@ class Writer:
 
     @classmethod
     def reopen(cls, path: Path) -> Writer:
-        """The database at `path`, to go on writing from its checkpoint: what it has of later steps is dropped.
+        """The database at `path`, to continue from its checkpoint; later steps are deleted.
 
-        Raises ResultsError if it is not one of ours or has no checkpoint.
+        Raises ResultsError if it is not a database of results or has no checkpoint.
         """
         with Results.open(path) as results:
             step, _ = results.checkpoint()
@@ -111,7 +110,7 @@ class Writer:
             self._tell(meta)
 
     def write(self, frame: Frame) -> None:
-        """Write a frame in one transaction. Raises WriteError where the disk does not take it."""
+        """Write a frame in one transaction. Raises WriteError, for instance on a full disk."""
         with self._transaction():
             for epoch in frame.epochs:
                 self._write_epoch(epoch)
@@ -130,7 +129,7 @@ class Writer:
                 self._tell({"wall_time": frame.wall_time})
 
     def close(self, status: str) -> None:
-        """Leave one single file behind, with `status` in its meta; with SQLite's log beside it if someone reads on.
+        """Close the database as a single file with `status`; SQLite's log stays if another program is reading.
 
         One in memory stays open. Raises WriteError.
         """
@@ -152,13 +151,13 @@ class Writer:
             self.connection.close()
 
     def abandon(self, status: str) -> None:
-        """Close after an error, as well as can be without waiting for anyone; the error is what is to be told."""
+        """Close after an error, as far as possible without waiting; the original error is the one to report."""
         self.stop = lambda: True
         with suppress(ResultsError):
             self.close(status)
 
     def _leave(self, status: str) -> None:
-        """Put all that was written into the file itself, wherever it is by now: SQLite's log may have stayed behind."""
+        """Move everything from SQLite's log into the file, even if it was renamed and its log stayed behind."""
         self._token = None
         with suppress(ResultsError, sqlite3.Error):
             with self._transaction() as connection:
@@ -169,7 +168,7 @@ class Writer:
                 remove(self._place)  # what SQLite kept beside it
 
     def discard(self) -> None:
-        """Leave nothing behind, as well as can be."""
+        """Delete the database, as far as possible."""
         self.connection.close()
         if self.path is not None and (self._token is None or self._token.is_of(self._place)):
             with suppress(ResultsError):
@@ -177,7 +176,7 @@ class Writer:
 
     @contextmanager
     def _transaction(self, new: bool = False) -> Iterator[sqlite3.Connection]:
-        """All that is written inside or, after an error, nothing; a database that is `new` has no tables yet.
+        """A context whose writes are committed or, after an error, rolled back; a `new` database has no tables yet.
 
         Raises WriteError.
         """
@@ -196,7 +195,7 @@ class Writer:
             self.connection.execute("COMMIT")
 
     def _begin(self) -> None:
-        """Begin to write as soon as no other program keeps the database to itself."""
+        """Begin a transaction as soon as no other program locks the database."""
         since, word = time.monotonic(), FIRST_WORD
         while True:
             try:
@@ -220,7 +219,7 @@ class Writer:
                 word *= 2
 
     def _append(self, table: str, rows: Sequence[Row] | NDArray[np.void]) -> None:
-        """Put rows into a table, a row with large values without its CRC, and bring its checksum up to date."""
+        """Append rows to a table, those with large values without their CRC, and update its checksum."""
         if not len(rows):
             return
         if isinstance(rows, np.ndarray):
@@ -236,7 +235,7 @@ class Writer:
             self.connection.executemany(f"{how} INTO {table} VALUES ({marks})", rows)
 
     def _add_up(self, table: str) -> None:
-        """Make the checksum that of the rows there are."""
+        """Compute the checksum from the existing rows."""
         self._checksums[table] = Checksum().of(table, self.connection.execute(select(table)))
 
     def _tell(self, meta: Mapping[str, Any]) -> None:
@@ -245,7 +244,7 @@ class Writer:
         self._add_up("meta")
 
     def _write_nodes(self, first: int, birth: int, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
-        """Nodes that are rows from `first` on and their families, some at a time."""
+        """Write nodes, from row `first` on, and their families in chunks."""
         count = len(nodes.ids)
         row = np.arange(first, first + count)
         flat = [np.zeros(count)] * (3 - nodes.position.shape[1])
@@ -270,7 +269,7 @@ class Writer:
     def _write_field(
         self, step: int, name: str, values: NDArray[np.floating], rows: NDArray[np.int64] | None = None
     ) -> None:
-        """The values (n,) of the nodes that are `rows`, NaN beside them in a chunk; chunks of none are left out."""
+        """Write the values (n,) of the nodes `rows`, NaN for others in a chunk; chunks without values are left out."""
         data, chunks = values.astype("<f4"), np.arange(-(-len(values) // CHUNK))
         if rows is not None:
             data = np.full(self._checksums["node"].rows, np.nan, dtype="<f4")
@@ -288,7 +287,10 @@ class Writer:
         self._add_up("checkpoint")
 
     def _alone(self) -> bool:
-        """Put SQLite's log away; False where a reader keeps it. Raises GoneError: SQLite would remove another's log."""
+        """Merge SQLite's log; False if a reader prevents it.
+
+        Raises GoneError, as SQLite would remove another run's log.
+        """
         if self._token is not None:
             self._token.expect_in_place(self._place)
         try:
@@ -302,9 +304,9 @@ class Writer:
 
 
 def _connected(path: Path | None) -> sqlite3.Connection:
-    """A connection to write with, by one thread after another.
+    """A connection for writing, usable by one thread after another.
 
-    Readers are not disturbed, and the disk is waited for once in `WAL_PAGES`.
+    Readers are not disturbed; the disk is synchronized once in `WAL_PAGES` pages.
     """
     place = ":memory:" if path is None else path
     with explained(path, WriteError):
@@ -321,7 +323,7 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 
 
 def put_away(path: Path) -> None:
-    """Leave one single file of a finished run that was killed before it had done so itself, as well as can be."""
+    """Merge the files of a finished run that was killed before doing so, as far as possible."""
     real = os.path.realpath(path)
     if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-lock")):
         with suppress(ResultsError), writing_to(path):
@@ -330,9 +332,9 @@ def put_away(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Delete a database, or the one a link leads to, with what SQLite keeps beside it.
+    """Delete a database, or the target of a link, with SQLite's files beside it.
 
-    Raises WriteError where it cannot be, or is no file.
+    Raises WriteError if it cannot be deleted, or is no regular file.
     """
     try:
         found = irregular(path)

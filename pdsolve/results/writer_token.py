@@ -1,4 +1,4 @@
-"""Who writes to a database, in the database itself: the file of a lock may be removed, and the database renamed."""
+"""Identity of a database's writer, stored in the database, as its lock file may be removed and the database renamed."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Token(NamedTuple):
 
     @classmethod
     def of(cls, path: Path) -> Token:
-        """A new one of this process, for the database at `path`. Raises OSError."""
+        """A new token of this process for the database at `path`. Raises OSError."""
         process = os.getpid()
         return cls(secrets.token_hex(8), process, _began(process), socket.gethostname(), path.stat().st_ino)
 
     @property
     def name(self) -> str:
-        """The process in words, with its host if that has a name."""
+        """The process in words, with its host if known."""
         return f"process {self.process}" + (f" on {self.host}" if self.host else "")
 
     @property
@@ -43,19 +43,19 @@ class Token(NamedTuple):
         return json.dumps(self)
 
     def is_of(self, path: Path) -> bool:
-        """Whether the database at `path` is that which this is of."""
+        """Whether the database at `path` is the one this token was made for."""
         try:
             return path.stat().st_ino == self.file
         except OSError:
             return False
 
     def is_alive(self, path: Path) -> bool:
-        """Whether another process that is known to live on this machine writes to the database at `path`."""
+        """Whether another live process on this machine writes to the database at `path`."""
         here = self.host == socket.gethostname() and self.process != os.getpid()
         return here and 0 < self.began == _began(self.process) and self.is_of(path)
 
     def expect_in_place(self, path: Path) -> None:
-        """Raises GoneError where the database is not at `path` any more."""
+        """Raise GoneError if the database is no longer at `path`."""
         if not self.is_of(path):
             raise GoneError(
                 f"{path}: found it removed or renamed while a run was writing to it, expected it to stay; the run stops"
@@ -63,7 +63,7 @@ class Token(NamedTuple):
             )
 
     def expect_own(self, connection: sqlite3.Connection, path: Path) -> None:
-        """Raises GoneError, and TakenError where another run has begun to write to the database."""
+        """Raise GoneError, or TakenError if another run has started to write to the database."""
         self.expect_in_place(path)
         rows = connection.execute("SELECT value FROM meta WHERE key = ?", (KEY,)).fetchall()
         if rows != [(self.text,)]:
@@ -81,7 +81,7 @@ def _began(process: int) -> int:
 
 
 def token_in(path: Path) -> Token | None:
-    """The token in the database at `path`; None where there is none."""
+    """The token in the database at `path`; None without one."""
     with suppress(sqlite3.Error, ResultsError, OSError, ValueError, TypeError):
         if path.is_file():
             with closing(read_only(path)) as connection:

@@ -1,4 +1,4 @@
-"""How bonds are filled from a model: a scheme a file, the names users give them in one table."""
+"""Schemes that make bonds from a model, one a file, and the table of their names for users."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pdsolve.schemes.scheme import Scheme
 
 
 def _bonds_of_their_own(model: Model) -> Filling:
-    """The thesis's bonds. Raises ModelError for a model that has others."""
+    """The thesis's bonds. Raises ModelError for a model of another law."""
     _refuse_others(model)
     return one_sided.fill(model)
 
 
 def _pairs_of_their_own(model: Model) -> one_sided.Rule:
-    """The one-sided bonds of the thesis, pair by pair. Raises ModelError for a model that has others."""
+    """The thesis's bonds, pair by pair. Raises ModelError for a model of another law."""
     _refuse_others(model)
     return one_sided.Rule(model)
 
@@ -30,7 +30,7 @@ def _refuse_others(model: Model) -> None:
 
 
 def _symmetric(model: Model) -> Filling:
-    """Bonds that are the same from both ends, of whatever model."""
+    """Symmetric bonds for any model."""
     return average_horizon.fill(model) if model.materials[0].model == "bond" else families.fill(model)
 
 

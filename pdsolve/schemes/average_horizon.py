@@ -1,8 +1,8 @@
-"""Symmetric bonds: two nodes see each other within the mean of their horizons, with the constants of that mean.
+"""Symmetric bonds: two nodes interact within the mean of their horizons, with the constants of that mean.
 
-One modulus a pair, c_ij = c_ji, so linear and angular momentum are conserved. Against the dual horizon of H. Ren,
-X. Zhuang, Y. Cai, T. Rabczuk, Int. J. Numer. Methods Eng. 108 (2016) 1451-1476, which is as symmetric, a wave
-is reflected less where spacings differ.
+Each pair has one modulus, c_ij = c_ji, so that linear and angular momentum are conserved. Compared with the dual
+horizon of H. Ren, X. Zhuang, Y. Cai, T. Rabczuk, Int. J. Numer. Methods Eng. 108 (2016) 1451-1476, which is also
+symmetric, waves are reflected less where spacings differ.
 
 - Areas are exact cells, unless the model says otherwise.
 - With a constant micromodulus a neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both
@@ -10,16 +10,16 @@ is reflected less where spacings differ.
   0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
 - The lattice is calibrated: its mean stiffness and fracture energy are those of the material
   (`pdmesh.model.full_lattice`).
-- Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method: a bond is multiplied so that, in
-  uniform stretching along x and along y, its two nodes hold on average the energy of a node in a full lattice (Q. V.
-  Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families lack more of
-  themselves, a bond is multiplied by sum_a n_a^2 (c_ia + c_ja) / 2 with three numbers c a node, n = xi / |xi|: those
-  with which the node, were its neighbours like it, holds the energy of a full lattice in stretching along each axis
-  with the contraction of a free bar across it. A bar four nodes thick is then 0.3 % softer than its lattice, one of
-  eight 0.4 %. Bonds that a pre-crack cuts hold none, around its tip as well: to spare the tip makes displacements
-  around it worse (tests/verification/test_crack_faces.py). Cracks that a run makes are not corrected for.
-- A bond that goes round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of that length.
-- Where two materials meet, each end brings half the stiffness and half the energy a bond spends on breaking.
+- Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method. In the plane, each bond has a
+  factor such that, in uniform stretching along x and along y, its two nodes have on average the energy of a node in a
+  full lattice (Q. V. Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families
+  lack more, the factor is sum_a n_a^2 (c_ia + c_ja) / 2, n = xi / |xi|. The three numbers c of a node are those with
+  which it would have the energy of a full lattice if its neighbours were like it, in stretching along each axis with
+  the lateral contraction of a free bar. A bar four nodes thick is then 0.3 % softer than its lattice, one of eight
+  0.4 %. Bonds cut by a pre-crack have no energy, around its tip as well: exempting the tip makes displacements around
+  it worse (tests/verification/test_crack_faces.py). Cracks that grow during a run are not corrected.
+- A bond round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of the path's length.
+- At a material interface, each end contributes half the stiffness and half the fracture energy of a bond.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Families: whom a node of a state-based model sees, and how much each neighbour counts.
+"""Families of state-based models: the neighbours of a node, and the weight of each.
 
-Two nodes see each other within the mean of their horizons, with one influence a pair. A neighbour counts by its
-influence times its cell; where the influence is 0 at the horizon, or stress follows a gradient that is exact for any
-weights (correspondence), by its whole cell, else by the share of it within the horizon (Hu's beta) in a family that
-reaches half a spacing further. Neighbours behind a pre-crack have none, or, by diffraction, that of one as far away as
-the way round the tip says (`pdmesh.model.visibility`).
+Two nodes interact within the mean of their horizons, with one influence for both. A neighbour's weight is its influence
+times its cell. The whole cell counts where the influence is 0 at the horizon, or where stress follows a gradient that
+is exact for any weights (correspondence). Otherwise the share within the horizon counts (Hu's beta), in a family that
+extends half a spacing further. Neighbours behind a pre-crack have weight 0 or, by diffraction, that of the distance
+round its tip (`pdmesh.model.visibility`).
 
-What a bond fails at is set so that a crack along a row costs G0, as it does where one half of a lattice is moved away
-from the other (`pdsolve.schemes.separation_energy`).
+The failure limit of bonds is set so that a crack along a row costs G0 when one half of a lattice is moved away from the
+other (`pdsolve.schemes.separation_energy`).
 
 The cubic spline, with q = |xi| / horizon, is 2/3 - 4 q^2 + 4 q^3 up to q = 1/2 and 4/3 (1 - q)^3 beyond, times 3/2.
 """
@@ -36,7 +36,7 @@ USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar":
 
 
 def influence(material: Material, q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The influence of neighbours at q = |xi| / horizon: 1 at the node, or, of the inverse function, at the horizon."""
+    """Influence of neighbours at q = |xi| / horizon: 1 at the node or, for the inverse function, at the horizon."""
     kind = material.influence or USUAL[material.model]
     if kind == "constant":
         return np.ones_like(q)
@@ -58,7 +58,7 @@ def _counts(
     here: NDArray[np.float64],
     there: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """How much (b,) neighbours so far away count, for ends with these spacings, m."""
+    """Weights (b,) of neighbours at these distances, for ends with these spacings, m."""
     if whole_cells(material):
         beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
     else:
@@ -76,7 +76,7 @@ def fill(model: Model) -> Filling:
 
 
 def filled(model: Model, limits: list[Limit]) -> Filling:
-    """The families of a model, whose bonds fail by the `limits` of each material."""
+    """The families of a model, whose bonds fail at the `limits` of each material."""
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     first, whole = model.materials[0], whole_cells(model.materials[0])
     margin = 0.0 if whole else grid.delta / 2
@@ -84,7 +84,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
 
     def counts(pairs: Pairs) -> NDArray[np.float64]:
-        """How much neighbours (b,) as far away as `pairs` say count, over their cells."""
+        """Weights (b,) of neighbours at the distances of `pairs`, over their cells."""
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
         return _counts(first, length, reach, grid.delta[i], grid.delta[j])
@@ -106,7 +106,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
 
 
 def _limit(material: Material, ratio: float) -> Limit:
-    """What bonds of a material fail at, for families of a horizon over spacing."""
+    """Failure limit of a material's bonds, for families of this ratio of horizon to spacing."""
     if material.failure == "none":
         return lambda reach: np.full_like(reach, np.inf)
     if material.failure == "stress":
@@ -122,8 +122,10 @@ def _limit(material: Material, ratio: float) -> Limit:
 
 @lru_cache
 def _cost(material: Material, ratio: float) -> float:
-    """What a crack costs in units of E horizon s^2, for the stretch s that bonds fail at, or of w horizon^3, in space
-    horizon^4, for the energy w."""
+    """Cost of a crack in units of E horizon s^2, for a failure stretch s.
+
+    For a failure energy w, in units of w horizon^3, in space of w horizon^4.
+    """
     size = 1e-6 if material.failure == "stretch" else 1e-12
     dimension = dimension_of(material.plane)
     if dimension == 3:

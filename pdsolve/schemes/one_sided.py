@@ -1,9 +1,9 @@
-"""The thesis's bonds: each node sums over its own horizon, with its own constants, whatever the neighbour sees.
+"""The thesis's bonds: each node sums over its own horizon with its own constants, whatever the neighbour's horizon.
 
-Stiffness of the bond i -> j: lambda_i c_i(xi) beta_ij A_j, with Hu's beta on the family |xi| <= horizon_i (thesis,
-eq. 14), areas by eq. 19 and the softening coefficient lambda_i = potential / actual bonds (thesis, "Effetti di
-bordo"). Where horizons differ, forces come without their reaction: momentum drifts, and the loaded rows lose part
-of their load. Where materials meet, a bond has the constants of its own node's.
+Stiffness of the bond i -> j: lambda_i c_i(xi) beta_ij A_j, with Hu's beta on the family |xi| <= horizon_i (thesis, eq.
+14), areas by eq. 19 and the softening coefficient lambda_i = potential / actual bonds (thesis, "Effetti di bordo").
+Where horizons differ, forces have no reaction: momentum drifts, and loaded rows lose part of their load. At a material
+interface, a bond has the constants of its own node.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pdsolve.model import Model
 
 
 class Rule:
-    """How the bonds of a model are filled, pair by pair and then by how many a node has; see `ByPairs`."""
+    """Makes the bonds of a model from pairs and from the number of bonds of each node; see `ByPairs`."""
 
     def __init__(self, model: Model) -> None:
         """Raises GridError for an outline that encloses nothing."""
@@ -33,7 +33,7 @@ class Rule:
         self._full = full_family(model.settings.horizon.ratio)
 
     def looked(self, pairs: Pairs) -> Paired:
-        """The pairs that no hole or edge separates, without the softening coefficient."""
+        """Pairs that no hole or edge separates, without the softening coefficient."""
         model = self._model
         pairs = chosen(pairs, self._sight.inside(pairs))
         reach = model.horizons[pairs.source]
@@ -46,12 +46,12 @@ class Rule:
         return Paired(pairs, ~self._sight.cut(pairs), stiffness * weight, peak, limit, weight)
 
     def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
-        """What softens rows (k,), which increase, with these pairs; see `softening`."""
+        """Softening coefficient of rows (k,), which increase, with these pairs; see `softening`."""
         place = np.searchsorted(rows, found.pairs.source[found.intact])
         return np.asarray(softening(self._full, np.bincount(place, minlength=len(rows))))
 
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
-        """The bonds of consecutive rows with these pairs; nodes are softened by (n,)."""
+        """Bonds of consecutive rows with these pairs and the nodes' softening coefficients (n,)."""
         found = found._replace(stiffness=found.stiffness * lack[found.pairs.source])
         return part_of(self._model.grid.position, self._held, rows, found)
 
@@ -69,6 +69,5 @@ def fill(model: Model) -> Filling:
 
 
 def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:
-    """lambda (n,): the bonds a node of a `full` family has over its `actual` ones (n,), cut ones and edges counted
-    out."""
+    """lambda (n,): bonds of a `full` family over the `actual` ones (n,), without cut and missing ones."""
     return full / np.maximum(actual, 1)

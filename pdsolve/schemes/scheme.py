@@ -1,4 +1,4 @@
-"""What a scheme is: how bonds are filled from a model, and what that means for those who use them."""
+"""A scheme: how bonds are made from a model, and the properties that its users need."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pdsolve.model import Model
 
 
 class Scheme(NamedTuple):
-    """How the bonds of a model are filled."""
+    """How the bonds of a model are made."""
 
     name: str  # as users give it
     fill: Callable[[Model], Filling]

@@ -1,7 +1,7 @@
-"""What a crack costs in a lattice: one half is moved away from the other, bonds fail one after the other.
+"""The cost of a crack in a lattice: one half is moved away from the other, and bonds fail one after the other.
 
-Springs spend the same on any way. Where what a bond holds depends on the others of its families, this is the way that
-leaves the halves as they are; a test pulls a strip apart for comparison (tests/verification/test_ordinary.py).
+Springs dissipate the same energy on any path. Where a bond's energy depends on other bonds of its families, this path
+leaves the halves undeformed; a test pulls a strip apart for comparison (tests/contracts/test_spent.py).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Many runs of one plate: a grid or a list of parameters, each repeated with a small disturbance, in one table.
+"""Many runs of one model: combinations of parameters, each repeated with a small disturbance, in one table.
 
-A crack that branches is a draw from a distribution: what is true of it is true of many runs. `description` reads what
-a study is, `making` makes the model of a run, `disturbed` disturbs it, `one` solves and measures it, `table` holds what
-was found, `crew` has several processes work on it.
+Crack branching is a random event: statements about it need many runs. `description` reads a study, `run_model` makes
+the model of a run, `disturbed` disturbs it, `one_run` solves and measures it, `table` stores the results, `dispatch`
+distributes the runs to workers.
 """

@@ -1,4 +1,4 @@
-"""The workers of a Dask scheduler, on this machine or others. Only this module knows Dask."""
+"""Workers of a Dask scheduler, on this machine or others. Only this module uses Dask."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PATIENCE = 10.0  # s until a scheduler has answered
 
 
 def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
-    """The outcomes of tasks, as they come from the workers of the scheduler at this address.
+    """Outcomes of tasks as the workers of the scheduler at this address finish them.
 
-    How to prove who one is, by TLS, is taken from Dask's own settings. Raises StudyError.
+    TLS credentials come from Dask's own settings. Raises StudyError.
     """
     try:
         from distributed import Client, KilledWorker, as_completed
@@ -43,7 +43,7 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
 
 
 def _outcome(future: Any, number: int, killed: type[Exception]) -> Outcome:
-    """What a future of Dask's has come to; `killed` is what it says of a run whose workers ended."""
+    """Outcome of a Dask future; `killed` is the exception for a run whose workers ended."""
     error = future.exception()
     if error is None:
         found: Outcome = future.result()

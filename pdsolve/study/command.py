@@ -1,4 +1,4 @@
-"""The command `pdsolve study`: solve many runs, write a table of what they came to."""
+"""The command `pdsolve study`: solves many runs and writes a table of their results."""
 
 from __future__ import annotations
 

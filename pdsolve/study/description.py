@@ -1,4 +1,4 @@
-"""What a study is: the drawing, what is varied, what is the same in all runs, and how often each is repeated."""
+"""Description of a study: the drawing, varied and common parameters, and the number of repetitions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ MOST = 100_000  # runs
 
 
 class StudyError(ValueError):
-    """A study that cannot be made or read; the message names the file, what was found and what was expected."""
+    """An invalid study; the message names the file, what was found and what was expected."""
 
 
 class Set(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Values of one run, or of all: parameters of the drawing, settings of the model, and how it is solved."""
+    """Values for one run, or for all: parameters of the drawing, settings of the model, and solver options."""
 
     drawing: dict[str, Any] = {}
     model: dict[str, Any] = {}
@@ -51,9 +51,9 @@ class Vary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Repeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How often each run is solved; the first time as it is drawn, then disturbed by draws from uniform distributions.
+    """Number of repetitions of each run: the first as drawn, the others disturbed by uniform random draws.
 
-    The normal distribution of `noise` is the exception.
+    `noise` alone is normally distributed.
     """
 
     times: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 1
@@ -88,7 +88,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What tells it from all others, as text."""
+        """Text that identifies the case among all others."""
         parts: dict[str, Any] = {"drawing": self.drawing, "model": self.model, "options": self.options}
         if self.repetition:
             disturbed = msgspec.to_builtins(self.repeat)
@@ -98,24 +98,24 @@ class Case:
 
     @property
     def names(self) -> list[tuple[str, str, str]]:
-        """Kind, name and column in the table of each of its parameters."""
+        """Kind, name and table column of each parameter."""
         kinds = (("drawing", self.drawing), ("model", self.model), ("options", self.options))
         return [(kind, name, column_of(kind, name)) for kind, given in kinds for name in given]
 
     @property
     def values(self) -> dict[str, Any]:
-        """The parameters of this run by their columns in the table."""
+        """Parameters of this run by table column."""
         return {column: getattr(self, kind)[name] for kind, name, column in self.names}
 
     def assignments(self, kind: str) -> list[tuple[str, str]]:
-        """The parameters of its "drawing", or the settings of its "model", as ``--set`` takes them."""
+        """Parameters of the "drawing", or settings of the "model", in the form of ``--set``."""
         given: Mapping[str, Any] = getattr(self, kind)
         return [(name, word(value, toml=kind == "model")) for name, value in given.items()]
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study as it was read."""
+    """A study as read from its file."""
 
     path: Path
     text: str
@@ -123,23 +123,23 @@ class Study:
 
     @property
     def drawing(self) -> Path:
-        """The file of the drawing; its name is relative to the study's folder."""
+        """The drawing's file; its name is relative to the study's folder."""
         return self.path.parent / self.description.drawing
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of the drawing as it is now. Raises OSError."""
+        """SHA-256 of the drawing as it is now. Raises OSError."""
         return hashlib.sha256(self.drawing.read_bytes()).hexdigest()
 
     @property
     def varied(self) -> list[str]:
-        """The names of the parameters that are not the same in all runs, in the order of the file."""
+        """Names of the parameters that differ between runs, in the order of the file."""
         cases = self.cases()
         names = dict.fromkeys(name for case in cases for name in case.values)
         return [name for name in names if len({json.dumps(_plain(case.values.get(name))) for case in cases}) > 1]
 
     def cases(self) -> list[Case]:
-        """All its runs: each of `runs` with all combinations of `vary` over it, repeated. Raises StudyError."""
+        """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
         about, found = self.description, {}
         ranges = list(_ranges(about.vary, str(self.path)))
         count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
@@ -183,7 +183,7 @@ def read_study(path: Path) -> Study:
 
 
 def _refuse_odd(value: Any, place: str) -> None:
-    """Raises ValueError for what TOML has and no parameter can be: dates and times, numbers that no double holds."""
+    """Raise ValueError for TOML values that are no parameters: dates and times, and numbers that no double holds."""
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise ValueError(f"{place}: found an integer of {value.bit_length()} bits, expected one below 1.8e308")
     if isinstance(value, date | time):
@@ -194,7 +194,7 @@ def _refuse_odd(value: Any, place: str) -> None:
 
 
 def word(value: Any, toml: bool = False) -> str:
-    """A value as ``--set`` takes it."""
+    """A value in the form of ``--set``."""
     if isinstance(value, bool):
         return ("true" if value else "false") if toml else str(int(value))
     if isinstance(value, str):
@@ -203,7 +203,7 @@ def word(value: Any, toml: bool = False) -> str:
 
 
 def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
-    """Kind, name and values of all that is varied. Raises StudyError for what is no list with something in it."""
+    """Kind, name and values of each varied parameter. Raises StudyError for an empty list or another type."""
     given = [("drawing", *item) for item in vary.drawing.items()]
     given += [("model", *item) for item in _flat(vary.model).items()]
     given += [("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None]
@@ -221,14 +221,14 @@ def _parts(some: Set) -> dict[str, dict[str, Any]]:
 
 
 def _lay(parts: dict[str, dict[str, Any]], above: Set) -> None:
-    """Lay the values of `above` over those of `parts`, in place."""
+    """Override `parts` by the values of `above`, in place."""
     parts["drawing"].update(above.drawing)
     parts["model"].update(_flat(above.model))
     parts["options"].update({name: getattr(above, name) for name in OPTIONS if getattr(above, name) is not None})
 
 
 def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Tables within tables as dotted names."""
+    """Nested tables as dotted names."""
     found: dict[str, Any] = {}
     for name, value in nested.items():
         found |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
@@ -236,7 +236,7 @@ def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value in which 1 and 1.0 are written alike."""
+    """A value in which 1 and 1.0 are equal."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,7 +1,6 @@
-"""Who works on a study: processes of this machine, or those of a Dask scheduler.
+"""Distributes the runs of a study to processes on this machine, or to those of a Dask scheduler.
 
-The table is written here, by one process; the others solve, and write the databases of their runs to the study's
-folder.
+One process, this one, writes the table; workers solve, and write the databases of their runs to the study's folder.
 """
 
 from __future__ import annotations
@@ -55,10 +54,10 @@ def solve_study(
     again: bool = False,
     force: bool = False,
 ) -> list[Row]:
-    """Solve all runs of a study that are not solved yet; returns their rows of the table in the file `output`.
+    """Solve all unsolved runs of a study; returns their rows in the table at `output`.
 
-    Runs that failed are left alone unless `again`; with `force` nothing is kept of what is there. `watch` is called
-    after each run. Raises StudyError, BusyError, OSError; a run that fails is none of them.
+    Failed runs are skipped unless `again`; `force` discards existing results. `watch` is called after each run. Raises
+    StudyError, BusyError, OSError; a failed run raises none.
     """
     with writing_to(output):
         dimension = check(study, crew.trust)
@@ -94,7 +93,7 @@ def _tell(watch: Callable[[Going], None] | None, going: Going) -> None:
 
 
 def _table(study: Study, output: Path) -> Table:
-    """The table, and a folder for the runs. Raises StudyError, ResultsError."""
+    """The study's table and a folder for its runs. Raises StudyError, ResultsError."""
     runs = runs_of(output)
     if not output.exists():
         kept(runs, study)
@@ -104,7 +103,7 @@ def _table(study: Study, output: Path) -> Table:
 
 
 def _clear(output: Path) -> None:
-    """Remove a table, the runs that it names, and those in its folder. Raises StudyError where it is no table."""
+    """Remove a table, the runs it names, and those in its folder. Raises StudyError if it is no study's table."""
     files = set(databases(runs_of(output)))
     if output.exists() and output.stat().st_size:
         try:
@@ -118,7 +117,7 @@ def _clear(output: Path) -> None:
 
 
 def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
-    """Units and meanings of the drawing's parameters, where it says them."""
+    """Units and meanings of the drawing's parameters, as far as it gives them."""
     if study.drawing.suffix.lower() not in NAMED:
         return {}
     try:
@@ -129,7 +128,7 @@ def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
 
 
 def _solved(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
-    """The outcomes of tasks, as they come. Raises StudyError."""
+    """Outcomes of tasks as they finish. Raises StudyError."""
     if crew.scheduler is not None:
         return solved_by(tasks, crew.scheduler)
     return solved_here(tasks, crew.workers or max(1, cores() // crew.threads))

@@ -1,6 +1,6 @@
-"""A model with a small disturbance: its pre-cracks moved, its time step shortened, its nodes off their places.
+"""A model with a small disturbance: displaced pre-cracks, a shorter time step, or displaced nodes.
 
-None of them changes what is solved; what a crack does that branches changes all the same.
+The disturbances do not change the problem, but they change how a crack branches.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ NEAR = 1e-6  # of a spacing: an end this near to the edge of the plate is on it
 
 
 def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -> Model:
-    """The model of a repetition; `time_step`, s, is that of the undisturbed run. The first, 0, is undisturbed.
+    """The model of a repetition; `time_step`, s, is that of the undisturbed run. Repetition 0 is undisturbed.
 
-    The same seed and repetition make the same draws. Raises ModelError for what cannot be disturbed so.
+    Equal seed and repetition give equal draws. Raises ModelError for a model that cannot be disturbed.
     """
     if repetition == 0:
         return model
@@ -56,15 +56,15 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
 
 
 def _outermost(grid: Grid) -> NDArray[np.bool_]:
-    """The nodes (n,) on the sides of the box around all nodes: of a bare list, none is marked as border."""
+    """Mask (n,) of the nodes on the bounding box; a bare list of nodes has none marked as border."""
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     return np.asarray(((grid.position == low) | (grid.position == high)).any(axis=1))
 
 
 def _moved(grid: Grid, far: float) -> NDArray[np.float64]:
-    """The pre-cracks (k, 4), each moved by `far`, m, across its first segment, kinks and forks as one.
+    """Pre-cracks (k, 4), each moved by `far`, m, across its first segment, with kinks and forks as one.
 
-    What begins on the plate's edge still does: such an end is drawn out by as much.
+    An end on the plate's edge stays there: the crack is extended.
     """
     ends = grid.cracks.reshape(-1, 2)  # of segment i: 2 i and 2 i + 1
     owner = np.repeat(np.arange(len(grid.cracks)), 2)
@@ -82,7 +82,7 @@ def _moved(grid: Grid, far: float) -> NDArray[np.float64]:
 
 
 def _on_edge(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (k, 2) are on the plate's edge or on that of a hole; of a bare list of nodes, on their box."""
+    """Mask (k,) of points (k, 2) on the plate's edge or a hole's; for a bare list of nodes, on its bounding box."""
     import shapely
 
     rings = [*grid.outline, *grid.holes]

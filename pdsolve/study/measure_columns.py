@@ -1,4 +1,4 @@
-"""What the table of a study has a column for, besides parameters."""
+"""Columns of a study's table for measured quantities."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ OWN = ("number", "key", "status", "error", "file", "repetition")
 
 
 class Measure(NamedTuple):
-    """A number that is measured of each run."""
+    """A quantity measured in each run."""
 
     unit: str
     meaning: str
@@ -50,7 +50,8 @@ MEASURES = {
 
 
 def measures_of(dimension: int) -> dict[str, Measure]:
-    """The measures of plates, or of bodies in space: energies in J instead of J/m, without cracks."""
+    """The measures of plates, or of bodies in space, whose energies are in J instead of J/m and which have no crack
+    measures."""
     if dimension == 2:
         return MEASURES
     in_space = {"J/m": "J"}
@@ -65,6 +66,6 @@ UNITS = {  # of settings of a model
 
 
 def column_of(kind: str, name: str) -> str:
-    """The column of a parameter: its name, after its kind where a measure is called so. SQLite knows no case."""
+    """Table column of a parameter: its name, with its kind appended if a measure has that name. SQLite ignores case."""
     taken = {*OWN, *MEASURES}
     return f"{kind} {name}" if name.lower() in taken else name

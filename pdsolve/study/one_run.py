@@ -1,4 +1,4 @@
-"""One run of a study, from its drawing to its measures: what a worker does."""
+"""One run of a study, from its drawing to its measures: the work of a worker."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE, PAUSE = 30.0, 0.2  # s that a run waits for another process that write
 
 
 class Task(NamedTuple):
-    """What is to be done; a plain tuple that travels to another process, and may be another machine."""
+    """A run to solve; a plain tuple that can be sent to another process or machine."""
 
     number: int
     drawing: Path
@@ -35,7 +35,7 @@ class Task(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """How a run of the table ended."""
+    """How a run in the table ended."""
 
     number: int
     measures: dict[str, float | None] | None = None  # None: it failed
@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
 
 
 def solved(task: Task) -> Outcome:
-    """Solve a run, or go on with one that was stopped, and measure it. What goes wrong is in the outcome."""
+    """Solve a run, or continue an interrupted one, and measure it. Errors are part of the outcome."""
     with ALONE, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -55,7 +55,7 @@ def solved(task: Task) -> Outcome:
 
 
 def _results(task: Task) -> Results:
-    """The results of a run; waits for who writes to its database, such as a worker of a study that was killed."""
+    """Results of a run; waits for another writer of its database, such as a killed study's worker."""
     until = time.monotonic() + PATIENCE
     while True:
         try:
@@ -67,7 +67,7 @@ def _results(task: Task) -> Results:
 
 
 def _gone_on(task: Task) -> Results:
-    """The results of a run, which goes on if it can and begins anew if not. Raises BusyError, and others."""
+    """Results of a run, continued if possible, else restarted. Raises BusyError, and others."""
     own = provenance(task.case.key, task.digest)
     try:
         state = state_of(task.output)

@@ -1,4 +1,4 @@
-"""What a study will take: the numbers behind `pdmesh plan study.toml`."""
+"""Estimated cost of a study: the numbers of `pdmesh plan study.toml`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LISTED = 12  # different runs, in lines
 
 
 def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
-    """What solving all runs of the study at `path` takes, as if none were solved yet.
+    """Cost of solving all runs of the study at `path`, as if none were solved yet.
 
     Raises StudyError, SceneError, GridError, ModelError.
     """
@@ -51,7 +51,7 @@ def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
 
 
 def by_processes(runs: Sequence[float], workers: int) -> float:
-    """How long runs of so many seconds take, in their order, each by the process that is free first."""
+    """Total time, s, of runs of these durations, s, started in order on the next free of several processes."""
     busy = [0.0] * workers
     for seconds in runs:
         heapq.heapreplace(busy, busy[0] + seconds)
@@ -59,7 +59,7 @@ def by_processes(runs: Sequence[float], workers: int) -> float:
 
 
 def study_plan_lines(result: dict[str, Any]) -> list[str]:
-    """What `plan_study` found, for a reader."""
+    """The result of `plan_study` in words."""
     workers, memory = result["workers"], result["memory_bytes"] / 1e6
     lines = [
         f"{result['study']}: {result['runs']} runs, {result['solve_seconds']:.3g} s to solve one after the other, about"

@@ -1,4 +1,4 @@
-"""How far a study is: one bar over all its runs, in a terminal or a notebook; a line now and then elsewhere."""
+"""Progress of a study: one bar over all runs in a terminal or notebook; an occasional line elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class StudyWatch:
-    """Shows how far a study is.
+    """Shows the progress of a study.
 
     with StudyWatch() as watch:
         solve_study(study, path, watch=watch)

@@ -1,4 +1,4 @@
-"""Runs whose databases are there although the table of their study is gone."""
+"""Databases of runs whose study has lost its table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NUMBERED = re.compile(r"(\d{4,})\.sqlite(?:-(?:wal|shm|journal|lock))?")
 
 
 def provenance(key: str, digest: str) -> str:
-    """What the database of a run says of where it is from: the key of its case, the SHA-256 of the study's drawing."""
+    """Origin of a run, as stored in its database: the key of its case and the SHA-256 of the study's drawing."""
     return f"pdsolve study: {key} of {digest}"
 
 
@@ -26,9 +26,9 @@ def databases(runs: Path) -> Iterator[Path]:
 
 
 def kept(runs: Path, study: Study) -> dict[str, int]:
-    """The numbers of runs in a folder, by their keys: a table that is gone is made anew from them.
+    """Numbers of the runs in a folder by their keys, to rebuild a lost table.
 
-    Raises StudyError where there is something else, or a run of another drawing; ResultsError for a damaged one.
+    Raises StudyError for other files or runs of another drawing; ResultsError for a damaged database.
     """
     odd = StudyError(
         f"{runs}: found files in it, expected none before the first run, or runs of this {study.drawing.name} (--force"

@@ -1,4 +1,4 @@
-"""What a run came to, as the numbers of the table."""
+"""Results of a run as the numbers of the table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pdsolve.study.measure_columns import measures_of
 
 
 def measured(results: Results) -> dict[str, float | None]:
-    """The measures of a run that is over; None for what did not happen. Raises ResultsError."""
+    """Measures of a finished run; None for events that did not happen. Raises ResultsError."""
     summary, names = results.summary(), measures_of(results.dimension)
     found: dict[str, Any] = {name: summary.get(name) for name in names}
     found |= summary["energy"]

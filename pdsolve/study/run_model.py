@@ -1,4 +1,4 @@
-"""The model of a run of a study: its drawing built, its settings laid over, disturbed."""
+"""The model of a study's run: its drawing built, overridden by settings, and disturbed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 
 
 def made(drawing: Path, case: Case, trust: bool = False) -> Model:
-    """The model of a run, of the drawing at this path. Raises SceneError, GridError, ModelError."""
+    """The model of a run from the drawing at this path. Raises SceneError, GridError, ModelError."""
     grid, settings = _built(drawing, case, trust)
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
     said = in_vain(model.settings, case.model)
@@ -44,7 +44,7 @@ def made(drawing: Path, case: Case, trust: bool = False) -> Model:
 
 
 def options(case: Case, threads: int = 1) -> Options:
-    """How a run is solved."""
+    """Solver options of a case."""
     given: dict[str, Any] = dict(case.options)
     return Options(**given, threads=threads)
 

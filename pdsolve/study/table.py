@@ -1,9 +1,9 @@
-"""The table of a study: one row a run, with its parameters and what was measured; a plain SQLite file.
+"""The table of a study: one row a run, with its parameters and measures; a plain SQLite file.
 
     SELECT "Zones/fine/Spacing", branching FROM run WHERE status = 'finished'
 
-The table ``run`` has a column for each parameter and each measure, ``column_unit`` says what they are, ``study`` holds
-the study itself, ``checksum`` what tells a damaged table; older tables have none.
+The table ``run`` has a column for each parameter and each measure, ``column_unit`` describes them, ``study`` holds the
+study itself, ``checksum`` detects damage; older tables have none.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_SAID = 200  # letters of what SQLite says
 
 
 class Row(NamedTuple):
-    """A run of the table."""
+    """One run in the table."""
 
     number: int
     key: str
@@ -54,7 +54,7 @@ class Table:
 
     @classmethod
     def open(cls, path: Path) -> Table:
-        """The table in the file at `path`, read only. Raises StudyError if it is none, or damaged."""
+        """The table in the file at `path`, read only. Raises StudyError if it is not a study's table, or damaged."""
         roll_back(path)
         if not is_study(path):
             raise StudyError(f"{path}: found no table of a study, expected one written by pdsolve study")
@@ -65,9 +65,9 @@ class Table:
 
     @classmethod
     def create(cls, path: Path, study: Study, version: str) -> Table:
-        """A new table at `path`, or the one that is there; rows are added by `add`.
+        """A new table at `path`, or the existing one; `add` adds rows.
 
-        Raises StudyError if something else is there, a damaged table, or the table of another drawing.
+        Raises StudyError for another file, a damaged table, or the table of another drawing.
         """
         roll_back(path)
         new = not path.exists() or path.stat().st_size == 0  # a run that was killed has left nothing in it
@@ -99,7 +99,7 @@ class Table:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """All of what is written meanwhile, or nothing."""
+        """A context whose writes are all committed, or none."""
         self.connection.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -131,7 +131,7 @@ class Table:
         table_checksums.begin(self.connection)
 
     def _tell(self, study: Study, version: str) -> None:
-        """Write down what the study is, and that all is of one drawing. Raises StudyError."""
+        """Store the study and its drawing. Raises StudyError if the table is of another drawing."""
         mark = study.digest
         known = self.about().get("drawing_sha256", mark)
         if known != mark:
@@ -141,7 +141,7 @@ class Table:
         self.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
 
     def about(self) -> dict[str, str]:
-        """What the study says of itself: its text, its drawing, the names of what it varies."""
+        """Metadata of the study: its text, its drawing, the names of varied parameters."""
         return dict(self.connection.execute("SELECT name, value FROM study"))
 
     def add(
@@ -151,10 +151,10 @@ class Table:
         measures: Mapping[str, Measure],
         kept: Mapping[str, int] = {},
     ) -> dict[str, int]:
-        """Rows for cases that have none; returns the number of each case's row by its key.
+        """Add rows for new cases; returns the row number of each case by its key.
 
-        `described` has unit and meaning of parameters of the drawing, `measures` are those of each run; `kept` are the
-        numbers of runs, by their keys, whose databases are there already.
+        `described` holds unit and meaning of the drawing's parameters, `measures` the measures of each run; `kept` are
+        the numbers, by key, of runs whose databases exist already.
         """
         with _explained(self.path), self._transaction():
             for case in cases:
@@ -187,7 +187,7 @@ class Table:
         self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
 
     def finish(self, number: int, measures: Mapping[str, Any] | None, error: str | None = None) -> None:
-        """Write down how a run ended: what was measured, or what went wrong."""
+        """Store how a run ended: its measures, or its error."""
         values: dict[str, Any] = {"status": FINISHED if error is None else FAILED, "error": error, **(measures or {})}
         places = ", ".join(f"{quoted(name)} = ?" for name in values)
         with _explained(self.path), self._transaction():
@@ -197,13 +197,13 @@ class Table:
             table_checksums.seal(self.connection, [number])
 
     def columns(self) -> dict[str, Column]:
-        """Parameters, then measures, as they came."""
+        """Parameters, then measures, in the order of their creation."""
         return {
             name: Column(*rest) for name, *rest in self.connection.execute("SELECT * FROM column_unit ORDER BY rowid")
         }
 
     def rows(self, numbers: Iterable[int] | None = None) -> list[Row]:
-        """All runs, or those of these numbers."""
+        """All runs, or those with these numbers."""
         cursor = self.connection.execute("SELECT * FROM run ORDER BY number")
         names, wanted = [entry[0] for entry in cursor.description], None if numbers is None else set(numbers)
         found = []
@@ -227,7 +227,7 @@ def runs_of(path: Path) -> Path:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Turns what SQLite says, and what is damaged, into a line that names the file and what to do."""
+    """A context that turns SQLite's errors, and damage, into one line that names the file and the remedy."""
     try:
         yield
     except (sqlite3.Error, UnicodeDecodeError, table_checksums.DamagedTableError) as error:
@@ -252,7 +252,7 @@ def is_study(path: Path) -> bool:
 
 
 def quoted(name: str) -> str:
-    """A name as SQL has it."""
+    """A name quoted for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
 

@@ -1,8 +1,7 @@
-"""Checksums of a study's table: what is read is what was written, or it is refused.
+"""Checksums of a study's table: data is read as written, or refused.
 
-The table ``checksum`` has a CRC-32 for each row of ``run``, of its values that are not NULL and the names of their
-columns (a new column changes none). Under the number 0 it has those of the other tables as a whole, and how many runs
-there are.
+The table ``checksum`` has a CRC-32 for each row of ``run``, over its non-NULL values and the names of their columns, so
+that a new column changes none. Number 0 holds the checksums of the other tables, and the number of runs.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder be
 
 
 class DamagedTableError(ValueError):
-    """A table of a study that does not hold what was written to it; the message is what was found."""
+    """A study's table that does not hold what was written to it; the message is what was found."""
 
 
 def begin(connection: sqlite3.Connection) -> None:
-    """Give a table that has none its checksums, within a transaction."""
+    """Create the checksums of a table without any, within a transaction."""
     connection.execute(
         "CREATE TABLE checksum (name TEXT, number INTEGER, count INTEGER, crc INTEGER, PRIMARY KEY (name, number))"
     )
@@ -34,12 +33,12 @@ def begin(connection: sqlite3.Connection) -> None:
 
 
 def has(connection: sqlite3.Connection) -> bool:
-    """Whether there are checksums; older tables have none."""
+    """Whether the table has checksums; older tables have none."""
     return connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'checksum'").fetchone() is not None
 
 
 def seal(connection: sqlite3.Connection, numbers: Iterable[int] = ()) -> None:
-    """Write down the checksums of what has changed, within its transaction: runs of these numbers, the small tables."""
+    """Update the checksums of the runs with these numbers and of the small tables, within the changing transaction."""
     ((runs,),) = connection.execute("SELECT count(*) FROM run")
     found = [(name, 0, *_of_all(connection, name)) for name in WHOLE] + [("run", 0, runs, 0)]
     for number in numbers:
@@ -49,7 +48,7 @@ def seal(connection: sqlite3.Connection, numbers: Iterable[int] = ()) -> None:
 
 
 def expect_whole(connection: sqlite3.Connection) -> None:
-    """Look at all that is in a table. Raises DamagedTableError, sqlite3.Error, UnicodeDecodeError."""
+    """Read and check the whole table. Raises DamagedTableError, sqlite3.Error, UnicodeDecodeError."""
     connection.execute("BEGIN")  # of one moment: another process may write
     try:
         _expect_whole(connection)
@@ -90,7 +89,7 @@ def _expect_sums(connection: sqlite3.Connection) -> None:
 
 
 def _of_all(connection: sqlite3.Connection, name: str) -> tuple[int, int]:
-    """How many rows a table has, and the CRC of all."""
+    """Number of rows of a table, and the CRC of all."""
     rows = connection.execute(f"SELECT * FROM {name} NOT INDEXED ORDER BY name").fetchall()
     return len(rows), _crc(rows)
 

@@ -1,6 +1,6 @@
-"""What a worker of this machine does, which solves one run after the other and ends when nobody waits for it.
+"""A worker process on this machine, which solves one run after the other and ends when its parent is gone.
 
-Its libraries are imported when it solves: before, nothing keeps them from settings in the current folder.
+Its libraries are imported only when it solves: before, nothing protects them from settings in the current folder.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _stops = threading.Event()
 
 
 def prepare(held: Connection) -> None:
-    """What a worker begins with; it is to stop when the other end of the pipe `held` is closed."""
+    """Prepare a worker; it stops when the other end of the pipe `held` is closed."""
     trust.settle()
     signal.signal(signal.SIGINT, _interrupted)
     threading.Thread(target=_stop_when_closed, args=(held,), daemon=True).start()
@@ -37,7 +37,7 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
 
 
 def _stop_when_closed(held: Connection) -> None:
-    """Interrupt the run that is being solved when nobody waits for it any more; end the process in any case."""
+    """Wait until the pipe closes, then interrupt the current run and end the process."""
     with suppress(EOFError, OSError):
         held.recv_bytes()
     _stops.set()
@@ -48,7 +48,7 @@ def _stop_when_closed(held: Connection) -> None:
 
 
 def _interrupt() -> None:
-    """Interrupt the first thread, be it in Python or waiting for the system."""
+    """Interrupt the main thread, in Python code or in a system call."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
     else:

@@ -1,8 +1,7 @@
-"""Processes of this machine that solve runs: no port is opened, nothing is written but the runs.
+"""Processes on this machine that solve runs: no port is opened, and only runs are written.
 
-Each process is an executor of its own, so that one that ends takes the run with it that it solves, and no other. A
-worker stops when the other end of its pipe is closed: by who began it, or by the system where that process has ended,
-however it did.
+Each process is an executor of its own, so that one that dies takes only its own run with it. A worker stops when the
+other end of its pipe is closed: by its parent, or by the system when the parent has died.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from pdsolve.study.worker import prepare, solve
 
 
 def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
-    """The outcomes of tasks, as they come from so many processes, which end with this generator.
+    """Outcomes of tasks as `workers` processes finish them; the processes end with this generator.
 
-    A run whose process ended goes on once more: what ended it may have been meant for another.
+    A run whose process died is tried once more, as another run may have caused it.
     """
     waiting, ended = deque(tasks), set[int]()
     crew = [Worker() for _ in range(min(workers, len(tasks)))]
@@ -52,20 +51,20 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
 
 
 class Worker:
-    """A process that solves one run after the other, and its successors where it ends."""
+    """A process that solves one run after the other; it is replaced when it dies."""
 
     def __init__(self) -> None:
         self._task: Task | None = None
         self._executor, self._hold = _process()
 
     def begin(self, task: Task) -> Future[Outcome]:
-        """Have a run solved."""
+        """Start solving a run."""
         self._task = task
         with _uninterrupted(), trust.child_environment():  # a process may start
             return self._executor.submit(solve, task)
 
     def outcome(self, future: Future[Outcome]) -> tuple[Task, Outcome]:
-        """The run that was begun last, and how it ended."""
+        """The last started run and its outcome."""
         assert self._task is not None
         return self._task, self._outcome(future, self._task.number)
 
@@ -81,7 +80,7 @@ class Worker:
             return Outcome(number, None, f"{type(error).__name__}: {error}")
 
     def stop(self) -> None:
-        """Have it stop soon, in the middle of its run."""
+        """Request an early stop, within the current run."""
         self._hold.close()
 
     def end(self) -> None:
@@ -90,7 +89,7 @@ class Worker:
 
 
 def _process() -> tuple[ProcessPoolExecutor, Connection]:
-    """A process, which starts with its first run, and the end of a pipe for whose closing it waits."""
+    """A process, which starts with its first run, and the end of the pipe whose closing stops it."""
     spawn = get_context("spawn")
     other, own = spawn.Pipe(duplex=False)
     with _uninterrupted(), trust.child_environment():  # Python's own keeper of semaphores may start
@@ -99,7 +98,7 @@ def _process() -> tuple[ProcessPoolExecutor, Connection]:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Processes that begin meanwhile hear no Ctrl-C, which a terminal sends to all: who began them stops them."""
+    """A context in which new processes ignore Ctrl-C, which a terminal sends to all; their parent stops them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,1 +1,1 @@
-"""Peridynamics near edges, notches and cracks, stencils of the same horizon on every second node elsewhere."""
+"""Peridynamics near edges, notches and cracks; elsewhere stencils of the same horizon on every second node."""

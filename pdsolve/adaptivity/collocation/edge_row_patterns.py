@@ -1,6 +1,6 @@
-"""Rows at edges that are like others: along a straight edge bonds have the same corrections over and over.
+"""Shared stiffnesses of edge rows: along a straight edge, bonds have periodic corrections.
 
-There is no room for the stiffness of each bond, but there is for those of one row of 16 places in place of many.
+Storing the stiffness of each bond would take too much memory; one row of 16 places stands for all rows like it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ALIKE = 4  # rows, at least, for which it is worth it
 
 
 def with_patterns(ground: LatticeConstants) -> LatticeConstants:
-    """The constant arrays with the stiffnesses of rows at edges, stored once for rows that are alike."""
+    """The constant arrays with the stiffnesses of edge rows, stored once for equal rows."""
     rows = np.flatnonzero(edges(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
     first, number, count = _distinct(_around(ground, rows))
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(ground.ways))]
@@ -36,7 +36,7 @@ def with_patterns(ground: LatticeConstants) -> LatticeConstants:
 
 
 def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """What is around each of these rows (r, ...), as far as its bonds reach: rows that have the same are alike."""
+    """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
     at, wide = ground.at, -(-ground.at.below // ROW)
     what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
     kind = np.pad(_distinct(what)[1], wide)
@@ -45,15 +45,14 @@ def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int
 
 
 def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The distinct rows of values (n, w): the first place of each, the number (n,) of each value's, how many there are
-    of each."""
+    """Distinct rows of values (n, w): index of each one's first occurrence, class number (n,), count of each class."""
     _, first, number, count = np.unique(values, axis=0, return_index=True, return_inverse=True, return_counts=True)
     return first, number.ravel(), count
 
 
 @cached_njit(error_model="numpy")
 def _keep(ground, rows, known):  # type: ignore[no-untyped-def]
-    """Put the stiffnesses of all bonds of these rows into `known` (1, ...)."""
+    """Store the stiffnesses of all bonds of these rows in `known` (1, ...)."""
     for n in range(len(rows)):
         _keep_row(ground, rows[n], n * len(ground.ways) * ROW, known)
 

@@ -1,4 +1,4 @@
-"""A plate of fine and of coarse nodes, as it marches."""
+"""Time integration of a plate with fine and coarse nodes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 class Manner(NamedTuple):
-    """How a plate is solved by collocation: where it refines, how it damps, on how many threads."""
+    """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
     kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
     band: float  # 1/s, damping of nodes within a horizon of the seam
@@ -44,10 +44,10 @@ class Manner(NamedTuple):
 
 
 class CollocationEngine:
-    """Marches a plate; its nodes are numbered as on their lattice."""
+    """A plate in motion; nodes are numbered as on their lattice."""
 
     def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive, manner: Manner) -> None:
-        """`zone` is that of the start; forces of `drive` are by places."""
+        """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
         self.work = np.zeros(ground.at.places)  # J/m^3
         self._rho = np.full(ground.at.places, ground.rho)
@@ -55,7 +55,7 @@ class CollocationEngine:
         self._march(1, 1)  # compiles before the clock runs
 
     def start(self, velocity: NDArray[np.float64]) -> None:
-        """Give all nodes (n, 2) their velocities, m/s, and the accelerations of an undeformed plate."""
+        """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
         active = (self.zone.node == FINE) | (self.zone.node == COARSE)
         own = active[self.plate.place]
         self.zone.v[:, self.plate.place[own]] = velocity[own].T
@@ -64,13 +64,14 @@ class CollocationEngine:
         self.zone.a[holds.axis, holds.node] = 0.0
 
     def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError where a coarse pair is over its limit."""
+        """Take the steps `first` to `last` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
         self._march(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
-        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+        """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. What is to be fine is noted; `switch_wanted` makes it so.
+        `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `switch_wanted` refines
+        them.
         """
         ground, self.ground = self.ground, self.ground._replace(dt=dt)
         try:
@@ -80,7 +81,7 @@ class CollocationEngine:
             self.ground = ground
 
     def switch_wanted(self) -> None:
-        """Make fine what is noted as wanted."""
+        """Refine the nodes noted as wanted."""
         if self.zone.hot.any():
             self._switch()
 
@@ -98,7 +99,7 @@ class CollocationEngine:
             first, where = step, FORCES
 
     def _on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
-        """March side by side until it ends in any way."""
+        """Run the compiled march on all threads until it ends; returns its end code and step."""
         found, gate = (DONE, 0), gate_of(self.manner.threads)
         how = self.drive, self.work, self._rho, self.manner.kappa, self.manner.every, first, last, where
 
@@ -110,7 +111,7 @@ class CollocationEngine:
         return found
 
     def _grow(self) -> None:
-        """Make room for more broken bonds."""
+        """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([one, np.zeros(more, dtype=np.int32)]) for one in self.zone.breaks)
         self.zone = self.zone._replace(breaks=Breaks(*longer))
@@ -124,7 +125,7 @@ class CollocationEngine:
             )
 
     def _switch(self) -> None:
-        """Make fine what is wanted to be."""
+        """Refine where wanted: switch coarse nodes to fine ones."""
         zone, ground, plate = self.zone, self.ground, self.plate
         zone.total[DAMPED] += self._damped()
         zone.damped[:] = 0.0
@@ -140,7 +141,7 @@ class CollocationEngine:
         self.zone.number[SWITCHES] += 1
 
     def _held(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Energy densities (places,), J/m^3, of fine nodes of these rows and of active coarse ones."""
+        """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
         found = np.zeros((1, self.ground.at.places))
         held(self.ground, self.zone, rows, found)
         return np.asarray(found[0])
@@ -150,7 +151,7 @@ class CollocationEngine:
         return self._held(self.zone.rows)
 
     def _energy(self, places: NDArray[np.int64], held: NDArray[np.float64]) -> float:
-        """Kinetic and strain energy of nodes, J/m."""
+        """Kinetic plus strain energy of nodes, J/m."""
         moving = self.ground.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
         return float(((moving + held[places]) * self.area[places]).sum())
 
@@ -162,12 +163,12 @@ class CollocationEngine:
         return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
 
     def broken(self) -> Breaks:
-        """Bonds that broke so far."""
+        """Bonds broken so far."""
         count = self.zone.number[BROKEN]
         return Breaks(*(one[:count] for one in self.zone.breaks))
 
     def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone."""
+        """Summary of the fine zone for the run's report."""
         fine = self.area[self.zone.node == FINE].sum() / self.plate.area.sum()
         # of a place without neighbours e is 0
         largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.total[LARGEST], self.ground.limit))
@@ -187,11 +188,11 @@ class CollocationEngine:
         return float(total[DISSIPATED]), damped, float((self.work * self.area).sum())
 
     def _damped(self) -> float:
-        """Energy that damping has taken since nodes were switched last, J/m."""
+        """Energy taken by damping since the last switch of nodes, J/m."""
         return float((self.zone.damped * self.area).sum())
 
     def keep(self) -> Kept:
-        """All that a run needs to go on to the same bits."""
+        """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, own = self.zone, self.active()
         kept = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
         kept |= {
@@ -203,7 +204,7 @@ class CollocationEngine:
         return kept | {"places": own, "own_work": self.work[own].copy()}
 
     def back(self, kept: Kept) -> None:
-        """Go back, from the start, to what was kept. Raises CheckpointError."""
+        """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
         ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
         coarse = entry(kept, "coarse", (None,), np.int64)
         if not np.isin(coarse, self.zone.coarse).all():
@@ -237,7 +238,10 @@ class CollocationEngine:
             field[own] = entry(kept, name, own.shape, float)
 
     def _kept_breaks(self, kept: Kept) -> Breaks:
-        """The bonds of a checkpoint that broke, which were there at the start, and broke once."""
+        """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
+
+        Raises CheckpointError.
+        """
         ground, half = self.ground, len(self.ground.ways) // 2
         step = entry(kept, "break_step", (None,), np.int32, 1)
         found = Breaks(
@@ -256,6 +260,6 @@ class CollocationEngine:
         return found
 
     def bytes(self) -> int:
-        """All arrays in full, though what is never touched takes no memory."""
+        """Memory of all arrays, bytes; untouched parts take none in practice."""
         own = (array for part in (self.zone, self.ground) for array in part if isinstance(array, np.ndarray))
         return sum(array.nbytes for array in own)

@@ -38,7 +38,7 @@ OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
 
 class Layout(NamedTuple):
-    """How places are numbered."""
+    """Numbering of places."""
 
     nx: int  # columns
     ny: int  # rows
@@ -49,7 +49,7 @@ class Layout(NamedTuple):
 
 
 class LatticeConstants(NamedTuple):
-    """What does not change, for compiled code; k bonds in a full family."""
+    """Constant arrays for compiled code; k bonds in a full family."""
 
     at: Layout
     h: float  # m
@@ -70,7 +70,7 @@ class LatticeConstants(NamedTuple):
 
 
 class Plate(NamedTuple):
-    """A model's nodes on the lattice, n of them."""
+    """The n nodes of a model on the lattice."""
 
     model: Model
     place: NDArray[np.int64]  # (n,) of each row of the grid
@@ -83,7 +83,7 @@ class Plate(NamedTuple):
 
 
 def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.int64]]:
-    """Where a model's nodes (n,) are, with margins for families that reach so many spacings. Raises ModelError."""
+    """Places (n,) of a model's nodes, with margins for families `reach` spacings wide. Raises ModelError."""
     grid = model.grid
     if (grid.delta != grid.delta[0]).any():
         raise ModelError(f"{model.name}: $.nodes: found several spacings, expected one, {refused}")
@@ -100,7 +100,7 @@ def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.i
 def ground_of(
     model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], found: Stencil
 ) -> tuple[LatticeConstants, Plate]:
-    """What there is to know of a plate; the step is still to be chosen. Raises GridError, ModelError."""
+    """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
     n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
     ways, limit = springs.dy * at.stride + springs.dx, float(e_of(springs.limit))
@@ -150,7 +150,7 @@ def ground_of(
 
 
 def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Areas (n,) of nodes, m^2: those of the grid, or else by the squares between nodes around."""
+    """Areas (n,) of nodes, m^2: those of the grid, or else a quarter of each adjacent square between nodes."""
     if model.grid.areas is not None:
         return model.grid.areas
     around = quarters((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
@@ -158,7 +158,7 @@ def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.i
 
 
 def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
-    """Places (places,) at most so many columns and rows from one that is marked."""
+    """Mask (places,) of places at most `reach` columns and rows from a marked one."""
     field = marked[: at.places - 2 * ROW].reshape(-1, at.stride).astype(np.uint8)
     found = np.zeros(at.places, dtype=np.bool_)
     found[: field.size] = ndimage.maximum_filter(field, 2 * reach + 1, mode="constant").ravel() > 0
@@ -166,13 +166,13 @@ def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.boo
 
 
 def kinds_of(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """What each row of 16 places is like."""
+    """Kind of each row of 16 places."""
     at_edge = np.where(ground.pattern >= 0, KNOWN, EDGE)
     return np.where(edges(ground), at_edge, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
 
 
 def edges(ground: LatticeConstants) -> NDArray[np.bool_]:
-    """Rows of 16 places (places / 16,) some of whose bonds are not those of a full family."""
+    """Mask (places / 16,) of rows with bonds that are not those of a full family."""
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
     found = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
     found[-2:] = True
@@ -180,7 +180,7 @@ def edges(ground: LatticeConstants) -> NDArray[np.bool_]:
 
 
 def _near(there: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Places within a family's reach of what is no node of a whole cell, or of a pre-crack."""
+    """Mask of places within a family's reach of a missing or partial cell, or of a pre-crack."""
     odd = there != 1
     for x0, y0, x1, y1 in cracks:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
@@ -193,7 +193,7 @@ def _near(there: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -
 def _hide(
     model: Model, ground: LatticeConstants, springs: Springs, row: NDArray[np.int32], cut: NDArray[np.uint16]
 ) -> NDArray[np.bool_]:
-    """Take out the bonds that a hole or the outline parts; returns whose (places,)."""
+    """Remove the bonds that a hole or the outline separates; returns a mask (places,) of their nodes."""
     at, hidden = ground.at, np.zeros(ground.at.places, dtype=np.bool_)
     inner = np.zeros(at.places, dtype=np.bool_)
     field = inner[: at.places - 2 * ROW].reshape(-1, at.stride)
@@ -218,7 +218,7 @@ def _hide(
 
 @cached_njit(error_model="numpy")
 def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
-    """Cut the bonds of these nodes that cross a pre-crack, and count them."""
+    """Cut and count the bonds of these nodes that cross a pre-crack."""
     at = ground.at
     for p in places:
         ix, iy = p % at.stride - at.left, p // at.stride - at.below
@@ -233,7 +233,7 @@ def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def _lacks(ground, cut, places, whole):  # type: ignore[no-untyped-def]
-    """What these nodes lack of a full family's energy; those that lack nothing have a whole one."""
+    """Store the energy of a full family over that of these nodes, and mark the nodes with a whole family."""
     full_x, full_y = 0.0, 0.0
     for k in range(len(ground.ways)):
         energy = ground.table[k, 5] / ground.table[k, 4]

@@ -1,8 +1,8 @@
-"""Steps: velocity Verlet, as `pdsolve.steppers.verlet` has it, of active fine and coarse nodes alike.
+"""Time steps by velocity Verlet (as in `pdsolve.steppers.verlet`) of active fine and coarse nodes.
 
-After each drift fictitious nodes follow; now and then it is looked whether a pair of coarse nodes is stretched so far
-that fine ones are wanted, and the march ends so that they are made. So it does where a bond to a fictitious node
-breaks.
+After each drift, fictitious nodes are interpolated. Every few steps, pairs of coarse nodes are checked. If one is
+stretched so far that fine nodes are needed, or if a bond to a fictitious node breaks, the march ends so that they can
+be made.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends 
 
 @njit(**INNER)
 def _drift(ground, zone, drive, time):  # type: ignore[no-untyped-def]
-    """Half a kick and the drift, to the displacements of `time`, s."""
+    """Half a kick and the drift to the displacements at `time`, s."""
     dt, u, v, a = ground.dt, zone.u, zone.v, zone.a
     for row in zone.rows:
         for p in range(row * ROW, row * ROW + ROW):
@@ -54,7 +54,7 @@ def _drift(ground, zone, drive, time):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def follow(zone, field):  # type: ignore[no-untyped-def]
-    """Interpolate a field of fictitious nodes."""
+    """Interpolate a field at the fictitious nodes."""
     for n in range(len(zone.between)):
         p, i, j, k, m = zone.between[n]
         for axis in range(2):
@@ -63,7 +63,7 @@ def follow(zone, field):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def look(ground, zone, kappa):  # type: ignore[no-untyped-def]
-    """Mark coarse nodes one of whose pairs is stretched to `kappa` of what breaks it, and the other one."""
+    """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
     stretch = np.sqrt(1 + ground.limit) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
@@ -82,7 +82,7 @@ def look(ground, zone, kappa):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
-    """Accelerations of active coarse nodes."""
+    """Accelerations of active coarse nodes from their stencils."""
     u = zone.u
     for q in zone.coarse:
         x, y = 0.0, 0.0
@@ -95,14 +95,14 @@ def sum_coarse(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def add_rows(ground, zone, first, last):  # type: ignore[no-untyped-def]
-    """Forces on the nodes of active rows."""
+    """Add the forces on the nodes of active rows."""
     for n in range(first, last):
         zone.flags[n] = _add(ground, zone, zone.rows[n])
 
 
 @njit(**INNER)
 def _add(ground, zone, row):  # type: ignore[no-untyped-def]
-    """Add the forces on the nodes of one row; returns a bit for each node that has a bond over its bound."""
+    """Add the forces on the nodes of one row; returns a bit for each node with a bond over its bound."""
     over, exact = add_row(ground, zone.cut, zone.kinds[row], zone.bounds, zone.u, zone.f, row)
     if not exact:
         add_row_exactly(ground, zone.cut, zone.kinds[row], zone.u, zone.f, row)
@@ -111,7 +111,7 @@ def _add(ground, zone, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _room(ground, zone):  # type: ignore[no-untyped-def]
-    """Whether there is room for all bonds of the flagged rows to break."""
+    """Whether the arrays have room for all bonds of the flagged rows to break."""
     flagged = 0
     for n in range(len(zone.rows)):
         flagged += zone.flags[n] != 0
@@ -120,8 +120,8 @@ def _room(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _break(ground, zone, step):  # type: ignore[no-untyped-def]
-    """Break what is over its limit, book what it has spent, and compute forces there anew; returns whether fine nodes
-    are wanted."""
+    """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
+    needed."""
     any_broken = False
     zone.number[HOT] = 0
     for n in range(len(zone.rows)):
@@ -146,7 +146,7 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
-    """Break bond k of node p, and book the energy that it has spent."""
+    """Break bond k of node p, and book the energy it has dissipated."""
     j, half, count = p + ground.ways[k], len(ground.ways) // 2, zone.number[BROKEN]
     e, e0 = e_of_bond(ground, zone.u, p, k), e_before(ground, zone.u, zone.v, p, k)
     spent = e / (1 + np.sqrt(1 + e)) * (e0 / (1 + np.sqrt(1 + e0)))
@@ -166,7 +166,7 @@ def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _warm(ground, zone, p):  # type: ignore[no-untyped-def]
-    """Mark the coarse nodes that a node is on or between."""
+    """Mark the coarse nodes that a node lies on or between."""
     at = ground.at
     right, up = (p % at.stride - at.left) % 2, (p // at.stride - at.below) % 2
     corner = p - right - up * at.stride
@@ -177,7 +177,7 @@ def _warm(ground, zone, p):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _kick(ground, zone, drive, work):  # type: ignore[no-untyped-def]
-    """From forces to accelerations, and the other half of the kick; books work and damping."""
+    """Turn forces into accelerations and apply the second half of the kick; books work and damping."""
     v, a, dt, light = zone.v, zone.a, ground.dt, 1 / (ground.rho * ground.h**2)
     for row in zone.rows:
         for p in range(row * ROW, row * ROW + ROW):
@@ -206,7 +206,7 @@ def _kick_one(ground, zone, p, axis, undamped, dt):  # type: ignore[no-untyped-d
 
 @njit(**INNER)
 def _release(ground, zone, drive, work, rho, time):  # type: ignore[no-untyped-def]
-    """Give held components the motion they are to have."""
+    """Give held components their prescribed motion."""
     v, a, dt = zone.v, zone.a, ground.dt
     for e in range(len(drive.holds.node)):
         p, axis = drive.holds.node[e], drive.holds.axis[e]
@@ -219,9 +219,9 @@ def _release(ground, zone, drive, work, rho, time):  # type: ignore[no-untyped-d
 
 @cached_njit(nogil=True, error_model="numpy")
 def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1, from `where` in the first; returns how it ended and in which step.
+    """Take the steps `first` to `last` - 1, from stage `where` of the first; returns the end code and the step.
 
-    Threads run this side by side.
+    All threads call this together.
     """
     threads, rows = gate.threads, len(zone.rows)
     for step in range(first, last):
@@ -256,9 +256,9 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
 
 @cached_njit(error_model="numpy")
 def held(ground, zone, rows, found):  # type: ignore[no-untyped-def]
-    """Put energy densities, J/m^3, of nodes in these rows and of active coarse nodes into `found` (1, places).
+    """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `found` (1, places).
 
-    Those of coarse nodes too are half of each pair's, whose springs are the stencil: what stays the same in motion.
+    Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.
     """
     follow(zone, zone.u)
     for row in rows:

@@ -1,7 +1,7 @@
-"""A run with stencils on a coarse grid, as the rest of the solver sees it: the active nodes, fine and coarse.
+"""The operator of a plate with stencils on a coarse grid: its active nodes, fine and coarse.
 
-Bonds are those of fine nodes to active ones, and those of coarse nodes to the nodes of their stencils; bonds to
-fictitious nodes are left out.
+Bonds are those of fine nodes to active ones and those of coarse nodes to the nodes of their stencils, without bonds to
+fictitious nodes.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 
 class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
-    """The operator of n nodes, in the order of their places."""
+    """The operator of the n active nodes, in the order of their places."""
 
     name = "collocation"
     symmetric = False  # the coupling conserves neither momentum nor energy, but for what is sent on
 
     def __init__(self, engine: CollocationEngine) -> None:
-        """The nodes that are active now."""
+        """An operator on the currently active nodes."""
         self.hybrid, self._strain = engine, 0.0
         self.places, self._kind = engine.active(), engine.zone.node.copy()
         self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
@@ -46,14 +46,14 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     @cached_property
     def model(self) -> Model:
-        """The model of the nodes (n,) there are now, with nothing done to it."""
+        """The model of the n current nodes, without conditions."""
         found = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
         delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * found.grid.delta
         return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
 
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
         own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
         _, node, spring = self._before
@@ -65,27 +65,27 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     @property
     def signature(self) -> NDArray[np.int64]:
-        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        """Signature (n,) that changes if a node or its bonds change."""
         share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
         return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
     @property
     def current(self) -> bool:
-        """Whether no nodes have been switched since."""
+        """Whether no nodes have been switched since this operator was made."""
         return bool(self.hybrid.zone.number[SWITCHES] == self._switches)
 
     def changed(self) -> CollocationOperator | None:
-        """The operator on the nodes there are now, if they are others."""
+        """The operator on the current nodes if they have changed, else None."""
         self.hybrid.switch_wanted()
         return None if self.current else CollocationOperator(self.hybrid)
 
     def _put(self, state: State) -> None:
-        """Give the active nodes the values and rates of a state; fictitious ones follow."""
+        """Set the active nodes to the values and rates of a state; fictitious nodes are interpolated."""
         zone = self.hybrid.zone
         zone.u[:, self.places], zone.v[:, self.places] = state.value.T, state.rate.T
 
     def sync(self, state: State) -> None:
-        """Bring a state up to date with the active nodes."""
+        """Update a state from the active nodes."""
         engine, own = self.hybrid, self.places
         zone = engine.zone
         for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
@@ -93,13 +93,13 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[own], zone.damped[own]
 
     def accelerations(self) -> NDArray[np.float64]:
-        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
         found, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
         found[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
         return found
 
     def spent(self) -> NDArray[np.float64]:
-        """What the nodes' broken bonds have spent so far (n,), J/m^3."""
+        """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""
         return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
@@ -109,29 +109,29 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return tangent_of(self.hybrid, self._kind, self._row_of, state.value)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which there is none of."""
+        """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
         self.take(state)
         held = self.hybrid.held()[self.places]
         self._strain = float((held * self.area).sum())
         return held, np.zeros_like(held)
 
     def books(self) -> Sums:
-        """Energies, work and momentum at the state for which `energies` were asked last."""
+        """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion()
         return Sums(kinetic, self._strain, *self.hybrid.spent, x, y)
 
     def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone; of stretches, that of coarse pairs."""
+        """Summary of the fine zone; its stretch is that of coarse pairs."""
         return self.hybrid.zone_summary()
 
     def pushes(self, profiles: int) -> NDArray[np.float64]:
-        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        """Forces (profiles, 2), N/m, of the loads at factor 1."""
         loads, found = self.hybrid.drive.loads, np.zeros((profiles, 2))
         np.add.at(found, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
         return found
 
     def pulls(self, profiles: int) -> NDArray[np.float64]:
-        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         drive, found = self.hybrid.drive, np.zeros((profiles, 2))
         holds = drive.holds
         np.add.at(found, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
@@ -140,7 +140,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         ground, places = self.hybrid.ground, self.places[first:last]
         sources, targets = [], []
@@ -164,7 +164,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step: step, source and target row of each."""
+        """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
         ends = (self._row_of[one] for one in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
@@ -175,7 +175,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
 @cached_njit(error_model="numpy")
 def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
-    """How many bonds to active nodes are neither cut nor broken, of each of these."""
+    """Number of bonds of each place to active nodes that are neither cut nor broken."""
     found = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
         for k in range(len(ground.ways)):
@@ -187,8 +187,7 @@ def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
-    """The intact bonds of some places to active nodes: the number of each bond's place, and its number in the
-    family."""
+    """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
     count = _intact(ground, cut, kind, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):

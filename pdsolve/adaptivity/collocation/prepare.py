@@ -1,4 +1,4 @@
-"""A model, prepared to be marched with stencils on a coarse grid wherever nothing breaks."""
+"""Prepares a model for stencils on a coarse grid wherever nothing breaks."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ DAMPED = ((6.0, 0.05), (16.0, 0.02))
 def collocation_of(
     model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
-    """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start, and the surely stable step, s; `step_of` chooses the step.
 
-    Raises ModelError for what cannot be solved so.
+    Raises ModelError for a model that this method does not support.
     """
     refuse(model, mode, precision, MOST)
     ratio, material = model.settings.horizon.ratio, model.materials[0]
@@ -61,7 +61,7 @@ def collocation_of(
 
 
 def band(how: Collocation, model: Model) -> float:
-    """Damping of nodes within a horizon of the seam, 1/s."""
+    """Damping of nodes within a horizon of the seam between fine and coarse nodes, 1/s."""
     material, ratio = model.materials[0], model.settings.horizon.ratio
     share = how.damping
     if share is None:
@@ -70,14 +70,14 @@ def band(how: Collocation, model: Model) -> float:
 
 
 def _bound(ground: LatticeConstants, plate: Plate) -> float:
-    """The step, s, that is surely stable of fine nodes: those at edges, and one like all others."""
+    """The surely stable step, s, of fine nodes: of those at edges, and of one full family for all others."""
     odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
     usual = np.flatnonzero(plate.whole)[:1]
     return float(np.sqrt(2 * ground.rho / stiffness_bound(ground, plate.cut, np.concatenate([odd, usual]))))
 
 
 def _placed(driven: Drive, ground: LatticeConstants, place: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Drive:
-    """What acts on nodes, by their places."""
+    """The drive with places in place of rows."""
     force, before = np.zeros((2, ground.at.places, 2))
     force[place], before[place] = driven.force, driven.before
     loads, holds = (each._replace(node=place[each.node]) for each in (driven.loads, driven.holds))

@@ -1,7 +1,7 @@
-"""What bonds do to 16 consecutive fine nodes, as many lanes at once as stay in registers; and what breaks.
+"""Vector code for the forces of bonds on 16 consecutive fine nodes, held in registers; and bond breaking.
 
-The force of a bond is k e g(e) (xi + eta), as in `pdsolve.operators.simd_lattice.pull`. Lanes without a bond have no
-weight.
+The force of a bond is k e g(e) (xi + eta), as in `pdsolve.operators.simd_lattice.pull`. Lanes without a bond have zero
+stiffness.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 @intrinsic
 def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
-    """1 in the lanes from `lane` on whose bond k is not cut, 0 in the others; of a row of `cut` (., k)."""
+    """1 in the lanes from `lane` on whose bond k is intact, 0 in the others; `cut` (., k) is that of a row."""
     lanes = Lanes(like.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -42,7 +42,7 @@ def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
-    """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` of these nodes."""
+    """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` is the correction of these nodes."""
     if kind == KNOWN:
         w = stacked(ground.known, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
     elif kind == EDGE:
@@ -56,7 +56,7 @@ def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-unt
 
 @njit(forceinline=True, **INNER)
 def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
-    """Stiffness of bond k in the lanes from place p on, were it intact."""
+    """Stiffness of bond k in the lanes from place p on, if it were intact."""
     other = p + ground.ways[k]
     there = beside(ground.lack, PLANE, other)
     x, y = (lack[0] + there[0]) * 0.5, (lack[1] + there[1]) * 0.5
@@ -67,7 +67,7 @@ def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _g(e):  # type: ignore[no-untyped-def]
-    """g(e) up to |e| = WIDE."""
+    """g(e) for |e| up to WIDE."""
     narrow = (((G5 * e + G4) * e + G3) * e + G2) * e + G1
     wide = (((G10 * e + G9) * e + G8) * e + G7) * e + G6
     e2 = e * e
@@ -76,7 +76,7 @@ def _g(e):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _stretched(ground, u, own, p, k):  # type: ignore[no-untyped-def]
-    """eta of bond k in the lanes from place p on, and e; `own` are the displacements there."""
+    """eta and e of bond k in the lanes from place p on; `own` are the displacements there."""
     there = beside(u, PLANE, p + ground.ways[k])
     x, y = there[0] - own[0], there[1] - own[1]
     inverse = ground.table[k, 4]
@@ -85,10 +85,9 @@ def _stretched(ground, u, own, p, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row; returns a bit for each that has a bond over its limit, and
-    whether forces are exact.
+    """Forces (2, places), N/m, on the nodes of a row; returns a bit for each with a bond over its limit, and exactness.
 
-    `bounds` (2, places): of e, beyond which a bond breaks, and of e^2, beyond which forces are not exact.
+    `bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
     """
     over, wide, none = 0, 0, same(u, 0.0)
     for lane in range(0, ROW, across(u)):
@@ -112,7 +111,7 @@ def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-de
 
 @njit(**INNER)
 def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row, by square roots: exact whatever the stretches."""
+    """Forces (2, places), N/m, on the nodes of a row by square roots, exact for any stretch."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
@@ -145,7 +144,7 @@ def hold_row(ground, cut, kind, u, held, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
-    """Stiffness of bond k of node p, surfaces corrected, over the share of p's own cell that is in the plate."""
+    """Stiffness of bond k of node p with surface correction, over the share of p's cell inside the plate."""
     j = p + ground.ways[k]
     x, y = (ground.lack[0, p] + ground.lack[0, j]) / 2, (ground.lack[1, p] + ground.lack[1, j]) / 2
     factor = x * y / np.sqrt(y * y * ground.squares[k, 0] + x * x * ground.squares[k, 1])
@@ -193,7 +192,7 @@ def is_over(ground, zone, u, p, k):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def stiffness_bound(ground, cut, places):  # type: ignore[no-untyped-def]
-    """The largest row sum of stiffness of these nodes, N/m^4 (`pdsolve.bonds.assembly.stiffness_bound`)."""
+    """The largest row sum of stiffness of these nodes, N/m^4 (see `pdsolve.bonds.assembly.stiffness_bound`)."""
     most = 0.0
     for p in places:
         xx, yy, xy = 0.0, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The derivative of what fine nodes and stencils of coarse ones pull with; fictitious nodes follow by their weights."""
+"""Tangent of fine bonds and coarse stencils; fictitious nodes move with their parents by their weights."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from pdsolve.operators.tangent import of_springs
 def tangent_of(
     engine: CollocationEngine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
 ) -> csr_array:
-    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2); `kind` and `row_of`
-    (places,) say what the places are, and the rows of active ones."""
+    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2).
+
+    `kind` (places,) is the kind of each place, `row_of` (places,) the row of each active one.
+    """
     ground, zone, nodes = engine.ground, engine.zone, len(value)
     between = zone.between
     active = np.flatnonzero(row_of >= 0)
@@ -50,7 +52,7 @@ def tangent_of(
 def _fine_bonds(
     ground: LatticeConstants, cut: NDArray[np.uint16], places: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """The intact bonds of fine nodes: number of each bond's place, its number in the family, its stiffness, N/m^2."""
+    """Intact bonds of fine nodes: index of each bond's place, index in the family, stiffness, N/m^2."""
     room = len(places) * len(ground.ways)
     node, spring, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
     count = _list_fine_bonds(ground, cut, places, node, spring, pull)

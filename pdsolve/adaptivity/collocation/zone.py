@@ -1,10 +1,10 @@
-"""Who is fine and who is coarse: all follows from which coarse nodes are active.
+"""Fine and coarse nodes; all of it follows from which coarse nodes are active.
 
-A coarse node is active where its neighbourhood is whole and nothing is about to break in it. A fine node is active
-unless all coarse nodes that it lies on or between, one, two or four, are; those are what it is interpolated from, with
-equal weights, so that a linear field is exact (multi-grid coupling of A. Shojaei, A. Hermann, C. J. Cyron, P. Seleson,
-S. A. Silling, Comput. Methods Appl. Mech. Eng. 391 (2022) 114544, on vertex-nested grids). A coarse node that is not
-active is the active fine node it lies on. So no fictitious node is interpolated from another, and each place has one
+A coarse node is active if its neighbourhood is whole and nothing is about to break in it. A fine node is active unless
+all the one, two or four coarse nodes that it lies on or between are. It is then fictitious: interpolated from them with
+equal weights, exact for linear fields (multi-grid coupling of A. Shojaei, A. Hermann, C. J. Cyron, P. Seleson, S. A.
+Silling, Comput. Methods Appl. Mech. Eng. 391 (2022) 114544, on vertex-nested grids). An inactive coarse node is the
+active fine node that it lies on. No fictitious node is therefore interpolated from another, and each place has one
 displacement.
 """
 
@@ -27,7 +27,7 @@ EVENTS = 4096  # room for so many breaks at first
 
 
 class Breaks(NamedTuple):
-    """Bonds that broke, b of them with room for more."""
+    """The b broken bonds, in arrays with room for more."""
 
     step: NDArray[np.int32]
     node: NDArray[np.int32]  # place of one of both nodes
@@ -65,7 +65,7 @@ BROKEN, HOT, SWITCHES = range(3)
 
 
 def even(at: Layout) -> NDArray[np.bool_]:
-    """Which places (places,) are of coarse nodes too."""
+    """Mask (places,) of the places that are coarse nodes too."""
     found = np.zeros(at.places, dtype=np.bool_)
     field = found[: at.places - 2 * ROW].reshape(-1, at.stride)
     field[at.below : at.below + at.ny : 2, at.left : at.left + at.nx : 2] = True
@@ -73,7 +73,7 @@ def even(at: Layout) -> NDArray[np.bool_]:
 
 
 def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Coarse places (n, 4) that these lie on or between, as often as their weights have it."""
+    """Coarse places (n, 4) that these lie on or between, each repeated according to its weight."""
     row, column = np.divmod(places, at.stride)
     right, up = (column - at.left) % 2, (row - at.below) % 2
     corner = places - right - up * at.stride
@@ -83,11 +83,11 @@ def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.bool_]:
-    """Coarse places (places,) that may be active: none beside a node that is acted on, or `margin` spacings from one
-    without a whole family.
+    """Mask (places,) of coarse places that may be active.
 
-    Bonds have a surface layer at edges, one horizon deep. A stencil that reaches into it takes energy out of the
-    motion all along the edge.
+    They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
+    a surface layer at edges, one horizon deep; a stencil that reaches into it removes energy from the motion all along
+    the edge.
     """
     odd = (plate.row >= 0) & ~plate.whole
     odd = (dilated(odd, ground.at, margin) if margin else odd) | plate.acted
@@ -98,7 +98,7 @@ def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.
 
 
 def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """What each place is, with these coarse nodes active."""
+    """Kind of each place if these coarse nodes are active."""
     found = np.zeros(ground.at.places, dtype=np.uint8)
     around = active[parents(ground.at, plate.place)].all(axis=1)
     found[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
@@ -106,7 +106,7 @@ def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) 
 
 
 def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Areas (places,) of active nodes, m^2: their own and what fictitious ones have, by the weights of these."""
+    """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
     found = np.zeros(ground.at.places)
     kind = node[plate.place]
     fine = kind == FINE
@@ -116,7 +116,7 @@ def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) ->
 
 
 def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], band: float) -> Zone:
-    """The zone at the start, at rest; `band` as in `renumbered`."""
+    """The initial zone at rest; nodes within a horizon of the seam are damped by `band`, 1/s."""
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
@@ -170,7 +170,7 @@ def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArr
 
 
 def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
-    """Give nodes between coarse ones the motion of these."""
+    """Interpolate the motion of nodes between coarse ones."""
     four = parents(at, places)
     for field in (zone.u, zone.v, zone.a):
         field[:, places] = field[:, four].mean(axis=2)
@@ -179,7 +179,7 @@ def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
 def widened(
     ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """The coarse nodes that stay active where the neighbourhoods of the `hot` ones become fine."""
+    """The coarse nodes that stay active when the neighbourhoods of the `hot` ones are refined."""
     at, found = ground.at, active.copy()
     reach = ball(at.below // 2, 2)
     _clear(np.flatnonzero(hot), 2 * (reach[:, 1] * at.stride + reach[:, 0]), found)

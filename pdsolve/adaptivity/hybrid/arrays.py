@@ -1,4 +1,4 @@
-"""What a run has: what stays, and what it changes."""
+"""Arrays of a hybrid run, constant and variable."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Nodes(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """What is left of clipped bonds, in the order of their owners."""
+    """The remaining pieces of clipped bonds, ordered by their owners."""
 
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
@@ -90,7 +90,7 @@ class Pieces(NamedTuple):
 
 
 class Border(NamedTuple):
-    """Fine nodes on the border, that move with coarse ones."""
+    """Fine nodes on the border, which move with coarse ones."""
 
     node: NDArray[np.int64]
     end: NDArray[np.int64]  # (., 2)
@@ -98,7 +98,7 @@ class Border(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """Loads, or held components: those of all fine nodes, and those of nodes that move."""
+    """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
     what: NDArray[np.int64]  # (e, 4) fine place, axis, profile, kind
     value: NDArray[np.float64]  # (e, 4) N/m, m or m/s at factor 1; of holds: mean velocity since the last step,
@@ -108,7 +108,7 @@ class Entries(NamedTuple):
 
 
 class Breaks(NamedTuple):
-    """Bonds that broke, directed, in order."""
+    """Broken directed bonds, in order."""
 
     step: NDArray[np.int32]
     node: NDArray[np.int64]
@@ -144,7 +144,7 @@ class Zone(NamedTuple):
 
 
 def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> Nodes:
-    """Idle nodes, with room for `entries` rows of stiffnesses; what is never touched takes no memory."""
+    """Idle nodes, with room for `entries` rows of stiffnesses; untouched memory is not allocated."""
     rows = places // ROW
 
     def zeros(*shape: int) -> NDArray[np.float64]:
@@ -169,7 +169,7 @@ def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> N
 
 
 def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Zeros that begin at a multiple of 64 bytes."""
+    """Zeros aligned to 64 bytes."""
     wanted = 8 * int(np.prod(shape))
     room = np.zeros(wanted + 64, dtype=np.uint8)
     first = -room.ctypes.data % 64
@@ -179,7 +179,7 @@ def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
 def zone_of(
     at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False, threads: int = 1
 ) -> Zone:
-    """A plate of these cells (c,), its nodes still idle, with room for `rows` rows of fine nodes."""
+    """A plate with these cells (c,) and idle nodes, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 

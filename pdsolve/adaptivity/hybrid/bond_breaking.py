@@ -1,4 +1,4 @@
-"""Bonds of fine nodes soften and break."""
+"""Softening and breaking of the bonds of fine nodes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 @njit(forceinline=True, **INNER)
 def _book(zone, p, energy):  # type: ignore[no-untyped-def]
-    """Book an energy, J/m, that a bond of node p has spent."""
+    """Book an energy, J/m, dissipated by a bond of node p."""
     zone.total[DISSIPATED] += energy
     zone.spent[p] += energy
 
 
 @njit(**INNER)
 def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-untyped-def]
-    """Soften a bond that is stretched to e, further than ever, and book what it spends."""
+    """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
     own, edge, lane = zone.fine.own, zone.fine.edge, p % ROW
     past, now = edge[entry, k, lane], min(e, limit)
     peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
@@ -37,7 +37,7 @@ def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-un
 
 @njit(**INNER)
 def _stir(zone, p):  # type: ignore[no-untyped-def]
-    """Note a node one of whose bonds has softened or broken."""
+    """Mark a node as having a softened or broken bond."""
     if not zone.stirred[p]:
         zone.stirred[p] = True
         zone.stirs[zone.number[STIRS]] = p
@@ -46,7 +46,7 @@ def _stir(zone, p):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
-    """Note a bond that breaks."""
+    """Record a bond that breaks."""
     n = zone.number[BREAKS]
     zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
     zone.number[BREAKS] += 1
@@ -54,9 +54,9 @@ def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
-    """Take out the bonds of some nodes of a row that are over their limit, and book what they spent.
+    """Remove bonds over their limit from some nodes of a row, and book the energy they dissipated.
 
-    A bond is booked at both of its ends, half of it each.
+    Half of a bond's energy is booked at each of its ends.
     """
     fine, half, row = zone.fine, len(ground.ways) // 2, p0 // ROW
     for p in range(p0, p0 + count):

@@ -1,7 +1,8 @@
-"""Bonds that are whole in fine cells, and the pieces of those that are not.
+"""Whole bonds in fine cells, and the pieces of bonds that leave them.
 
-A piece from t0 to t1 of a bond is a spring of k / (t1 - t0) between its ends, with the reference vector (t1 - t0) xi:
-under a linear field it pulls as the whole bond does. After A. V. Shapeev, Multiscale Model. Simul. 9 (2011) 905-932.
+A piece from t0 to t1 of a bond is a spring of stiffness k / (t1 - t0) between its ends, with the reference vector (t1 -
+t0) xi. Under a linear field it pulls as the whole bond does. After A. V. Shapeev, Multiscale Model. Simul. 9 (2011)
+905-932.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 @njit(**INNER)
 def whole_part(ground, cells, ix, iy, k):  # type: ignore[no-untyped-def]
-    """How much of bond k of a fine node is an ordinary one: 1, a half where one side alone is fine, or 0."""
+    """Share of bond k of a fine node that is an ordinary bond: 1, 1/2 if only one side is fine, or 0."""
     half = len(ground.dx) // 2
     if k >= half:
         ix, iy, k = ix + ground.dx[k], iy + ground.dy[k], k - half
@@ -50,14 +51,14 @@ def whole_part(ground, cells, ix, iy, k):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
-    """Whether stretch n of a bond is one in which it is a bond."""
+    """Whether stretch n of a bond lies in a fine cell and is not cut."""
     found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
     return found in (FINE, EMPTY)
 
 
 @njit(**INNER)
 def _counts(at, cells, cut, x, y, first, side):  # type: ignore[no-untyped-def]
-    """Whether there is any of the plate on this side of a bond, and it has one."""
+    """Whether the plate exists on this side of a bond, and the bond there."""
     for n in range(first[side], first[side + 1]):
         if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] < VOID:
             return True
@@ -77,7 +78,7 @@ def surrounded(ground, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
-    """The stiffnesses of the marked nodes of a row; and whether all of the row are those of the table."""
+    """Set the stiffnesses of the marked nodes of a row; returns whether all of the row are those of the table."""
     fine, some = zone.fine, is_active(zone.fine.kind, row)
     if not some:
         return
@@ -107,7 +108,7 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _begin_edges(ground, edge, row):  # type: ignore[no-untyped-def]
-    """Nothing happens to the bonds of a row before they are stretched to their peaks."""
+    """Initialize the peaks of a row's bonds, below which they do not soften."""
     for k in range(len(ground.dx)):
         for lane in range(ROW):
             p = row * ROW + lane
@@ -118,13 +119,13 @@ def _begin_edges(ground, edge, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def stretch_of(e):  # type: ignore[no-untyped-def]
-    """The stretch that an e is of."""
+    """The stretch s with e = s (s + 2)."""
     return e / (np.sqrt(1 + e) + 1)
 
 
 @njit(**INNER)
 def share_of(e, peak, limit):  # type: ignore[no-untyped-def]
-    """Share of its stiffness that a bond has kept which was stretched to e."""
+    """Remaining share of the stiffness of a bond that has been stretched to e."""
     if e <= peak:
         return 1.0
     return intact_share(stretch_of(e), stretch_of(peak), stretch_of(limit))
@@ -132,7 +133,7 @@ def share_of(e, peak, limit):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _soften(ground, p, own, edge, lane):  # type: ignore[no-untyped-def]
-    """What bonds have lost already."""
+    """Reduce the stiffnesses of a node by the softening so far."""
     for k in range(len(ground.dx)):
         peak, limit = peak_and_limit(ground, p, k)
         if own[k, lane] > 0 and peak < edge[k, lane] < limit:
@@ -163,7 +164,7 @@ def _set_lane(ground, cells, bits, kind, p, own, lane):  # type: ignore[no-untyp
 
 @njit(**INNER)
 def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
-    """Where a row's own stiffnesses are; a row that never had any gets a place for them."""
+    """Index of a row's own stiffnesses; a new one is allocated if the row has none."""
     entry = entries[row]
     if entry >= 0:
         return entry
@@ -175,7 +176,7 @@ def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-untyped-def]
-    """Append the pieces of the bonds that a fine node owns; returns how many there are then."""
+    """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
     if surrounded(ground, cells, ix, iy, FINE):
@@ -219,7 +220,7 @@ def _set_ends(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-
 
 @njit(**INNER)
 def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
-    """Where a piece begins or ends: a fine node, or a place between two coarse ones."""
+    """Set one end of a piece: a fine node, or a place between two coarse nodes."""
     at, cut = ground.at, ground.cut
     ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[n, which, 2]
     end = pieces.end[count]
@@ -242,7 +243,7 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
 
 @njit(**INNER)
 def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
-    """Replace the pieces that these fine nodes, in order, own; the order of all stays that of their owners."""
+    """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
     old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
     kept = made = count - count  # a plain 0 would be compiled for once more
     for p in dirty:

@@ -1,4 +1,4 @@
-"""Which models can be solved so, where their nodes are on the lattice, and which of its cells can be coarse."""
+"""The lattice of a model for the hybrid method, which models it supports, and which cells can be coarse."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Plate(NamedTuple):
 
 
 def plate_of(model: Model, mode: str, precision: str) -> Plate:
-    """The lattice of a model's nodes. Raises ModelError for what cannot be solved so, in one sentence."""
+    """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
     refuse(model, mode, precision, LARGEST - 0.5 if farther else LARGEST)
     return _on_lattice(model, float(model.grid.delta[0]), model.grid.position.min(axis=0))
 
 
 def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
-    """Raises ModelError for what a fine zone that moves cannot take; horizons are up to `largest` spacings."""
+    """Raise ModelError for a model that a moving fine zone does not support; horizons are up to `largest` spacings."""
     grid, settings = model.grid, model.settings
     for place, found, expected in (("mode", mode, "conservative"), ("precision", precision, "float64")):
         if found != expected:
@@ -79,21 +79,21 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
 def _areas(
     model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Areas (n,) of nodes over h^2: those of the grid, or else by the squares between nodes around."""
+    """Areas (n,) of nodes over h^2: those of the grid, or else a quarter of each adjacent square between nodes."""
     if model.grid.areas is not None:
         return model.grid.areas / h**2
     return quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
 
 
 def squares(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which squares between four places (rows, columns) have a node at all corners, by their lower left one."""
+    """Mask of the squares with a node at all four corners, by their lower left place (rows, columns)."""
     found = np.zeros_like(there)
     found[:-1, :-1] = there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]
     return found
 
 
 def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """How many such squares are around each place."""
+    """Number of such squares around each place."""
     whole = squares(there).astype(np.int8)
     found = whole.copy()
     found[1:] += whole[:-1]
@@ -103,9 +103,9 @@ def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 
 def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
-    """Cells (c,) at the start: fine near tips of pre-cracks, and where an outline cuts cells, coarse elsewhere.
+    """Initial cells (c,): fine near tips of pre-cracks and where an outline cuts cells, coarse elsewhere.
 
-    An edge along a line between cells cuts none, but where it turns inwards.
+    An edge along a line between cells cuts none, except at re-entrant corners.
     """
     at, there = plate.at, (plate.row >= 0).reshape(-1, plate.at.stride)
     around, whole = quarters(there), squares(there)
@@ -145,7 +145,7 @@ def tips_of(plate: Plate) -> NDArray[np.float64]:
 
 
 def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
-    """Raises ModelError where a pre-crack passes through a node."""
+    """Raise ModelError if a pre-crack passes through a node."""
     for number, (x0, y0, x1, y1) in enumerate(cracks):
         long = float(np.hypot(x1 - x0, y1 - y0))
         share = np.linspace(0, 1, max(2, int(8 * long)))
@@ -159,12 +159,12 @@ def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
 
 
 def adapt_of(model: Model) -> str:
-    """The adaptivity of a model: "split" or "collocation"; "hybrid" where there is none."""
+    """The adaptivity of a model: "split" or "collocation", or the default "hybrid"."""
     how = model.settings.run.adapt
     return how if how != "none" else "hybrid"
 
 
 def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
-    """The error that refuses a model."""
+    """A ModelError that names the adaptivity and what it does not support."""
     name = place if place in ("mode", "precision") else f"{model.name}: {place}"
     return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {adapt_of(model)}")

@@ -1,4 +1,4 @@
-"""What is held: by the springs of a node, and by clipped bonds; and what moves."""
+"""Energy of springs and clipped bonds, and kinetic energy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def strain_e(table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
-    """Half of what the bonds of a fine node hold, J/m."""
+    """Half of the energy of a fine node's bonds, J/m."""
     row, lane, held = p // ROW, p % ROW, 0.0
     entry = fine.entry[row]
     for k in range(len(ground.ways)):
@@ -38,7 +38,7 @@ def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
-    """Half of what the springs of a coarse node hold, J/m."""
+    """Half of the energy of a coarse node's springs, J/m."""
     row, lane, held = q // ROW, q % ROW, 0.0
     entry = coarse.entry[row]
     for k in range(8):
@@ -63,7 +63,7 @@ def place_of(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-d
 
 @njit(**INNER)
 def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
-    """The energy that a piece of a clipped bond holds, J/m."""
+    """Energy of a piece of a clipped bond, J/m."""
     value = pieces.value[n]
     eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0)
     eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1)
@@ -73,13 +73,13 @@ def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def kinetic(nodes, p):  # type: ignore[no-untyped-def]
-    """The kinetic energy of a node that moves by itself, J/m."""
+    """Kinetic energy of a node with a motion of its own, J/m."""
     return nodes.mass[p] / 2 * (nodes.v[0, p] ** 2 + nodes.v[1, p] ** 2)
 
 
 @njit(**INNER)
 def copy_border_node(at, edge_cut, kind, fine, coarse, p):  # type: ignore[no-untyped-def]
-    """Put a node on the border where its coarse nodes have it; (2, .) displacements or velocities."""
+    """Set a border node to the interpolation of its coarse nodes; (2, .) displacements or velocities."""
     a, b, w = border_end(at, edge_cut, kind, p)
     for axis in range(2):
         fine[axis, p] = (1 - w) * coarse[axis, a] + w * coarse[axis, b]
@@ -87,7 +87,8 @@ def copy_border_node(at, edge_cut, kind, fine, coarse, p):  # type: ignore[no-un
 
 @njit(**INNER)
 def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
-    """What some nodes, and the pieces that some own, hold, and what moves, J/m; these fine nodes must be marked."""
+    """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
+    marked."""
     fine, coarse, found = zone.fine, zone.coarse, 0.0
     u, uc = fine.u[now], coarse.u[now]
     for p in fine_nodes:
@@ -107,7 +108,7 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
 
 @cached_njit(error_model="numpy")
 def held(ground, zone, now, fine_held_, coarse_held_):  # type: ignore[no-untyped-def]
-    """Energy that is held, J/m, by fine (n,) and coarse nodes (q,); of pieces half at either end."""
+    """Strain energies, J/m, of fine (n,) and coarse nodes (q,); half of a piece's energy belongs to either end."""
     fine, coarse, pieces = zone.fine, zone.coarse, zone.pieces
     for row in fine.rows[: zone.number[ROWS]]:
         for p in range(row * ROW, row * ROW + ROW):

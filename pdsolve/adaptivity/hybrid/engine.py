@@ -1,4 +1,4 @@
-"""A plate with a fine zone that moves, as it marches."""
+"""Time integration of a plate with a moving fine zone."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _stretch = getattr(stretch_of, "py_func", stretch_of)
 
 
 class ZoneSummary(NamedTuple):
-    """What a run says of its fine zone."""
+    """Summary of the fine zone for a run's report."""
 
     refinement: float  # J/m: energy that refining has made so far
     fine_share: float  # of the plate
@@ -50,10 +50,10 @@ class ZoneSummary(NamedTuple):
 
 
 class Hybrid:
-    """Marches a plate; its nodes are numbered as on their lattices."""
+    """A plate in motion; nodes are numbered as on their lattices."""
 
     def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
-        """Bits and cells of the zone are those of the start."""
+        """Bits and cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
         at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
         inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
@@ -61,7 +61,7 @@ class Hybrid:
         self._whole = self._solid.sum()
 
     def start(self, velocity: NDArray[np.float64]) -> None:
-        """Number the zone, give all nodes their velocities (n, 2), m/s, and compute the forces."""
+        """Number the zone, set the velocities (n, 2), m/s, of all nodes, and compute the forces."""
         self.number()
         place = self.plate.place
         for nodes, own, rows in (
@@ -73,11 +73,11 @@ class Hybrid:
         self.renew()
 
     def renew(self) -> None:
-        """Compute the forces at the start anew."""
+        """Recompute the forces at the start."""
         self._march(1, 1)
 
     def number(self) -> None:
-        """Make all nodes what the cells say, whatever they were."""
+        """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.own[: zone.number[ENTRIES]] = 0
         for nodes in (zone.fine, zone.coarse):
@@ -92,7 +92,7 @@ class Hybrid:
         self.zone.total[:] = 0.0
 
     def coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Places of coarse nodes, and the rows of fine nodes that they lie on."""
+        """Places of coarse nodes, and the rows of the fine nodes that they lie on."""
         at, place = self.plate.at, self.plate.place
         row, column = np.divmod(place, at.stride)
         chosen = np.flatnonzero(((column - LEFT) % 2 == 0) & ((row - BELOW) % 2 == 0))
@@ -100,14 +100,14 @@ class Hybrid:
         return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x, chosen
 
     def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError where a clipped bond is over its limit."""
+        """Take the steps `first` to `last` - 1. Raises UnstableError if a clipped bond exceeds its limit."""
         if first < last:
             self._march(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
-        """Sum the forces at the displacements now, those of loads left out; bonds over their limit break in this step.
+        """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError where a clipped bond is over its limit.
+        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError if a clipped bond exceeds its limit.
         """
         ground, number = self.ground, self.zone.number
         acting = number[[LOADS, HOLDS]].copy()
@@ -118,7 +118,7 @@ class Hybrid:
             self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
 
     def _march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; with `last` = `first` only finish what the step before began."""
+        """Take the steps `first` to `last` - 1; with `last` = `first`, only finish the previous step."""
         drifted = False
         while True:
             how, step, self.now = self._on_threads(first, last, drifted)
@@ -135,7 +135,7 @@ class Hybrid:
                 first, drifted = step, True
 
     def _on_threads(self, *steps: int) -> tuple[int, int, int]:
-        """March side by side until it ends in any way."""
+        """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
         threads, found = len(self.zone.s), (0, 0, 0)
         arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
 
@@ -147,24 +147,24 @@ class Hybrid:
         return found
 
     def broken(self) -> arrays.Breaks:
-        """Bonds that broke so far."""
+        """Bonds broken so far."""
         (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
         return arrays.Breaks(step[:count], node[:count], spring[:count])
 
     def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone."""
+        """Summary of the fine zone for the run's report."""
         zone = self.zone
         fine = self._solid[np.flatnonzero(zone.cells == FINE)].sum() / self._whole
         largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
         return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
 
     def active(self, nodes: Nodes, rows: int) -> NDArray[np.int64]:
-        """Places of the nodes of a lattice, in so many rows, that are free."""
+        """Places of the free nodes of a lattice, from its first `rows` rows."""
         places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
         return np.asarray(places[nodes.kind[places] == FREE])
 
     def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Energy held by fine and by coarse nodes, by their places, J/m."""
+        """Strain energy of fine and of coarse nodes, by their places, J/m."""
         fine, coarse = np.zeros(self.plate.at.places), np.zeros(self.plate.at.coarse_places)
         held(self.ground, self.zone, self.now, fine, coarse)
         return fine, coarse
@@ -180,12 +180,12 @@ class Hybrid:
 
     @property
     def spent(self) -> tuple[float, float, float]:
-        """Energy dissipated, work done, and energy that refining made, J/m."""
+        """Energy dissipated, work done, and energy created by refinement, J/m."""
         total = self.zone.total
         return float(total[DISSIPATED]), float(total[WORK]), float(total[REFINEMENT])
 
     def keep(self) -> Kept:
-        """All that a run needs to go on to the same bits."""
+        """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.number[BREAKS]
         kept = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
         for name, nodes, rows in (
@@ -206,14 +206,14 @@ class Hybrid:
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
-        """Make these bonds, and no others since the start, broken."""
+        """Mark exactly these bonds as broken, besides those missing at the start."""
         bits, (_, before, before_spring) = self.zone.bits, self.broken()
         for k in range(len(self.ground.ways) // 2):
             bits[before[before_spring == k]] |= np.uint64(1) << np.uint64(k)
             bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
 
     def back(self, kept: Kept) -> None:
-        """Go back to what was kept. Raises CheckpointError."""
+        """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
         if not ((cells == zone.cells) | ((zone.cells == COARSE) & (cells == FINE))).all():
             raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
@@ -248,7 +248,7 @@ class Hybrid:
         zone.total[:] = like(kept, "total", zone.total)
 
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
-        """The bonds of a checkpoint that broke, which were there at the start, and broke once in each direction."""
+        """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, bits, plate = self.ground, self.zone.bits, self.plate
         step = entry(kept, "break_step", (None,), np.int32, 1)
         node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
@@ -263,7 +263,7 @@ class Hybrid:
         return arrays.Breaks(step, node, spring)
 
     def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
-        """Go on with the counts of a checkpoint in which so many bonds broke, and with the nodes that are stirred."""
+        """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
         zone, number = self.zone, like(kept, "number", self.zone.number)
         stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
@@ -279,5 +279,5 @@ class Hybrid:
         zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
 
     def bytes(self) -> int:
-        """All arrays in full, though what is never touched takes no memory."""
+        """Memory of all arrays, bytes; untouched parts take none in practice."""
         return sum(array.nbytes for part in (self.zone.fine, self.zone.coarse) for array in part)

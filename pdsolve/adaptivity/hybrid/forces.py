@@ -1,10 +1,10 @@
-"""Forces on all nodes that move: those of loads, of clipped bonds, of fine rows and of coarse rows.
+"""Forces on all moving nodes: from loads, clipped bonds, fine rows and coarse rows.
 
-Threads take rows as they come, and each row is summed and moved by one of them, so that it does not show by which.
-What is one after the other is done by the first thread, while the others are at coarse rows on which nothing acts but
-their springs. A fine row with a bond that is to break waits until all are summed, and then its turn; forces on border
-nodes go to the coarse nodes they move with before these are moved. Coarse rows are kicked and drifted on at once, as
-the displacements of two steps are kept in turn.
+Threads take rows dynamically. One thread sums and moves a whole row, so that results do not depend on which. The first
+thread does the sequential work while the others process coarse rows on which only springs act. A fine row with a bond
+about to break waits until all rows are summed, then it is processed in order. Forces on border nodes pass to the coarse
+nodes that carry them before those are moved. Coarse rows are kicked and drifted at once, as displacements of two steps
+are kept alternately.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
-    """Forces on nodes of a row one by one, whatever the stretch."""
+    """Forces on nodes of a row, one by one, for any stretch."""
     entry = fine.entry[p0 // ROW]
     for p in range(p0, p0 + count):
         lane, fx, fy = p % ROW, 0.0, 0.0
@@ -99,7 +99,7 @@ def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
-    """Forces on some nodes of a row, |e| up to NARROW."""
+    """Forces on some nodes of a row for |e| up to NARROW."""
     table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
     at = entry * slots * ROW + lane
     if entry < 0:
@@ -113,7 +113,7 @@ def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-
 
 @njit(forceinline=True, **INNER)
 def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
-    """Forces on some nodes of a row, |e| up to WIDE."""
+    """Forces on some nodes of a row for |e| up to WIDE."""
     table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
     at = entry * slots * ROW + lane
     if entry < 0:
@@ -127,8 +127,10 @@ def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-de
 
 @njit(**INNER)
 def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
-    """Forces on all fine rows, into f. Those with a bond that is to break are put aside; they are the job `BROKEN`,
-    done by the first thread alone."""
+    """Forces f on all fine rows.
+
+    Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
+    """
     fine, s = zone.fine, zone.s[thread]
     wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
     each = ROW // wide
@@ -160,7 +162,7 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
 
 @njit(forceinline=True, **INNER)
 def add_forces(f, p, count, s):  # type: ignore[no-untyped-def]
-    """Put all forces together, in s."""
+    """Add up all forces in s."""
     for k in range(count):
         s[k] += f[0, p + k]
         s[ROW + k] += f[1, p + k]
@@ -175,7 +177,7 @@ def keep_forces(f, p, count, s):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _put_aside(zone):  # type: ignore[no-untyped-def]
-    """List what all threads have put aside, in order."""
+    """List the rows that all threads have set aside, in order."""
     aside, count = zone.aside[0], zone.asides[0]
     for thread in range(1, len(zone.s)):
         for n in range(zone.asides[8 * thread]):
@@ -190,7 +192,7 @@ def _put_aside(zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
-    """Kick and drift of all fine rows."""
+    """Kick and drift all fine rows."""
     fine, s = zone.fine, zone.s[thread]
     wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.number[ROWS]
     while True:
@@ -206,10 +208,10 @@ def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-untyped-def]
-    """Forces on coarse rows, and kick and drift unless a sequence `ends`; then forces are kept.
+    """Forces on coarse rows, followed by kick and drift unless a sequence `ends`; then forces are kept.
 
-    On touched ones in the stage LOADED, else on others, until the first thread has reached the stage. Notes rows with
-    a hot bond.
+    The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED. Notes
+    rows with a hot bond.
     """
     coarse, s, dt = zone.coarse, zone.s[thread], ground.dt
     wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
@@ -250,7 +252,7 @@ def _clear(nodes, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
-    """Give forces on border nodes to the coarse ones they move with."""
+    """Pass forces on border nodes to the coarse nodes that carry them."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
@@ -260,7 +262,7 @@ def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
-    """Put border nodes where the coarse ones are."""
+    """Interpolate border nodes from the coarse ones."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
@@ -269,7 +271,7 @@ def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignore[no-untyped-def]
-    """Add the loads of `time`, and the work of loads since the last step: by the mean of both times."""
+    """Add the loads at `time`, and their work since the last step by the trapezoidal rule."""
     last, now, then = -1, 0.0, 0.0
     for n in range(count):
         on, e = loads.on[n, 0], loads.on[n, 1]
@@ -288,7 +290,7 @@ def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignor
 
 @njit(**INNER)
 def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
-    """Begin the forces with those of loads and of clipped bonds."""
+    """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
     _clear(fine, zone.number[ROWS])
     _clear(coarse, zone.number[COARSE_ROWS])
@@ -303,7 +305,7 @@ def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
 def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: ignore[no-untyped-def]
     """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
 
-    All threads call this, and the first one calls `again` before they do so anew.
+    All threads call this together; the first thread calls `again` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
@@ -329,6 +331,6 @@ def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: igno
 
 @njit(**INNER)
 def again(zone):  # type: ignore[no-untyped-def]
-    """All is to be handed out anew."""
+    """Reset the counters from which threads take rows."""
     zone.turns[:] = 0
     zone.asides[:] = 0

@@ -1,6 +1,6 @@
-"""Bonds of nodes that are not like those of a full lattice: at edges, faces of pre-cracks and interfaces.
+"""Bonds of nodes without a regular full family: at edges, faces of pre-cracks and interfaces.
 
-They are those that the scheme makes of that part of the plate, so that fine nodes are those of a uniform run.
+The scheme makes these bonds for that part of the plate, so that fine nodes equal those of a uniform run.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Irregular(NamedTuple):
 
 
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
-    """The bonds of all nodes that are near to what is not regular; `springs` of each material."""
+    """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     grid, reach = plate.model.grid, int(np.abs(springs[0].dx).max())
     odd = _odd(plate, reach)
     there = plate.row >= 0
@@ -55,7 +55,7 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
 
 
 def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
-    """Places (rows, columns) without a node or a whole cell, at an interface, or next to a pre-crack."""
+    """Mask (rows, columns) of places without a node or a whole cell, at an interface, or next to a pre-crack."""
     at, model = plate.at, plate.model
     area, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
     area[plate.place], material[plate.place] = plate.area, model.material_of
@@ -76,12 +76,12 @@ def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
 
 
 def _within(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Places at most so many columns and rows from one that is marked."""
+    """Mask of places at most `reach` columns and rows from a marked one."""
     return np.asarray(ndimage.maximum_filter(marked.astype(np.uint8), 2 * reach + 1, mode="nearest") > 0)
 
 
 def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
-    """A model of some nodes, these rows, with nothing done to it."""
+    """The model of the nodes in `rows`, without conditions."""
     grid = model.grid
     part = dataclasses.replace(
         grid,
@@ -109,7 +109,8 @@ def _fill(
     springs: tuple[Springs, ...],
     found: Irregular,
 ) -> None:
-    """Put in what a scheme fills a part of the plate with; `some` are its rows, those `wanted` are asked for."""
+    """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, `wanted` those
+    needed."""
     reach = int(np.abs(springs[0].dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))

@@ -1,6 +1,6 @@
-"""What moves nodes besides the fused sweep: half kicks where a sequence of steps begins and ends, and holds.
+"""Motion outside the fused sweep: half kicks at both ends of a sequence of steps, and prescribed velocities.
 
-A hold prescribes the velocity until the next step; the sweep has moved its node as if it were free, which is undone.
+A hold prescribes the velocity until the next step. The sweep has moved its node as if free; the hold undoes that.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 @njit(**INNER)
 def _kick_and_drift(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-def]
-    """Half a kick of all rows by the forces that are kept, m/s, and a drift over `dt`, s, if `drifts`."""
+    """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
     u, after, v, f = nodes.u[now], nodes.u[1 - now], nodes.v, nodes.f
     for n in range(count):
         row = nodes.rows[n]
@@ -36,7 +36,7 @@ def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
-    """Note forces and velocities of what is held."""
+    """Store forces and velocities of held components."""
     for n in range(count):
         on, e = holds.on[n, 0], holds.on[n, 1]
         axis = holds.what[e, AXIS]
@@ -48,7 +48,7 @@ def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
-    """Give what is held the velocities it has."""
+    """Give held components their prescribed velocities."""
     for n in range(count):
         on, e = holds.on[n, 0], holds.on[n, 1]
         if on >= 0:
@@ -59,7 +59,7 @@ def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def hold(fine, coarse, holds, count, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
-    """Book what it took to hold until `step`, unless a sequence `starts`, and hold on from there, unless it `ends`."""
+    """Book the holding forces until `step` unless a sequence `starts`, and hold on from there unless it `ends`."""
     for n in range(count):
         on = holds.on[n, 0]
         if on >= 0:

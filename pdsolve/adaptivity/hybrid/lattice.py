@@ -1,4 +1,4 @@
-"""How nodes and cells are numbered: row by row, with margins, so that a neighbour is a constant number of places on.
+"""Numbering of nodes and cells row by row, with margins, so that a neighbour is at a constant offset.
 
 ix, iy   of a fine node, 0 to nx, ny          p   its place
 X, Y     of a coarse node, 0 to nx/2, ny/2    q   its place; it lies on the fine node (2 X, 2 Y)

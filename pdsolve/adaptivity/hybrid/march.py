@@ -1,7 +1,6 @@
-"""Steps: leapfrog, as `pdsolve.steppers.verlet` has it, for free fine nodes and coarse nodes alike.
+"""Time steps by leapfrog (as in `pdsolve.steppers.verlet`) of free fine nodes and coarse nodes.
 
-Every few steps it is looked whether cells are to become fine: those near a node one of whose bonds has broken, or begun
-to soften, or near a coarse bond that is stretched.
+Every few steps, cells are refined near nodes with a broken or softened bond, and near stretched coarse bonds.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ SPARE = 64  # rows: room for so many more is always kept
 
 @njit(**INNER)
 def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
-    """List the cells that are to be fine as they are near nodes one of whose bonds has broken or softened."""
+    """List the cells to refine near nodes with a broken or softened bond."""
     at, count = ground.at, 0
     for n in range(zone.number[KNOWN], zone.number[STIRS]):
         p = zone.stirs[n]
@@ -49,7 +48,7 @@ def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
-    """List the cells that become fine as they are near the nodes of a stretched coarse bond; returns their `count`."""
+    """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
     at, coarse = ground.at, zone.coarse
     u = coarse.u[now]
     for n in range(zone.number[COARSE_ROWS]):
@@ -73,20 +72,20 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _hot(ground, q):  # type: ignore[no-untyped-def]
-    """The e of a coarse bond beside which cells become fine."""
+    """The e of a coarse bond at which the cells beside it are refined."""
     p = fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))
     return ground.bounds[ground.material[p], 2]
 
 
 @njit(**INNER)
 def _lasts(ground, q):  # type: ignore[no-untyped-def]
-    """Whether the bonds of a coarse node do not break."""
+    """Whether the bonds of a coarse node are unbreakable."""
     return ground.no_fail[fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))]
 
 
 @njit(**INNER)
 def _has_room(zone, rows):  # type: ignore[no-untyped-def]
-    """Whether there is room for so many more fine rows, for those that begin to differ, and for all bonds to break."""
+    """Whether the arrays have room for `rows` more fine rows, for new irregular rows, and for all bonds to break."""
     events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
     return zone.number[ENTRIES] + rows + SPARE <= len(zone.fine.own) and zone.number[BREAKS] + events <= len(
         zone.breaks.step
@@ -95,7 +94,7 @@ def _has_room(zone, rows):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
-    """Refine what is known to be, or what is seen if it `looks`; or note that there is no room to."""
+    """Refine where noted, or where found if it `looks`; or note that room is lacking."""
     if looks:
         zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
     begins, rows = zone.number[REGRIDS] == 0, 0
@@ -108,7 +107,7 @@ def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-untyped-def]
-    """Begin a sequence by a drift, and hold what is held until the next step; or note what holds it at the start."""
+    """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
     fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.number[HOLDS]
     if starts and ends:
         begin_holds(fine, coarse, holds, count)
@@ -120,11 +119,11 @@ def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-
 
 @cached_njit(nogil=True, error_model="numpy")
 def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1; returns how it ended, in which step, and which displacements are now.
+    """Take the steps `first` to `last` - 1; returns the end code, the step, and the current displacement buffer.
 
-    At the end velocities are those of displacements, and all forces are kept. `drifted` goes on where a march ended as
-    it was short of room. With last = first all nodes become what the cells say, if they are not, and the forces at the
-    start are computed. Threads run this side by side.
+    At the end, velocities are synchronous with displacements and all forces are kept. `drifted` continues a march that
+    ended for lack of room. With last = first, nodes are derived from the cells if needed, and the initial forces
+    computed. All threads call this together.
     """
     for step in range(first if drifted else first - 1, max(first, last)):
         starts, ends, largest = step < first, step == last - 1, 0.0

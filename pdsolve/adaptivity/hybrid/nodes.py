@@ -1,4 +1,4 @@
-"""Which nodes are free, on the border or idle, what mass they have, and with what motion new ones begin."""
+"""Free, border and idle nodes: their kinds, masses and interpolation, and the initial motion of new ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 @njit(**INNER)
 def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
-    """How many quarters around a fine node are in cells of a kind."""
+    """Number of quarters around a fine node in cells of a kind."""
     found = 0
     for sy in (-1, 0):
         for sx in (-1, 0):
@@ -35,7 +35,7 @@ def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def kind_of(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
-    """Kind of a fine node whose cell has this mass: IDLE, FREE, or BORDER where coarse cells touch it."""
+    """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
     if mass == 0 or touches(at, cells, ix, iy, FINE) == 0:
         return IDLE
     return BORDER if touches(at, cells, ix, iy, COARSE) > 0 else FREE
@@ -43,7 +43,7 @@ def kind_of(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
-    """Kind and mass of a fine node, whose whole cell has `mass`."""
+    """Set kind and mass of a fine node with the whole cell `mass`."""
     ix, iy = fine_column(at, p), fine_row(at, p)
     fine.kind[p] = kind_of(at, cells, ix, iy, mass)
     here, there = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
@@ -53,10 +53,11 @@ def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def end_on(at, edge_cut, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
-    """Coarse nodes that a place on an edge moves with, and share of the second.
+    """The coarse nodes that a place on an edge moves with, and the share of the second.
 
-    Where a pre-crack cuts the edge it moves with the nodes of its own side: in line with the two next to it, so that
-    a face that turns is not stretched, or with the next one where there are no two. `kind` is that of coarse nodes.
+    Where a pre-crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
+    ones, so that a rotating face is not stretched, or follows one where there are no two. `kind` is that of coarse
+    nodes.
     """
     q = coarse_place(at, x, y)
     if w == 0:
@@ -74,7 +75,8 @@ def end_on(at, edge_cut, kind, x, y, direction, w):  # type: ignore[no-untyped-d
 
 @njit(**INNER)
 def border_end(at, edge_cut, kind, p):  # type: ignore[no-untyped-def]
-    """Coarse nodes that the fine node p, on a line between cells, moves with, and share of the second; see `end_on`."""
+    """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
+    `end_on`."""
     ix, iy = fine_column(at, p), fine_row(at, p)
     odd_x, odd_y = ix % 2, iy % 2
     return end_on(at, edge_cut, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
@@ -82,7 +84,7 @@ def border_end(at, edge_cut, kind, p):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
-    """Give a row, whose coarse nodes had all springs of the table until now, stiffnesses of its own."""
+    """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
     coarse.entry[row] = row
     for k in range(8):
         for lane in range(ROW):
@@ -91,7 +93,7 @@ def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
-    """Kind, mass and springs of a coarse node; its row has stiffnesses of its own from when it first needs them."""
+    """Kind, mass and springs of a coarse node; its row gets its own stiffnesses when they first differ."""
     at = ground.at
     x, y = coarse_column(at, q), coarse_row(at, q)
     mass, row = 0.0, q // ROW
@@ -117,7 +119,7 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _passed_on(at, edge_cut, kind, fine, p, q):  # type: ignore[no-untyped-def]
-    """Mass of a fine node that moves with coarse node q."""
+    """Mass that a fine node passes to coarse node q."""
     if fine.kind[p] != BORDER:
         return 0.0
     a, b, w = border_end(at, edge_cut, kind, p)
@@ -127,7 +129,7 @@ def _passed_on(at, edge_cut, kind, fine, p, q):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
-    """Stiffness of coarse spring k of a node: half of each coarse cell's along an edge; 0 where a pre-crack cuts it."""
+    """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
     at = ground.at
     dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
     one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
@@ -144,10 +146,10 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """Values (2, q) of coarse nodes, of a `kind` each, at a fine place of cell x, y, into out (2,).
+    """Interpolate values (2, q) of coarse nodes, with kinds `kind`, at a fine place of cell x, y, into out (2,).
 
-    In a cell that a pre-crack crosses: from a cell beside it, on the place's own side, on in line; or else the mean of
-    the corners the place sees.
+    In a cell crossed by a pre-crack, values are extrapolated from a neighbouring cell on the place's own side; without
+    one, they are the mean over the visible corners.
     """
     at = ground.at
     if not ground.cut_cells[cell_place(at, x, y)]:
@@ -167,7 +169,7 @@ def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-unt
 
 @njit(**INNER)
 def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """By the corners of a cell, inside of it and beyond."""
+    """Bilinear interpolation or extrapolation from the corners of a cell."""
     wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(at, x, y), at.coarse_stride
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
@@ -178,7 +180,7 @@ def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """By the corners that the place sees; by the next one if it sees none."""
+    """Mean of the corners visible from the place, or the nearest corner if none is."""
     wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
     out[0] = out[1] = 0.0
     for dy in range(2):
@@ -200,7 +202,7 @@ def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untype
 
 @njit(**INNER)
 def coarse_cell_at(at, cells, ix, iy):  # type: ignore[no-untyped-def]
-    """The corner of a coarse cell that a fine node is in or at; (-1, -1) without one."""
+    """Lower left corner of a coarse cell that contains or touches a fine node; (-1, -1) without one."""
     for sy in (0, -1):
         for sx in (0, -1):
             x, y = (ix + sx) >> 1, (iy + sy) >> 1

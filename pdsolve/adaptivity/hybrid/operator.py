@@ -1,7 +1,7 @@
-"""A run with a fine zone, as the rest of the solver sees it: a cloud of coarse and fine nodes, those there are now.
+"""The operator of a plate with a moving fine zone: its current coarse and fine nodes.
 
 A coarse node on the border is one with the fine node it lies on. Bonds are those of fine nodes and the springs of the
-coarse lattice; pieces of clipped bonds, which never break, are left out.
+coarse lattice, without pieces of clipped bonds, which never break.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 
 
 class HybridOperator(TwoLatticeOperator[Hybrid]):
-    """The operator of n nodes, in the order of their places."""
+    """The operator of the n current nodes, in the order of their places."""
 
     name = "hybrid"
     symmetric = True
 
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
-        """`cut` are the bonds that pre-cracks cut, of each node of the whole fine lattice."""
+        """`cut` is the number of bonds that pre-cracks cut, for each node of the whole fine lattice."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         plate, zone = hybrid.plate, hybrid.zone
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
@@ -68,7 +68,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
 
     def _fine_bonds(self) -> NDArray[np.bool_]:
-        """Which bonds (k, family) fine nodes have or had, of those whose other node is there too."""
+        """Mask (k, family) of past and present bonds of fine nodes to nodes that exist."""
         zone, ground, fine = self.hybrid.zone, self.hybrid.ground, self._fine
         entry = zone.fine.entry[fine // ROW].astype(np.int64)
         own = zone.fine.own[np.where(entry < 0, -2 - entry, entry), :, fine % ROW] > 0
@@ -79,7 +79,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return own
 
     def _coarse_springs(self) -> NDArray[np.bool_]:
-        """Which springs (k, 8) coarse nodes have, besides those that are fine bonds too, on the border."""
+        """Mask (k, 8) of springs of coarse nodes, without those on the border that are fine bonds too."""
         coarse, ground = self.hybrid.zone.coarse, self.hybrid.ground
         found, row = np.ones((len(self._coarse), len(ground.coarse_ways)), dtype=bool), self._coarse // ROW
         own = coarse.entry[row] >= 0
@@ -96,7 +96,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @cached_property
     def model(self) -> Model:
-        """The model of the nodes (n,) there are now, with nothing done to it."""
+        """The model of the n current nodes, without conditions."""
         found = part_of(self.hybrid.plate.model, self.rows)
         delta = found.grid.delta.copy()
         delta[self._at_coarse] *= 2
@@ -104,7 +104,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @cached_property
     def area(self) -> NDArray[np.float64]:
-        """Areas (n,), m^2: of fine cells a fine node's share, of coarse cells a coarse node's."""
+        """Areas (n,), m^2: for a fine node its share of fine cells, for a coarse node its share of coarse cells."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
         whole = plate.area[plate.row[self._fine]] * plate.h**2
@@ -118,7 +118,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Bonds (n,) of each node at the start, and those with what pre-cracks cut."""
+        """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         count = np.zeros(len(self.places), dtype=np.int64)
         count[self._at_fine] += self._bonds.sum(axis=1)
         count[self._at_coarse] += self._springs.sum(axis=1)
@@ -129,7 +129,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return count, family
 
     def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Springs of coarse nodes, those that pre-cracks cut included."""
+        """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         y, x = np.divmod(self.places[rows], plate.at.stride)
         corner = ((y - BELOW) // 2 + AROUND) * plate.at.cell_stride + AROUND + (x - LEFT) // 2
@@ -140,7 +140,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @property
     def signature(self) -> NDArray[np.int64]:
-        """What tells (n,) whether a node and its bonds are still the same, at the same place."""
+        """Signature (n,) that changes if a node or its bonds change."""
         found = np.zeros(len(self.places), dtype=np.int64)
         found[self._at_fine] += 1 + self._bonds.sum(axis=1)
         found[self._at_coarse] += 100 * (1 + self._springs.sum(axis=1))
@@ -148,15 +148,16 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @property
     def current(self) -> bool:
-        """Whether no cell has become fine since."""
+        """Whether no cell has been refined since this operator was made."""
         return bool(np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells)
 
     def changed(self) -> HybridOperator | None:
-        """The operator on the nodes there are now, if they are others."""
+        """The operator on the current nodes if they have changed, else None."""
         return None if self.current else HybridOperator(self.hybrid, self._cut)
 
     def _gather(self, of: Callable[[Nodes, NDArray[np.int64]], NDArray[np.float64]], out: NDArray[np.float64]) -> None:
-        """Put into out (n, 2) what both lattices have: `of` a lattice's nodes, at places (k,), (2, k)."""
+        """Gather nodal values of both lattices in out (n, 2); `of` returns (2, k) values of a lattice's nodes at
+        places (k,)."""
         zone = self.hybrid.zone
         border, count = zone.border, zone.number[BORDERS]
         out[self._at_fine] = of(zone.fine, self._fine).T
@@ -166,7 +167,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         out[self._at_coarse] = of(zone.coarse, self._coarse).T
 
     def _put(self, state: State) -> None:
-        """Give both lattices the values and rates of a state; nodes on the border follow."""
+        """Set both lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.hybrid.zone, self.hybrid.now
         for nodes, places, rows in (
             (zone.fine, self._fine, self._at_fine),
@@ -180,7 +181,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone.fine.u[now][:, border.node[:count]] = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
 
     def sync(self, state: State) -> None:
-        """Bring a state up to date with both lattices; of work the ledger alone knows."""
+        """Update a state from both lattices; work is known only to the ledger."""
         zone, now = self.hybrid.zone, self.hybrid.now
         self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
         self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
@@ -190,13 +191,13 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         state.dissipated[:] = self.spent()
 
     def accelerations(self) -> NDArray[np.float64]:
-        """Accelerations (n, 2), m/s^2, by the forces that were summed last."""
+        """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
         found = np.zeros((len(self.places), 2))
         self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], found)
         return found
 
     def spent(self) -> NDArray[np.float64]:
-        """What the nodes' broken and softened bonds have spent so far (n,), J/m^3."""
+        """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
         return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
@@ -210,7 +211,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and zeros for softening, which the state has."""
+        """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
         self.take(state)
         fine, coarse = self.hybrid.held()
         held = np.zeros(len(self.places))
@@ -220,23 +221,23 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return held / self.area, np.zeros_like(held)
 
     def books(self) -> Sums:
-        """Energies, work and momentum at the state for which `energies` were asked last."""
+        """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion().tolist()
         dissipated, work, _ = self.hybrid.spent
         return Sums(kinetic, self._strain, dissipated, 0.0, work, x, y)
 
     def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the fine zone."""
+        """Summary of the fine zone."""
         return self.hybrid.zone_summary()
 
     def pushes(self, profiles: int) -> NDArray[np.float64]:
-        """Forces (profiles, 2), N/m, of loads at factor 1."""
+        """Forces (profiles, 2), N/m, of the loads at factor 1."""
         loads, found = self.hybrid.zone.loads, np.zeros((profiles, 2))
         np.add.at(found, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
         return found
 
     def pulls(self, profiles: int) -> NDArray[np.float64]:
-        """Forces (profiles, 2), N/m, with which the nodes that are held are held."""
+        """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         holds, found = self.hybrid.zone.holds, np.zeros((profiles, 2))
         own = holds.on[: self.hybrid.zone.number[HOLDS], 1]
         np.add.at(found, (holds.what[own, PROFILE], holds.what[own, AXIS]), -holds.value[own, FORCE])
@@ -245,7 +246,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         last = len(self.places) if last is None else last
@@ -268,7 +269,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step: step, source and target row of each."""
+        """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
         source, target = (

@@ -1,4 +1,4 @@
-"""What pre-cracks cut: coarse bonds, edges of cells, sight; and what single bonds are like."""
+"""Effects of pre-cracks: cut coarse bonds, edges of cells, visibility; and properties of single bonds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as i
 
 
 def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Segments (k, 4) in spacings, a little longer at both ends."""
+    """Segments (k, 4) in spacings, slightly extended at both ends."""
     way = cracks[:, 2:] - cracks[:, :2]
     more = SLACK * way / np.maximum(np.hypot(*way.T), SLACK)[:, None]
     return np.ascontiguousarray(cracks + np.column_stack([-more, more]))
@@ -22,13 +22,13 @@ def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(**INNER)
 def turn(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
-    """Twice the area of a triangle, with the sign of its sense."""
+    """Twice the signed area of the triangle a, b, c."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @njit(**INNER)
 def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Whether pre-crack j meets the segment from a to b, in fine spacings."""
+    """Whether pre-crack j crosses the segment from a to b, in fine spacings."""
     px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
     one, other = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
     if one * other > 0:
@@ -38,7 +38,7 @@ def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def seen(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Whether no pre-crack parts two places."""
+    """Whether no pre-crack separates two places."""
     found = True
     for j in range(len(cracks)):
         found &= not crosses(cracks, j, ax, ay, bx, by)
@@ -47,7 +47,7 @@ def seen(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _box(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
-    """Columns and rows around pre-crack j that are in a plate of so many."""
+    """Range of columns and rows around pre-crack j, clipped to the plate."""
     px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
     x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
     y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(most_y, int(np.ceil(max(py, qy))) + margin)
@@ -56,7 +56,7 @@ def _box(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def begin_coarse(ground):  # type: ignore[no-untyped-def]
-    """Note the coarse bonds and the edges of cells that pre-cracks cut, and the cells they cross."""
+    """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
     at = ground.at
     for j in range(len(ground.cracks)):
         x0, y0, x1, y1 = _box(ground, j, 3, at.nx, at.ny)
@@ -95,14 +95,14 @@ def has_bond(bits, ways, half, p, k):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
-    """Stiffness of the whole bond k of node p: both cells' shares and the correction of surfaces included."""
+    """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
     row = ground.own[p]
     return ground.own_springs[row, k] if row >= 0 else ground.springs[ground.material[p], k]
 
 
 @njit(forceinline=True, **INNER)
 def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
-    """e beyond which a bond softens, and at which it is gone."""
+    """The e beyond which a bond softens, and the e at which it breaks."""
     row = ground.own[p]
     if row >= 0:
         return ground.own_peak[row, k], ground.own_limit[row, k]

@@ -1,4 +1,4 @@
-"""A model, prepared to be marched with a fine zone that moves."""
+"""Prepares a model for a moving fine zone."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ROOM = 64  # rows of fine nodes beyond those of the start, at least
 def hybrid_of(
     model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
-    """The run as it starts, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start, and the surely stable step, s; `step_of` chooses the step.
 
-    Raises ModelError for what cannot be solved so.
+    Raises ModelError for a model that the method does not support.
     """
     plate = plate_of(model, mode, precision)
     springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
@@ -50,7 +50,7 @@ def hybrid_of(
 
 
 def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> LatticeConstants:
-    """What stays, with steps of `dt`, s; what pre-cracks cut of the coarse lattice is still to be noted."""
+    """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
     at, model, h = plate.at, plate.model, plate.h
     first = springs[0]
     coarse = coarse_springs(first, h)
@@ -96,7 +96,7 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
 
 
 def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
-    """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, by the area they have there."""
+    """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, weighted by area in the cell."""
     at, rho = plate.at, np.array([material.rho for material in plate.model.materials])
     each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
     material = np.zeros(at.places, dtype=np.int64)
@@ -114,8 +114,8 @@ def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
 
 
 def bits_of(plate: Plate, ground: LatticeConstants, found: Irregular) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """Bonds at the start, a bit for each of the first half of a family, of all places; and how many pre-cracks cut of
-    each node (n,)."""
+    """Initial bonds of all places, one bit for each in the first half of a family; and the number (n,) cut by
+    pre-cracks."""
     half = len(ground.ways) // 2
     bits = np.zeros(plate.at.places, dtype=np.uint64)
     bits[plate.place] = np.uint64((1 << half) - 1)
@@ -129,7 +129,7 @@ def bits_of(plate: Plate, ground: LatticeConstants, found: Irregular) -> tuple[N
 
 
 def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
-    """A bound of stiffness over density, 1/s^2, of the nodes at edges and of those in a full lattice."""
+    """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
     rho = plate.model.rho
     usual = np.ones(len(rho), dtype=bool)
     usual[found.node] = False
@@ -150,7 +150,7 @@ def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
 
 
 def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
-    """Entries, with room for `most` nodes that each acts on."""
+    """Entries with room for at most `most` nodes each."""
     what = np.column_stack([plate.place[driven.node], driven.axis, driven.profile, driven.kind])
     value = np.zeros((len(what), 4))
     value[:, VALUE] = driven.value

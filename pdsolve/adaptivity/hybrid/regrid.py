@@ -1,4 +1,4 @@
-"""Cells become fine: what that changes around them, and nothing else."""
+"""Refinement of cells; only their surroundings are recomputed."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 
 @njit(**INNER)
 def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped-def]
-    """List the coarse cells nearer to a place (fine spacings) than `radius`; returns how many are listed then.
+    """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
-    They are marked as fine at once; `refine` knows them from the list.
+    They are marked as fine at once; `refine` takes them from the list.
     """
     for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
         for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
@@ -64,8 +64,7 @@ def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped
 
 @njit(**INNER)
 def _mark(ground, zone):  # type: ignore[no-untyped-def]
-    """Mark all places within the family's reach of the new cells; returns the columns and rows of nodes that they are
-    in."""
+    """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
     at, reach = ground.at, ground.reach + 2
     x0, y0, x1, y1 = at.nx, at.ny, 0, 0
     for c in zone.new[: zone.number[NEW]]:
@@ -81,9 +80,9 @@ def _mark(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
-    """List the nodes that the new cells concern, in order; returns how many rows of fine nodes that are.
+    """List, in order, the nodes affected by the new cells; returns the number of affected rows of fine nodes.
 
-    Those are the fine nodes within the family's reach, and the coarse ones at corners; to begin with all of these.
+    Affected are the fine nodes within the family's reach and the coarse nodes at corners; at the start, all of them.
     """
     at, (x0, y0, x1, y1) = ground.at, _mark(ground, zone)
     dirty, rows, last = 0, 0, -1
@@ -102,8 +101,10 @@ def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
-    """List the coarse nodes at the corners of the new cells, which are within these columns and rows of fine nodes, in
-    order; to begin with all coarse nodes."""
+    """List, in order, the coarse nodes at the corners of the new cells; at the start, all coarse nodes.
+
+    The new cells lie within these columns and rows of fine nodes.
+    """
     begins, around = zone.number[REGRIDS] == 0, 0
     if begins:
         x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
@@ -123,9 +124,9 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def refine(ground, zone, now):  # type: ignore[no-untyped-def]
-    """Make the cells of `zone.new` fine, which are marked so, at displacements `now`.
+    """Make the marked cells in `zone.new` fine at displacements `now`.
 
-    New nodes begin with what the coarse ones had; what energy that makes or loses is booked.
+    New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
     new, dirty, dirty_coarse = zone.new[: zone.number[NEW]], zone.dirty[: zone.number[DIRTY]], zone.around
     dirty_coarse = dirty_coarse[: zone.number[AROUND]]
@@ -151,7 +152,7 @@ def refine(ground, zone, now):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
-    """Kinds, masses and springs of these nodes."""
+    """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
         set_fine(ground.at, ground.mass[p], zone.cells, fine, p)
@@ -169,7 +170,7 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
 
 @njit(**INNER)
 def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
-    """Give the nodes that are to be free the motion of the coarse ones around them; then the new cells are fine."""
+    """Give nodes that become free the motion of the coarse ones around them, then make the new cells fine."""
     at, fine, coarse, two = ground.at, zone.fine, zone.coarse, zone.s[0, :2]
     for p in dirty:
         if fine.kind[p] == FREE:
@@ -188,7 +189,7 @@ def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
-    """List rows with fine nodes, and those on the border."""
+    """List rows with fine nodes, and border nodes."""
     fine, coarse, rows, borders = zone.fine, zone.coarse, 0, 0
     for row in range(len(fine.entry)):
         if fine.entry[row] == -1:
@@ -208,7 +209,7 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _list_coarse(at, coarse, count, dirty):  # type: ignore[no-untyped-def]
-    """List rows with coarse nodes, of `count` that did before these nodes changed; returns how many."""
+    """List rows with coarse nodes, from the previous `count` rows and the changed nodes; returns how many."""
     if count == 0:
         for y in range(at.ny // 2 + 1):
             for row in range(coarse_place(at, 0, y) // ROW, coarse_place(at, at.nx // 2, y) // ROW + 1):
@@ -232,7 +233,7 @@ def _list_coarse(at, coarse, count, dirty):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _number(ground, zone, dirty_coarse):  # type: ignore[no-untyped-def]
-    """List rows and border nodes anew, and what acts on whom."""
+    """Rebuild the lists of rows, border nodes, loads and holds."""
     fine, coarse = zone.fine, zone.coarse
     fine.touched[:] = False
     coarse.touched[:] = False
@@ -251,7 +252,7 @@ def _number(ground, zone, dirty_coarse):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
-    """Hand loads to the nodes that move: those of idle and border nodes to the coarse nodes they lie between."""
+    """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
     count = 0
     for n in range(len(loads.what)):
         p = loads.what[n, PLACE]
@@ -276,7 +277,7 @@ def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def
 
 @njit(**INNER)
 def _place_holds(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
-    """Hold the nodes that move of those that are held."""
+    """List the moving nodes that are held."""
     count = 0
     for n in range(len(holds.what)):
         p = holds.what[n, PLACE]

@@ -26,7 +26,7 @@ WHOLE, MASKED, OWN = range(3)  # rows: all lanes have all springs; those of the 
 
 
 class _Sum:
-    """The loop over the springs of some lanes."""
+    """Generator of the loop over the springs of some lanes."""
 
     def __init__(self, code: Code, kinds: Any, values: Any, kind: int, edges: Any) -> None:
         self._code, self._kind, self._edges = code, kind, edges
@@ -39,7 +39,8 @@ class _Sum:
         self._here = [code.load(component, self._p) for component in self._u]
 
     def run(self, reach: float | None, factors: tuple[float, ...], kept: Any) -> Any:
-        """Sum with the pull e g(e), g a polynomial good up to |e| = `reach`; returns what `sum_row` does."""
+        """Emit the sum with the pull e g(e), g a polynomial valid up to |e| = `reach`; returns the results of
+        `sum_row`."""
         code, builder = self._code, self._code.builder
         began, function = builder.block, builder.function
         head, add, leave = (function.append_basic_block(name) for name in ("head", "add", "leave"))
@@ -109,8 +110,10 @@ def _signature(*arrays: Any) -> Any:
 
 
 def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
-    """Code that sums a row of this `kind`, with the polynomial of number `which` (None: Green's strain), and `varied`
-    edges or one limit."""
+    """A code generator for a row of this `kind`.
+
+    `which` is the index of the polynomial (None: Green's strain); `varied` selects limits for each bond instead of one.
+    """
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, values: Any) -> Any:
         kinds, values = list(signature.args), list(values)
@@ -128,62 +131,62 @@ def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
 
 @intrinsic
 def sum_whole(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have all springs of the table, |e| up to NARROW."""
+    """Sum the forces on a row whose lanes have all springs of the table, for |e| up to NARROW."""
     return _signature(u, table, ways, weights, s), _generator(WHOLE, 0)
 
 
 @intrinsic
 def sum_whole_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have all springs of the table, |e| up to WIDE."""
+    """Sum the forces on a row whose lanes have all springs of the table, for |e| up to WIDE."""
     return _signature(u, table, ways, weights, s), _generator(WHOLE, 1)
 
 
 @intrinsic
 def sum_masked(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have springs of the table, half of them, or none; |e| up to NARROW."""
+    """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to NARROW."""
     return _signature(u, table, ways, masks, s), _generator(MASKED, 0)
 
 
 @intrinsic
 def sum_masked_wide(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have springs of the table, half of them, or none; |e| up to WIDE."""
+    """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to WIDE."""
     return _signature(u, table, ways, masks, s), _generator(MASKED, 1)
 
 
 @intrinsic
 def sum_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with stiffnesses of its own, |e| up to NARROW."""
+    """Sum the forces on a row with its own stiffnesses, for |e| up to NARROW."""
     return _signature(u, table, ways, weights, s), _generator(OWN, 0)
 
 
 @intrinsic
 def sum_own_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with stiffnesses of its own, |e| up to WIDE."""
+    """Sum the forces on a row with its own stiffnesses, for |e| up to WIDE."""
     return _signature(u, table, ways, weights, s), _generator(OWN, 1)
 
 
 @intrinsic
 def sum_edges(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with stiffnesses and `edges` (., k, 16) of its own, |e| up to NARROW.
+    """Sum the forces on a row with its own stiffnesses and `edges` (., k, 16), for |e| up to NARROW.
 
-    The 2 stands for an e that is more than `limit` above the edge of its bond.
+    The result 2 means that an e exceeds the edge of its bond by more than `limit`.
     """
     return _signature(u, table, ways, weights, edges, s), _generator(OWN, 0, True)
 
 
 @intrinsic
 def sum_edges_wide(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with stiffnesses and `edges` of its own, |e| up to WIDE; see `sum_edges`."""
+    """Sum the forces on a row with its own stiffnesses and `edges`, for |e| up to WIDE; see `sum_edges`."""
     return _signature(u, table, ways, weights, edges, s), _generator(OWN, 1, True)
 
 
 @intrinsic
 def sum_green(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a whole row of the coarse lattice, by Green's strain: force k e / 2 (xi + eta)."""
+    """Sum the forces on a whole coarse row by Green's strain: force k e / 2 (xi + eta)."""
     return _signature(u, table, ways, weights, s), _generator(WHOLE, None)
 
 
 @intrinsic
 def sum_green_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a coarse row with stiffnesses of its own, by Green's strain: force k e / 2 (xi + eta)."""
+    """Sum the forces on a coarse row with its own stiffnesses by Green's strain: force k e / 2 (xi + eta)."""
     return _signature(u, table, ways, weights, s), _generator(OWN, None)

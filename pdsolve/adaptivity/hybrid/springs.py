@@ -1,8 +1,8 @@
-"""Springs: those of a fine node's family, those of the compact lattice that is like it, and how cells clip them.
+"""Springs of a fine node's family and of the equivalent compact lattice, and the clipping of bonds by cells.
 
 A fine bond xi is a spring of k = c(xi) h^4 / |xi| (c calibrated as in the average-horizon scheme). A coarse cell has
-springs k1 = C11 - C66, half of it on each of its edges, and k2 = C66 on both diagonals: the stiffness, anisotropy
-included, of the fine lattice itself, C11 = sum c |xi| h^2 n_x^4 / 2, C66 = sum c |xi| h^2 n_x^2 n_y^2 / 2.
+springs k1 = C11 - C66, half of it on each of its edges, and k2 = C66 on both diagonals. This is the stiffness of the
+fine lattice, including its anisotropy: C11 = sum c |xi| h^2 n_x^4 / 2, C66 = sum c |xi| h^2 n_x^2 n_y^2 / 2.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EAST, NORTH = 0, 1  # directions of the coarse edge that it lies on
 
 
 class Springs(NamedTuple):
-    """The springs of a node of a full lattice: k of them, the last half opposite to the first in order."""
+    """The k springs of a node of a full lattice; the second half are the opposites of the first, in order."""
 
     dx: NDArray[np.int64]  # (k,) spacings to the neighbour
     dy: NDArray[np.int64]
@@ -37,7 +37,7 @@ class Springs(NamedTuple):
 
 
 def fine_springs(material: Material, ratio: float, h: float) -> Springs:
-    """The springs of the fine lattice of spacing `h`, m: the calibrated bonds of a `ratio` of horizon to spacing."""
+    """Springs of the fine lattice of spacing `h`, m: calibrated bonds with a `ratio` of horizon to spacing."""
     partial = material.micromodulus == "constant"
     xi = offsets(ratio + 0.5 if partial else ratio)
     length, reach, size = np.hypot(*xi.T), np.full(len(xi), float(ratio)), np.ones(len(xi))
@@ -55,7 +55,7 @@ def fine_springs(material: Material, ratio: float, h: float) -> Springs:
 
 
 def coarse_springs(fine: Springs, h: float) -> Springs:
-    """The springs of the compact coarse lattice of spacing 2 `h`, m, as stiff as the fine ones."""
+    """Springs of the compact coarse lattice of spacing 2 `h`, m, with the stiffness of the fine ones."""
     dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
     stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
     table = _table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
@@ -75,10 +75,10 @@ def e_of(stretch: Any) -> Any:
 
 
 class Stretches(NamedTuple):
-    """How the cells take a fine bond apart, for each place of its node in a cell (4) and half of the family.
+    """Stretches into which cells divide fine bonds, for each place of a node in a cell (4) and half of a family.
 
-    The stretches of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]; a bond along a line
-    between cells belongs half to either side, and has those of the other up to first[f, k, 2].
+    The stretches of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]. A bond along a line between
+    cells belongs half to either side; those on the other side end at first[f, k, 2].
     """
 
     first: NDArray[np.int64]  # (4, k, 3)
@@ -89,7 +89,7 @@ class Stretches(NamedTuple):
 
 
 def stretches(springs: Springs) -> Stretches:
-    """Where the bonds of the first half of a family cross cells, by the parity of their node."""
+    """The points at which the bonds of the first half of a family cross cells, by the parity of their node."""
     half = len(springs.dx) // 2
     first = np.zeros((4, half, 3), dtype=np.int64)
     found: list[tuple[tuple[float, float], tuple[int, int], list[tuple[int, int, int, float]]]] = []
@@ -115,7 +115,7 @@ def stretches(springs: Springs) -> Stretches:
 
 
 def _sides(px: int, py: int, dx: int, dy: int) -> list[tuple[float, float]]:
-    """To which sides of a bond to look for its cells: both of one along a line between cells."""
+    """Sides of a bond on which its cells lie: both for a bond along a line between cells."""
     if dx == 0 and px == 0:
         return [(-0.5, 0.0), (0.5, 0.0)]
     if dy == 0 and py == 0:
@@ -124,7 +124,7 @@ def _sides(px: int, py: int, dx: int, dy: int) -> list[tuple[float, float]]:
 
 
 def _crossings(start: int, step: int) -> list[float]:
-    """Shares at which a coordinate is even on its way."""
+    """Shares of a bond's length at which a coordinate is even."""
     if step == 0:
         return []
     low, high = sorted((start, start + step))
@@ -133,7 +133,7 @@ def _crossings(start: int, step: int) -> list[float]:
 
 
 def _end(x: float, y: float, t: float) -> tuple[int, int, int, float]:
-    """Coarse node, direction of the edge from there, and share of it, where a stretch begins or ends."""
+    """Coarse node, direction of the edge from there, and share along it, at which a stretch begins or ends."""
     if t in (0.0, 1.0):
         return 0, 0, TIE, 0.0
     column, row = x / 2, y / 2

@@ -1,7 +1,7 @@
-"""The derivative of the forces on the nodes of both lattices: fine bonds, coarse springs, pieces of clipped bonds.
+"""Tangent of the forces on both lattices: fine bonds, coarse springs, pieces of clipped bonds.
 
 All of them are springs between points: fine nodes, coarse nodes and ends of pieces, in this order. A point moves with
-nodes that have a motion of their own, by weights; what pulls at it pulls at them by the same weights.
+independent nodes by weights, and passes its forces to them by the same weights.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ XI, STIFFNESS = slice(2, 4), 5  # of `Pieces.value`
 
 
 class Points(NamedTuple):
-    """How p points move with n nodes, by weights."""
+    """Weights by which p points move with n nodes."""
 
     of_node: csr_array  # (n, n): of the nodes that are tied to others, by those
     of_point: csr_array  # (p, n)
@@ -32,8 +32,11 @@ class Points(NamedTuple):
 
 def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64], coarse: NDArray[np.int64],
               on: NDArray[np.int64]) -> Points:  # fmt: skip
-    """The points of the nodes there are: `row_of` (places,) is the row of a fine place, `fine` and `coarse` are the
-    places of both lattices, `on` the fine places that the coarse nodes lie on."""
+    """The points of the current nodes.
+
+    `row_of` (places,) is the row of each fine place, `fine` and `coarse` are the places of both lattices, `on` the fine
+    places that the coarse nodes lie on.
+    """
     zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
     row_of_coarse = np.full(at.coarse_places, -1, dtype=np.int64)
     row_of_coarse[coarse] = row_of[on]
@@ -65,8 +68,7 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
 def _between(
     rows: NDArray[np.int64], ends: NDArray[np.int64], w: NDArray[np.float64], nodes: int, count: int | None = None
 ) -> csr_array:
-    """Weights (`count` or `nodes`, `nodes`) of `rows` that are between two `ends` (k, 2), a share `w` on from the
-    first."""
+    """Weights (`count` or `nodes`, `nodes`) of `rows` between two `ends` (k, 2), at the share `w` from the first."""
     twice = np.tile(rows, 2)
     entries = np.concatenate([1 - w, w]), (twice, np.concatenate([ends[:, 0], ends[:, 1]]))
     return coo_array(entries, (nodes if count is None else count, nodes)).tocsr()
@@ -79,8 +81,10 @@ def tangent_of(
     rho: NDArray[np.float64],
     light: NDArray[np.float64],
 ) -> csr_array:
-    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`; nodes have densities `rho` (n,)
-    and 1 / mass `light` (n,), m/kg, those that are tied none. Bonds that have softened are those of their secant.
+    """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`.
+
+    Nodes have densities `rho` (n,) and 1 / mass `light` (n,), m/kg, which is 0 for tied nodes. Softened bonds enter
+    with their secant stiffness.
     """
     tied = kron(points.of_node, eye_array(2)).tocsr()
     density, lightness = (diags_array(np.repeat(one, 2)) for one in (rho, light))
@@ -88,7 +92,7 @@ def tangent_of(
 
 
 def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_array:
-    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on nodes that are not tied."""
+    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
     zone, ground = hybrid.zone, hybrid.ground
     u = points.of_point @ value
     fine, coarse = np.flatnonzero(points.fine >= 0), np.flatnonzero(points.coarse >= 0)
@@ -112,8 +116,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
 def _springs(
     nodes: Nodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """The springs that nodes of a lattice have: number of each one's place, its number in the `table`, and its
-    stiffness, N/m^2."""
+    """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
     entry = nodes.entry[places // ROW].astype(np.int64)
     found = np.where(entry[:, None] < 0, table[:, 5], nodes.own[np.maximum(entry, 0), :, places % ROW])
     node, k = np.nonzero(found)

@@ -1,12 +1,14 @@
-"""Cells split into four where energy is, and merge behind it.
+"""Cells that split into four where energy is high, and merge behind it.
 
 Adaptive refinement of the thesis (pp. 97-103), after the visibility principle of F. Bobaru, M. Yang, L. F. Alves, S. A.
-Silling, E. Askari, J. Xu, Int. J. Numer. Methods Eng. 77 (2009) 852-877: what is within the horizon of a node of high
-energy becomes finer before that horizon becomes smaller.
+Silling, E. Askari, J. Xu, Int. J. Numer. Methods Eng. 77 (2009) 852-877: everything within the horizon of a node of
+high energy is refined before that horizon shrinks.
 
-    cells     a tree of cells over the nodes of a model, and the model of some of its leaves
-    marks     which leaves split, which merge
-    motion    what new nodes begin with, and what energy that makes
-    cracks    which bonds of new nodes are broken: none heals
-    leaves    the operator: a list of bonds that remembers how calm its nodes are
+    tree                a tree of cells over the nodes of a model, and the model of some of its leaves
+    criteria            which leaves split, which merge
+    leaf_mapping        origin of the new leaves
+    interpolation       initial motion of new nodes, and the change of energy
+    incremental_bonds   bonds of changed leaves
+    inherited_cracks    broken bonds of new nodes: none heals
+    operator            a bond list that also stores how long its nodes have been calm
 """

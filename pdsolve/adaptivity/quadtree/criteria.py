@@ -1,9 +1,10 @@
-"""Which leaves split and which merge: thesis, pp. 97-103, with a floor below which nothing is worth a finer grid.
+"""Criteria for splitting and merging leaves: thesis, pp. 97-103, with a floor below which no cell is refined.
 
 A node is flagged if its energy density is above a share of the plate's largest (thesis: 60 %), or its most stretched
 bond above a share of the critical stretch. Everything within the horizon of a flagged node is split, while that horizon
-is still the old one. Leaves that touch differ by one level at most. Four leaves merge that have been calm for several
-looks, far from flagged nodes and from broken bonds, which could cross what their parent sees and they do not.
+is still the old one. Leaves that touch differ by at most one level. Four leaves merge if they have been calm for
+several checks and are far from flagged nodes and from broken bonds, which could lie in their parent's horizon but not
+in theirs.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ FAR = 2.0  # horizons of their parent from flagged nodes: where leaves may merge
 
 
 class Look(NamedTuple):
-    """What is known of n leaves when it is looked at them."""
+    """State of n leaves at a check."""
 
     cells: Cells
     place: NDArray[np.float64]  # (n, 2) m
@@ -33,9 +34,9 @@ class Look(NamedTuple):
 
 
 def criticals(tree: Tree) -> NDArray[np.float64]:
-    """The energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
+    """Energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
 
-    That of a finer cell is higher, as the square of its critical stretch is.
+    That of a finer cell is higher in proportion to the square of its critical stretch.
     """
     model, found = tree.model, np.zeros(tree.count)
     for number, material in enumerate(model.materials):
@@ -48,9 +49,9 @@ def criticals(tree: Tree) -> NDArray[np.float64]:
 def heights(
     tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energy densities `energy` (n,), J/m^3, over the largest of nodes that carry no condition; 0 below the floor.
+    """Energy densities `energy` (n,), J/m^3, over the largest of nodes without conditions; 0 below the floor.
 
-    The largest counts as no more than the ceiling: else one node that is crushed would hide the tip of a crack.
+    The largest is capped at the ceiling: otherwise one crushed node would hide the tip of a crack.
     """
     wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root]
     own = critical[cells.root] * 2.0**cells.level
@@ -62,8 +63,10 @@ def heights(
 def stretches(
     tree: Tree, cells: Cells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements,
-    m. Bonds that do not break count as not stretched."""
+    """Stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements, m.
+
+    Unbreakable bonds count as unstretched.
+    """
     source = np.repeat(np.arange(len(cells.root)), np.diff(bonds.start))
     y = bonds.xi + u[bonds.neighbour] - u[source]
     stretch = np.hypot(*y.T) / np.hypot(*bonds.xi.T) - 1
@@ -73,7 +76,7 @@ def stretches(
 
 
 def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
-    """Which leaves (n,) split."""
+    """Mask (n,) of the leaves that split."""
     flagged = look.height > threshold
     wanted = tree.splits(look.cells)
     wanted[wanted] = _within(look.place[wanted], look, flagged, 1.0)
@@ -83,7 +86,7 @@ def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
 def _within(
     place: NDArray[np.float64], look: Look, flagged: NDArray[np.bool_], times: float, reach: float | None = None
 ) -> NDArray[np.bool_]:
-    """Which places (k, 2) are within so many horizons of flagged nodes, their own or of one `reach`, m."""
+    """Mask of places (k, 2) within `times` horizons of flagged nodes; the horizon is the node's, or `reach`, m."""
     found = np.zeros(len(place), dtype=bool)
     for level in np.unique(look.cells.level[flagged]):
         own = flagged & (look.cells.level == level)
@@ -95,7 +98,7 @@ def _within(
 
 
 def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which cells (k,) touch one of the leaves `others` (n,), be it at a corner."""
+    """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
     place, half, found = (
         tree.place(cells),
         tree.spacing / 2.0 ** (cells.level + 1),
@@ -109,7 +112,7 @@ def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) ->
 
 
 def _balanced(tree: Tree, look: Look, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """With these leaves also the coarser ones that they touch; without those that touch one that cannot be split."""
+    """The wanted leaves plus the coarser leaves they touch, without those whose coarser neighbour cannot be split."""
     level, can, found = look.cells.level, tree.splits(look.cells), wanted.copy()
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
@@ -121,7 +124,7 @@ def _balanced(tree: Tree, look: Look, wanted: NDArray[np.bool_]) -> NDArray[np.b
 
 
 def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float) -> Cells:
-    """The cells whose quarters merge into them, all of which are there and `calm` (n,)."""
+    """Cells whose four quarters are leaves, `calm` (n,), and merge."""
     cells = look.cells
     some = calm & (cells.level > 0) & ~splits
     parents = cells.taken(some).parent()

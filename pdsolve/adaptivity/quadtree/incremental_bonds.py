@@ -1,6 +1,6 @@
-"""The bonds of leaves, all of them or what has changed: pairs of nodes that stay are not looked at again.
+"""Bonds of leaves, built in full or updated: pairs of unchanged nodes are not recomputed.
 
-The bits are the same either way, so that a run that goes on does so as one left alone.
+Both ways give the same bits, so that a resumed run equals an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pdsolve.model import Model
 
 
 class Filled(NamedTuple):
-    """The bonds of n nodes, and what they are made from."""
+    """The bonds of n nodes, and the pairs they are made from."""
 
     assembly: Assembly
     found: Paired  # all pairs, each looked at by itself
@@ -33,7 +33,7 @@ def filled(rule: ByPairs) -> Filled:
 
 
 def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) -> Filled:
-    """All bonds of a model, of which the nodes that stay had some `before`: only the others are filled anew."""
+    """All bonds of a model, reusing those of unchanged nodes from `before`."""
     stays = transfer.stays
     asked = _near(model, ~stays)
     pairs = rule.neighbours.pairs(asked)
@@ -51,7 +51,7 @@ def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) ->
 
 
 def _joined(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
-    """The pairs before of nodes that are rows now, and fresh ones, in order."""
+    """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
     source, target = row[before.pairs.source], row[before.pairs.target]
     kept = np.flatnonzero((source >= 0) & (target >= 0))
     old = _taken(before, kept)
@@ -62,7 +62,7 @@ def _joined(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -
 
 
 def _taken(found: Paired, which: NDArray[np.int64]) -> Paired:
-    """Some of the pairs."""
+    """The selected pairs."""
     columns: list[Any] = [column[which] for column in _columns(found)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
 
@@ -72,7 +72,7 @@ def _columns(found: Paired) -> tuple[Any, ...]:
 
 
 def _near(model: Model, new: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Rows of new nodes, and of all that may see one."""
+    """Rows of new nodes, and of all nodes that may interact with one."""
     position, delta = model.grid.position, model.grid.delta
     reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
     away, _ = tree_of(position[new]).query(position, distance_upper_bound=2 * reach)

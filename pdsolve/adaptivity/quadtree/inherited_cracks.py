@@ -1,7 +1,7 @@
-"""Which bonds of new nodes are broken: a crack that runs through a part of the plate stays there when its nodes change.
+"""Broken bonds of new nodes: a crack stays where it is when the nodes around it change.
 
-A new bond is broken if one between the nodes that its ends come from was. Where these had none, as they were farther
-apart than a horizon, it goes by those to a node halfway. Bonds that pre-cracks cut are none.
+A new bond is broken if a bond between the parent nodes of its ends was. If the parents had no bond, being farther apart
+than a horizon, their bonds to a node halfway decide. Bonds cut by pre-cracks do not exist.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ Rows = NDArray[np.int64]
 
 
 def sources(bonds: Bonds) -> Rows:
-    """The row (b,) whose bond each is."""
+    """Source row (b,) of each bond."""
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
 class Before:
-    """The bonds of n nodes, and the steps (b,) they broke in; 0 while intact."""
+    """The bonds of n nodes before a change, and the steps (b,) in which they broke; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
         self.bonds, self.broken, self._nodes = bonds, broken, len(bonds.start) - 1
@@ -32,7 +32,7 @@ class Before:
 
     @cached_property
     def source(self) -> Rows:
-        """The row (b,) whose bond each is."""
+        """Source row (b,) of each bond."""
         return sources(self.bonds)
 
     @cached_property
@@ -40,16 +40,16 @@ class Before:
         return self.source * self._nodes + self.bonds.neighbour
 
     def between(self, one: Rows, other: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-        """Whether nodes (k,) had bonds to others (k,), and when these broke."""
+        """Whether nodes (k,) had bonds to others (k,), and the step in which each broke."""
         key = one * self._nodes + other
         at = np.searchsorted(self._key, key).clip(max=len(self._key) - 1)
         there = self._key[at] == key
         return there, np.where(there, self.broken[at], 0)
 
     def by_way_of(self, one: Rows, other: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
-        """When nodes (k,) that had no bonds to others (k,), these vectors (k, 2) away, m, were parted from them.
+        """Step (k,) since which a crack separates nodes (k,) from others without a bond, at vectors `xi` (k, 2), m.
 
-        There is a crack between them if there is one between either of them and a node halfway, but not both.
+        A crack separates them if exactly one of the two has lost its bond to a node halfway.
         """
         begin, count = self.bonds.start[one], np.diff(self.bonds.start)[one]
         own = np.repeat(np.arange(len(one)), count)
@@ -66,7 +66,7 @@ class Before:
 
 
 def inherited(before: Before, new: Bonds, transfer: Transfer) -> NDArray[np.int32]:
-    """The steps (b,) in which the bonds of the transfer broke; 0 of those that are intact."""
+    """Steps (b,) in which the new bonds broke; 0 for intact ones."""
     source, target = sources(new), new.neighbour.astype(np.int64)
     found = np.zeros(len(source), dtype=np.int32)
     stays, gone = transfer.stays, np.ones(len(before.hurt), dtype=bool)
@@ -97,7 +97,7 @@ def inherited(before: Before, new: Bonds, transfer: Transfer) -> NDArray[np.int3
 
 
 def healed(before: Before, new: Bonds, transfer: Transfer, broken: NDArray[np.int32]) -> int:
-    """How many bonds of the transfer are intact though one between the nodes they come from was broken."""
+    """Number of new bonds that are intact although a bond between their parent nodes was broken."""
     child, part = np.nonzero(transfer.parts > 0)
     old = transfer.before[child, part]
     order = np.argsort(old, kind="stable")

@@ -1,14 +1,14 @@
-"""What new nodes begin with, by linear interpolation, and what energy that makes.
+"""Initial values of new nodes by linear interpolation, and the change of energy.
 
-A field f of a node that splits goes on as f_p + grad f . d in its quarters, d being where they are. For velocities and
-accelerations d counts from the quarters' centre of mass, so that momentum is kept to round-off; the middle of a whole
-cell is that. Of quarters that merge, momentum is that of their sum. With mass m, spacing D and velocity v
+A field f of a node that splits becomes f_p + grad f . d in its quarters, at distance d. For velocities and
+accelerations, d is measured from the quarters' centre of mass, so that momentum is conserved to round-off; in a whole
+cell this is its centre. Quarters that merge keep the sum of their momenta. With mass m, spacing D and velocity v
 
     a node that splits gains   m D^2 |grad v|^2 / 32   of kinetic energy
     quarters that merge lose   sum m_i |v_i - v|^2 / 2
 
-Gradients are fitted by least squares to the family's unbroken bonds, those to the nearest neighbours counting by far
-the most (weight: the neighbour's cell over the fourth power of the distance).
+Gradients are least-squares fits to the family's unbroken bonds, dominated by the nearest neighbours (weight: the
+neighbour's cell over the fourth power of the distance).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FLAT = 1e-6  # of the largest possible determinant: neighbours in one line give 
 def gradients(
     bonds: Bonds, intact: NDArray[np.bool_], rows: NDArray[np.int64], *fields: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """The gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 where neighbours are too few."""
+    """Gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 if a node has too few neighbours."""
     count = np.diff(bonds.start)[rows]
     own = np.repeat(np.arange(len(rows)), count)
     number = np.arange(count.sum()) + np.repeat(bonds.start[rows] - np.cumsum(count) + count, count)
@@ -53,7 +53,7 @@ def gradients(
 
 
 def moved(state: State, transfer: Transfer, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
-    """The state of the transfer of nodes with these bonds."""
+    """The state of the new nodes, from that of the old nodes with these bonds."""
     fields = (state.value, state.rate, state.second)
     means = [(transfer.parts[..., None] * field[transfer.before]).sum(axis=1) for field in fields]
     stays = transfer.stays

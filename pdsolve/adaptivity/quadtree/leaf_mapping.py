@@ -1,4 +1,4 @@
-"""What becomes of leaves of which some split and others merge."""
+"""The origin of leaves after some have split and others merged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SAME = 1e-9  # of a spacing: a centre of mass this near to the middle is there
 
 
 class Transfer(NamedTuple):
-    """Where m leaves come from, of n that were there before."""
+    """The origin of m leaves among the n leaves before."""
 
     before: Rows  # (m, 4) rows that each comes from: itself, the whole, or its four quarters
     parts: NDArray[np.float64]  # (m, 4) of those, shares of its mass; 0 where there is none
@@ -25,12 +25,12 @@ class Transfer(NamedTuple):
 
     @property
     def stays(self) -> NDArray[np.bool_]:
-        """Whether each node (m,) is the same as before."""
+        """Mask (m,) of the nodes that are unchanged."""
         return ~self.split & ~self.merged
 
 
 def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, Transfer]:
-    """The leaves after these (n,) have split, and those that are quarters of `merged` have merged."""
+    """The leaves after those in `splits` (n,) have split and the quarters of `merged` have merged, and their origin."""
     ids = tree.ids(cells)
     by_id = np.argsort(ids)
 
@@ -60,7 +60,7 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
 def _apart(
     tree: Tree, new: Cells, whole: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """From the centre of mass (m, 2) of quarters to each, m, where `whole` (m,) are the rows they come from."""
+    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `whole` (m,) is the row of their parent."""
     found, area = np.zeros_like(away), tree.areas(new.taken(split))
     _, group = np.unique(whole[split], return_inverse=True)
     for axis in (0, 1):

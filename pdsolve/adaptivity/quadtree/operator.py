@@ -1,4 +1,4 @@
-"""The bonds of the leaves there are, and what is remembered besides."""
+"""The operator of the current leaves."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SURE = {"conservative": 0.9, "thesis": 0.6}
 
 
 class Memory(NamedTuple):
-    """What is remembered of n leaves."""
+    """History of n leaves."""
 
     calm: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
     made: float  # J/m: energy that splitting and merging have made so far
@@ -35,7 +35,7 @@ class Leaves(BondList):
     """The operator of some leaves of a tree."""
 
     def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, symmetric: bool, threads: int) -> None:
-        """`model` is that of the leaves, `filled` are its bonds."""
+        """`model` is the model of the leaves, `filled` are its bonds."""
         super().__init__(law_of(model), model, filled.assembly.bonds, symmetric, "float64", threads)
         self.tree, self.cells, self.filled = tree, cells, filled
         self.memory = Memory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
@@ -44,7 +44,7 @@ class Leaves(BondList):
 
     @property
     def list(self) -> Bonds:
-        """All bonds (b,), broken ones too."""
+        """All bonds (b,), including broken ones."""
         return self.filled.assembly.bonds
 
     def steps(self) -> NDArray[np.int32]:
@@ -52,25 +52,25 @@ class Leaves(BondList):
         return self._steps()
 
     def put(self, steps: NDArray[np.int32]) -> None:
-        """Let bonds be broken since these steps (b,); 0: intact."""
+        """Set the steps (b,) in which bonds broke; 0: intact."""
         self._steps()[:] = steps
 
     def zone_summary(self) -> ZoneSummary:
-        """What there is to say of the finer cells."""
+        """Summary of the finer cells."""
         return ZoneSummary(self.memory.made, self._fine, 0.0)
 
     def keep(self) -> Kept:
-        """The memory of bonds for a checkpoint, and for how long each cell has been calm."""
+        """Bond history for a checkpoint, and for how long each cell has been calm."""
         return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.made])}
 
 
 def remembered(kept: Kept, leaves: int) -> Memory:
-    """The memory that `Leaves.keep` kept of so many leaves. Raises CheckpointError."""
+    """The history stored by `Leaves.keep` for so many leaves. Raises CheckpointError."""
     return Memory(entry(kept, "calm", (leaves,), np.int64, 0).copy(), float(entry(kept, "made", (1,), float)[0]))
 
 
 def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
-    """The cells of a model. Raises ModelError for what cannot be solved so, in one sentence."""
+    """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     grid = model.grid
     for place, found, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
         if found != expected:
@@ -85,7 +85,7 @@ def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tr
 
 
 def named(model: Model) -> Model:
-    """The model with boxes replaced by the ids of the nodes in them, so that nodes split later are not in any."""
+    """The model with boxes replaced by the ids of their nodes, so that nodes created later are in none."""
 
     def by_ids(some):  # type: ignore[no-untyped-def]
         if some.box is None:
@@ -99,7 +99,7 @@ def named(model: Model) -> Model:
 
 
 def _clear(tree: Tree) -> None:
-    """Raises ModelError where a pre-crack passes through a node that splitting could make."""
+    """Raise ModelError if a pre-crack passes through a node that splitting could create."""
     cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
     if not len(cracks):
         return

@@ -1,9 +1,8 @@
-"""A tree of cells: each node of a model is a square cell, which splits into four, and these again.
+"""A tree of cells: each node of a model is a square cell, which can split into four, recursively.
 
 A cell is a root (a row of the model's grid), a level and a path: two bits for each level, whether it is the right and
-whether it is the upper one of its four. The leaves in use are in the order of their roots, those of one root in that of
-their paths, so that nodes which stay keep their order. A node's id says which cell it is: those of roots are the
-grid's own, all others follow the largest of these.
+whether it is the upper one of its four. Leaves are ordered by root, then by path, so that unchanged nodes keep their
+order. A node's id identifies its cell: roots have the grid's ids, all other cells follow the largest of these.
 """
 
 from __future__ import annotations
@@ -38,25 +37,25 @@ class Cells(NamedTuple):
         return Cells(*(column[which] for column in self))
 
     def parent(self) -> Cells:
-        """What each is a quarter of."""
+        """The parent of each cell."""
         return Cells(self.root, self.level - 1, self.path >> 2)
 
     def quarters(self) -> Cells:
-        """The four (4 n,) of each, one after the other."""
+        """The four quarters (4 n,) of each cell, consecutively."""
         root, level, path = (np.repeat(column, 4) for column in self)
         return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root)))
 
 
 def joined(*several: Cells) -> Cells:
-    """Several sets of cells in one."""
+    """Several sets of cells as one."""
     return Cells(*(np.concatenate(column) for column in zip(*several, strict=True)))
 
 
 class Tree:
-    """All cells that the nodes of a model can be split into."""
+    """All cells into which the nodes of a model can split."""
 
     def __init__(self, model: Model) -> None:
-        """`model` has nodes of one spacing, and no condition or region that means nodes by a box."""
+        """`model` has nodes of one spacing, and no condition or region with a box."""
         self.model, self.levels = model, model.settings.run.split.levels
         grid = model.grid
         self.spacing, self.count = float(grid.delta[0]), len(grid)
@@ -84,7 +83,7 @@ class Tree:
         return np.where(cells.level > 0, self._begin[cells.level] + own, self.model.grid.ids[cells.root])
 
     def cells(self, ids: NDArray[np.int64]) -> Cells:
-        """The cells of the nodes with these ids (n,)."""
+        """Cells of the nodes with these ids (n,)."""
         level = np.searchsorted(self._begin, ids, side="right") - 1
         level = np.where(ids < self._first, 0, level)
         number = ids - self._begin[level]
@@ -93,7 +92,7 @@ class Tree:
         return Cells(root, level, np.where(level == 0, 0, number % 4**level))
 
     def leaves(self, ids: NDArray[np.int64]) -> Cells | None:
-        """The leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
+        """Leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
         if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end:
             return None
         found = self.cells(ids)
@@ -108,17 +107,17 @@ class Tree:
 
     @property
     def _end(self) -> int:
-        """More than any id."""
+        """An id larger than any in use."""
         return int(self._begin[-1] + self.count * 4**self.levels) if self.levels else self._first
 
     @cached_property
     def _begin(self) -> NDArray[np.int64]:
-        """The first id (levels + 1,) of each level; that of roots stands for none."""
+        """First id (levels + 1,) of each level; the entry for roots is unused."""
         sizes = self.count * 4 ** np.arange(1, self.levels + 1)
         return np.concatenate([[self._first], self._first + np.concatenate([[0], np.cumsum(sizes)[:-1]])])
 
     def offset(self, cells: Cells) -> NDArray[np.float64]:
-        """Where (n, 2) the middle of each is, from that of its root, in spacings."""
+        """Vectors (n, 2) from the centre of each cell's root to that of the cell, in spacings."""
         found = np.zeros((len(cells.root), 2))
         for level in range(1, self.levels + 1):
             digit = cells.path >> np.maximum(2 * (cells.level - level), 0)
@@ -128,11 +127,11 @@ class Tree:
         return found
 
     def place(self, cells: Cells) -> NDArray[np.float64]:
-        """The middles (n, 2) of cells, m."""
+        """Centres (n, 2) of cells, m."""
         return np.asarray(self.model.grid.position[cells.root] + self.spacing * self.offset(cells))
 
     def areas(self, cells: Cells) -> NDArray[np.float64]:
-        """What (n,) of the plate each has, m^2; 0 of one that is none, as its middle is not in the plate."""
+        """Area (n,) of each cell inside the plate, m^2; 0 for a cell that is no node, as its centre is outside."""
         area = self.area[cells.root] / 4.0**cells.level
         for level, (number, share) in self._shares.items():
             odd = np.flatnonzero((cells.level == level) & (number[cells.root] >= 0))
@@ -140,8 +139,8 @@ class Tree:
         return area
 
     def _odd_shares(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
-        """By level, of the cells of roots that an edge cuts: a number (roots,), -1 of others, and the shares
-        (odd, 4^level) of its area."""
+        """For each level, the roots cut by an edge: their index (roots,), -1 for others, and area shares (odd,
+        4^level)."""
         grid = self.model.grid
         whole = np.abs(self.area / self.spacing**2 - 1) < WHOLE
         odd, plate = np.flatnonzero(~whole), plate_of(grid, self.model.name)
@@ -167,11 +166,11 @@ class Tree:
         return found
 
     def exact(self, cells: Cells) -> Cells:
-        """The cells that have a share of the plate."""
+        """The cells with a share of the plate."""
         return cells.taken(self.areas(cells) > 0)
 
     def splits(self, cells: Cells) -> NDArray[np.bool_]:
-        """Which (n,) can be split."""
+        """Mask (n,) of cells that can be split."""
         can = (cells.level < self.levels) & ~self.pinned[cells.root]
         some = np.flatnonzero(can)
         can[some] = self.areas(cells.taken(some).quarters()).reshape(-1, 4).any(axis=1)
@@ -189,7 +188,7 @@ class Tree:
         return Model(self.grid_of(cells, ids), settings, self.model.name)
 
     def grid_of(self, cells: Cells, ids: NDArray[np.int64]) -> Grid:
-        """The nodes with these ids."""
+        """The grid of the nodes with these ids."""
         grid = self.model.grid
         return dataclasses.replace(
             grid,
