@@ -15,6 +15,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,10 @@ from pdmesh.model.document import Concentration, Run, Settings, Solid
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import Grid
 from pdsolve.diffusion.euler import Euler
+from pdsolve.diffusion.links import Linking
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.masses import masses
+from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
 from pdsolve.model import Model
 
@@ -83,7 +86,7 @@ class Plain:
         self.weight = np.repeat(links.conductance, np.diff(links.first.astype(np.int64))) * listed.volume[0]
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """As in `Operator`."""
+        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
         _plain(self.start, self.neighbour, self.weight, potential, out)
 
     def tangent(self) -> Any:
@@ -100,7 +103,7 @@ def _plain(start, neighbour, weight, potential, out):  # type: ignore[no-untyped
         s = 0.0
         for b in range(start[i], start[i + 1]):
             s += weight[b] * (potential[neighbour[b]] - potential[i])
-        out[i] = s
+        out[i] += s
 
 
 @njit(nogil=True, error_model="numpy", cache=True, fastmath=True)
@@ -130,15 +133,15 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
     medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # the links of lattices alone
     model = replace(model, settings=msgspec.structs.replace(model.settings, medium=medium))
     slots, state = prepare(model, 1)
-    listed = prepare(model, 1, listed=True)[0].operator
+    listed = prepare(model, 1, listed=True)[0].operator.exchange
     assert isinstance(listed, BondList)
     plain = Plain(listed)
     runs = {}
-    for operator in (slots.operator, listed, plain):
+    for exchange in (slots.operator.exchange, listed, plain):
         own = state._replace(**{name: values.copy() for name, values in state._asdict().items()})
-        stepper = Euler(operator, slots.done, medium, slots.time_step)
-        operator.rates(own.content, np.zeros(len(own.content)))
-        runs[operator.name] = (stepper, own)
+        stepper = Euler(Fick(exchange, partial(Linking, model), medium), slots.done, slots.time_step)
+        exchange.rates(own.value[:, 0], np.zeros(len(own.value)))
+        runs[exchange.name] = (stepper, own)
     spent = dict.fromkeys(runs, 0.0)
     ends = [steps * part // ROUNDS for part in range(ROUNDS + 1)]
     for first, last in pairwise(ends):
@@ -164,7 +167,7 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
         "slots_over_plain": each["plain"] / each["lattice"],
         "dissolved": now.dissolved / start.solid,
         "largest_difference": max(
-            float(np.abs(runs["lattice"][1].content - own.content).max()) for _, own in runs.values()
+            float(np.abs(runs["lattice"][1].value[:, 0] - own.value[:, 0]).max()) for _, own in runs.values()
         ),
     }
 
@@ -175,7 +178,7 @@ def collocated(spacing: float, steps: int) -> dict[str, Any]:
     starts = [masses(system, state, 0, None) for system, state in systems]
     spent, shares = np.zeros(2), np.zeros((2, 0))
     for system, state in systems:
-        system.operator.rates(state.content, np.zeros(len(state.content)))
+        system.operator.exchange.rates(state.value[:, 0], np.zeros(len(state.value)))
     for part in range(ROUNDS):
         first, last = steps * part // ROUNDS, steps * (part + 1) // ROUNDS
         now = []

@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 class Unknown(NamedTuple):
     """A field that is solved for."""
 
-    name: str  # u: displacement
+    name: str  # u: displacement; h: content
     width: int  # components
-    order: int  # of the highest derivative in time
+    order: int  # of the highest derivative in time: 2 of a displacement, 1 of a content
 
 
 class State(NamedTuple):
     """The state of n nodes with w components of all unknowns, in the order of the operator's `unknowns`.
 
-    Bonds remember for themselves (`Operator.keep`); nothing else changes.
+    Bonds remember for themselves (`Operator.keep`); nothing else changes. What is conserved, energy or substance, is
+    booked by node.
     """
 
-    value: NDArray[Any]  # (n, w) displacement, m
-    rate: NDArray[Any]  # (n, w) velocity, m/s; within a step the mean since the last one
-    second: NDArray[Any]  # (n, w) acceleration, m/s^2
-    dissipated: NDArray[np.float64]  # (n,) spent by the node's broken bonds so far, J/m^3
-    work: NDArray[np.float64]  # (n,) done on the node by loads and holds so far, J/m^3
+    value: NDArray[Any]  # (n, w) displacement, m; content, mol/m^3
+    rate: NDArray[Any]  # (n, w) velocity, m/s; within a step the mean since the last one; mol/(m^3 s)
+    second: NDArray[Any]  # (n, w) acceleration, m/s^2; (n, 0) of an unknown of first order
+    dissipated: NDArray[np.float64]  # (n,) spent by the node's broken bonds, J/m^3; gone out where it is held, mol/m^3
+    work: NDArray[np.float64]  # (n,) done on the node by loads and holds, J/m^3; supplied to it, mol/m^3
     damped: NDArray[np.float64]  # (n,) taken from the node's motion by damping so far, J/m^3
 
 

@@ -80,7 +80,7 @@ class Collocated:
         self._seam = np.concatenate(seam)
         self._seam_volume = float(volume[self._seam].sum())
         self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._links, self._stencils)] for _ in "rv")
-        self._some = [_slice(rows) for rows in (fine, coarse)]
+        self._some, self._both = [_slice(rows) for rows in (fine, coarse)], np.zeros(len(volume))
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """The links (b,) of some rows, which increase, to nodes of their own lattice, and their conductances (b,)."""
@@ -127,22 +127,25 @@ class Collocated:
             )
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
         fine, every, own = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
         fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
         every[own[1] :] = self._inner.values @ fine[: own[0]]
         fine[own[0] :] = self._outer.values @ every
-        self._links.rates(fine, self._rates[0])
-        self._stencils.rates(every, self._rates[1])
-        out[self._some[0]], out[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
-        _give_back(self.volume, self._seam, self._seam_volume, out)
+        for one, rates, values in zip((self._links, self._stencils), self._rates, self._values, strict=True):
+            rates[:] = 0
+            one.rates(values, rates)
+        both = self._both
+        both[self._some[0]], both[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
+        _give_back(self.volume, self._seam, self._seam_volume, both)
+        out += both
 
     def tangent(self) -> csr_array:
         """Nobody asks: implicit steps want symmetric links."""
         raise ModelError(f"{self._model.name}: $.run.adapt: found collocation, expected none for implicit steps")
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by; as in `Operator`."""
+        """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by, m^d/s."""
         return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.diffusion.links import Links
 from pdsolve.diffusion.listed import BondList, compiled
-from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.operator import Exchange
 from pdsolve.diffusion.surfaces import Change
 from pdsolve.numerics.thread_team import share
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Corrected:
     """An operator and a change of some of its conductances; its `contrast` is that without the change."""
 
-    def __init__(self, base: Operator, change: Change, threads: int) -> None:
+    def __init__(self, base: Exchange, change: Change, threads: int) -> None:
         self.base, self.name, self.volume, self.count = base, base.name, base.volume, base.count
         self._threads, self.change, self.contrast = threads, change, base.contrast
         self._rows, first = np.unique(change.source, return_index=True)
@@ -30,7 +30,7 @@ class Corrected:
         self.total = base.total + np.bincount(change.source, weight, minlength=len(self.volume))
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
         self.base.rates(potential, out)
         of = self._rows, self._links, self.volume, potential
         share(lambda first, last: _add(of, out, first, last), len(self._rows), self._threads)
@@ -43,12 +43,10 @@ class Corrected:
         k_diss: float,
         out: NDArray[np.float64],
     ) -> None:
-        """The rates (n,) of a kinetic dissolution; of listed links."""
+        """Add the rates (n,) of a kinetic dissolution to `out`; of listed links."""
         assert isinstance(self.base, BondList)
         self.base.dissolve(concentration, solid, C_sat, k_diss, out)
-        changed = np.zeros(len(out))
-        self._listed.dissolve(concentration, solid, C_sat, k_diss, changed)
-        out += changed
+        self._listed.dissolve(concentration, solid, C_sat, k_diss, out)
 
     def tangent(self) -> csr_array:
         """The rates (n, n) by the potentials, 1/s."""

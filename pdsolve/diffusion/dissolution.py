@@ -12,22 +12,12 @@ into liquid that holds C_sat, without which the liquid at the front takes up mor
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium, contradiction
 from pdsolve.diffusion.links import dimension_of, lattice_diffusivity, moment
 from pdsolve.model import Model, ModelError
-
-
-class State(NamedTuple):
-    """What changes while a model of diffusion marches; nothing else is in a checkpoint."""
-
-    content: NDArray[np.float64]  # (n,) mol/m^3, what is solid counted
-    solid: NDArray[np.uint8]  # (n,) whether a node is solid; kinetic alone
-    books: NDArray[np.float64]  # (2,) mol (of a plate, mol/m): gone through held nodes, supplied
 
 
 def check(model: Model) -> None:
@@ -46,13 +36,11 @@ def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float6
     return np.minimum(content, medium.C_sat)
 
 
-def solid_share(medium: Medium, state: State) -> NDArray[np.float64]:
-    """How much of each node (n,) is solid, from 0 to 1."""
+def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much of each node (n,) of this `content` is solid by enthalpy, from 0 to 1."""
     if medium.C_sat is None or medium.C_solid is None:
-        return np.zeros(len(state.content))
-    if medium.dissolution == "kinetic":
-        return state.solid.astype(float)
-    return np.clip((state.content - medium.C_sat) / (medium.C_solid - medium.C_sat), 0.0, 1.0)
+        return np.zeros(len(content))
+    return np.clip((content - medium.C_sat) / (medium.C_solid - medium.C_sat), 0.0, 1.0)
 
 
 def crossing(model: Model) -> float:

@@ -1,16 +1,14 @@
-"""Forward Euler: surely stable up to 1 / max of what leaves a node."""
+"""Explicit steps of an unknown of first order: forward Euler."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pdmesh.model.medium import Medium
 from pdsolve.diffusion.conditions import BoundaryConditions
-from pdsolve.diffusion.corrected import Corrected
-from pdsolve.diffusion.dissolution import State, potential
-from pdsolve.diffusion.listed import BondList
-from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.dissolution import potential
+from pdsolve.diffusion.operator import Fick
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.state import State
 
 
 class Euler:
@@ -18,42 +16,36 @@ class Euler:
 
     name = "forward Euler"
 
-    def __init__(self, operator: Operator, done: BoundaryConditions, medium: Medium, time_step: float) -> None:
-        self._operator, self._done, self._medium, self._dt = operator, done, medium, time_step
+    def __init__(self, operator: Fick, done: BoundaryConditions, time_step: float) -> None:
+        self._operator, self._done, self._dt = operator, done, time_step
         self._held = np.flatnonzero(~done.free)
         self._supplied = bool(done.supplied) or bool(done.exchange.any())
-        self._kinetic = medium.dissolution == "kinetic"
-        self._rate, self._supply = (np.zeros(len(operator.volume)) for _ in range(2))
+        self._supply = np.zeros(len(operator.volume))
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        done, volume, rate, supply = self._done, self._operator.volume, self._rate, self._supply
+        done, dt, supply = self._done, self._dt, self._supply
+        content, rate = state.value[:, 0], state.rate[:, 0]
         for step in range(first, last):
-            even = potential(self._medium, state.content)
-            self._rates(state, even)
-            state.books[0] += self._dt * float((volume[self._held] * rate[self._held]).sum())
+            rate[:] = 0
+            self._operator.add(state, state.rate, step, dt)
+            state.dissipated[self._held] += dt * rate[self._held]
             if self._supplied:
-                done.supply((step - 1) * self._dt, supply)
-                supply -= done.exchange * even
-                state.books[1] += self._dt * float((volume * supply).sum())
+                done.supply((step - 1) * dt, supply)
+                supply -= done.exchange * potential(self._operator.medium, content)
+                state.work[:] += dt * supply
                 rate += supply
-            rate *= self._dt
-            np.add(state.content, rate, out=state.content)
-            done.hold(state.content, step * self._dt)
-            if self._kinetic:
-                state.solid[state.content <= (self._medium.C_sat or 0.0)] = 0
-
-    def _rates(self, state: State, even: NDArray[np.float64]) -> None:
-        medium = self._medium
-        if self._kinetic and isinstance(self._operator, BondList | Corrected):
-            C_sat = (medium.C_sat or 0.0) if medium.capped else np.inf
-            self._operator.dissolve(even, state.solid, C_sat, medium.k_diss, self._rate)
-        else:
-            self._operator.rates(even, self._rate)
+            _advance(content, rate, dt)
+            done.hold(content, step * dt)
 
 
-def bound(operator: Operator, done: BoundaryConditions, medium: Medium) -> float:
-    """The longest step that is surely stable, s; infinite without links."""
-    faster = max(1.0, medium.k_diss) if medium.dissolution == "kinetic" else 1.0
-    most = float((faster * operator.total + done.exchange)[done.free].max(initial=0.0))
+@cached_njit()
+def _advance(content, rate, dt):  # type: ignore[no-untyped-def]
+    for i in range(len(content)):
+        content[i] += rate[i] * dt
+
+
+def bound(operator: Fick, done: BoundaryConditions) -> float:
+    """The longest step for which no content overshoots, s; infinite without links."""
+    most = float((operator.stiffness_bound() / 2 + done.exchange)[done.free].max(initial=0.0))
     return 1 / most if most > 0 else float("inf")

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
-from pdsolve.diffusion.links import Linking, links_of, shape
-from pdsolve.diffusion.listed import BondList, compiled
+from pdsolve.diffusion.links import Linking, shape
+from pdsolve.diffusion.listed import compiled
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> O
     box = box_of(grid.position, float(grid.delta[0]), int(np.abs(steps).max()))
     if box is None:
         return None
-    return OnLattice(box, slots_of(steps, conductance, box), volume, threads, linking)
+    return OnLattice(box, slots_of(steps, conductance, box), volume, threads)
 
 
 class OnLattice:
@@ -121,11 +121,9 @@ class OnLattice:
 
     name = "lattice"
 
-    def __init__(
-        self, box: Box, slots: Slots, volume: NDArray[np.float64], threads: int, linking: Linking | None = None
-    ) -> None:
+    def __init__(self, box: Box, slots: Slots, volume: NDArray[np.float64], threads: int) -> None:
         self.volume, self.threads = volume, threads
-        self._linking, self._box, self._slots = linking, box, slots
+        self._box, self._slots = box, slots
         self._amount, self._whole = np.zeros((2, box.size + ABREAST))
         self._whole[box.cell] = volume
         runs = box.runs
@@ -145,7 +143,7 @@ class OnLattice:
         side_by_side(lambda part: kernel(runs, slots, of, out, ends[part], ends[part + 1]), self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
         _put(self._box.cell, potential, self.volume, self._amount)
         self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
 
@@ -155,9 +153,18 @@ class OnLattice:
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s; of a whole model."""
-        assert self._linking is not None
-        return BondList(links_of(self._linking.parts(), len(self.volume))[0], self.volume, self.threads).tangent()
+        """The rates (n, n) by the potentials, 1/s."""
+        from scipy.sparse import coo_array  # here, as it takes long to import
+
+        nodes, row = np.arange(len(self.volume)), np.full(self._box.size, -1)
+        row[self._box.cell] = nodes
+        entries = [(-self.total, nodes, nodes)]
+        for ahead, conductance in zip(*self._slots, strict=True):
+            target = row[self._box.cell + ahead]
+            there = (target >= 0) & (conductance > 0)
+            entries.append((conductance * self.volume[target[there]], nodes[there], target[there]))
+        value, source, target = (np.concatenate(column) for column in zip(*entries, strict=True))
+        return coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
@@ -198,7 +205,7 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
                 s[x] += g0 * amount[b0 + x] + g1 * amount[b1 + x]
         for x in range(runs.cells[r]):
             i = order[runs.node[r] + x]
-            out[i] = s[x] - total[i] * potential[i]
+            out[i] += s[x] - total[i] * potential[i]
 
 
 @compiled()

@@ -32,7 +32,7 @@ class BondList:
         share(lambda first, last: kernel(self.links, of, out, first, last), len(self.volume), self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Put into `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
         self._share(_pull, (self.volume * potential, potential, self.total), out)
 
     def dissolve(
@@ -43,7 +43,7 @@ class BondList:
         k_diss: float,
         out: NDArray[np.float64],
     ) -> None:
-        """Put the rates (n,) of dissolution into `out`: links from solid to liquid count `k_diss` times, and only while
+        """Add the rates (n,) of dissolution to `out`: links from solid to liquid count `k_diss` times, and only while
         the liquid holds less than `C_sat`; links between solid nodes count nothing."""
         self._share(_dissolve, (self.volume, concentration, solid, C_sat, k_diss), out)
 
@@ -84,7 +84,7 @@ def _pull(links, of, out, first, last):  # type: ignore[no-untyped-def]
             if b < end:
                 one += amount[links.neighbour[b]]
             t += links.conductance[k] * (one + other)
-        out[i] = t - total[i] * potential[i]
+        out[i] += t - total[i] * potential[i]
 
 
 @compiled()
@@ -118,4 +118,4 @@ def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
                     factor = 1.0
                 s += factor * volume[j] * (other - mine)
             t += links.conductance[k] * s
-        out[i] = t
+        out[i] += t

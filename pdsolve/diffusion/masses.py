@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pdsolve.diffusion.dissolution import State, potential, solid_share
-from pdsolve.diffusion.system import OWN, System
+from pdsolve.diffusion.system import Transport
+from pdsolve.state import State
 
 
 class Masses(NamedTuple):
@@ -30,29 +27,15 @@ class Masses(NamedTuple):
         return missing / scale if scale else 0.0
 
 
-def masses(system: System, state: State, step: int, solid_at_start: float | None) -> Masses:
+def masses(transport: Transport, state: State, step: int, solid_at_start: float | None) -> Masses:
     """The books after `step`; `solid_at_start` in m^d, None where this is the start."""
-    medium, volume = system.model.settings.medium, system.operator.volume
-    assert medium is not None
+    medium, operator, volume = transport.operator.medium, transport.operator, transport.operator.volume
     solid, surface = 0.0, 0.0
     if medium.C_solid is not None:
-        share = solid_share(medium, state)
+        share = operator.share(state)
         solid = float((volume * share).sum())
-        surface = system.operator.contrast(share) / system.crossing
+        surface = operator.exchange.contrast(share) / transport.crossing
     gone = 0.0 if solid_at_start is None else (solid_at_start - solid) * (medium.C_solid or 0.0)
-    inside = float((volume * state.content)[system.done.free].sum())
-    through, supplied = state.books.tolist()
-    return Masses(step, step * system.time_step, inside, through, supplied, solid, gone, surface)
-
-
-def fields(system: System, state: State) -> dict[str, NDArray[np.float64]]:
-    """What a frame holds of n nodes: what is dissolved, all there is, and the share that is solid."""
-    medium, asked = system.model.settings.medium, system.model.settings.run.fields
-    assert medium is not None
-    found = {
-        "c": potential(medium, state.content),
-        "h": state.content,
-        "solid": solid_share(medium, state),
-    }
-    chosen = [name for name in OWN if name in asked] or OWN
-    return {name: found[name] for name in chosen}
+    inside = float((volume * state.value[:, 0])[transport.done.free].sum())
+    through, supplied = (float((volume * column).sum()) for column in (state.dissipated, state.work))
+    return Masses(step, step * transport.time_step, inside, through, supplied, solid, gone, surface)

@@ -1,8 +1,9 @@
-"""A model of diffusion prepared for marching."""
+"""The links, conditions and steps of a model of diffusion."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -10,19 +11,21 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdmesh.model.output_fields import USUAL
-from pdsolve.diffusion import collocation, surfaces
+from pdsolve.diffusion import surfaces
+from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
 from pdsolve.diffusion.corrected import Corrected
-from pdsolve.diffusion.dissolution import State, check, crossing
+from pdsolve.diffusion.dissolution import check, crossing
 from pdsolve.diffusion.euler import Euler, bound
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import BondList
-from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.operator import Exchange, Fick
 from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
+from pdsolve.state import State
 
 OWN = ("c", "h", "solid")  # fields of a frame
 SLACK = 1e-9  # of a step: what is typed
@@ -40,11 +43,11 @@ class Stepper(Protocol):
 
 
 @dataclass(frozen=True)
-class System:
-    """A model of diffusion prepared for marching; n nodes."""
+class Transport:
+    """What carries a substance through a model; n nodes."""
 
     model: Model
-    operator: Operator
+    operator: Fick
     done: BoundaryConditions
     stepper: Stepper
     time_step: float  # s
@@ -54,7 +57,7 @@ class System:
     threads: int
 
 
-def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[System, State]:
+def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
     """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
     check(model)
     _refuse(model)
@@ -63,38 +66,49 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     threads = threads or crew(len(model.grid))
     volume = volumes(model)
     done = boundary_conditions(model, volume)
-    operator, blocked = _operator(model, volume, done, threads, listed)
-    if isinstance(operator, Corrected):
-        done = linked(done, operator.change.to_edge, operator.change.edge)
-    content, solid = begin(model, done)
-    most = bound(operator, done, medium)
+    exchange, blocked = _exchange(model, Linking(model), volume, done, threads, listed)
+    if isinstance(exchange, Corrected):
+        done = linked(done, exchange.change.to_edge, exchange.change.edge)
+    base = exchange.base if isinstance(exchange, Corrected) else exchange
+    operator = Fick(exchange, (lambda: base) if isinstance(base, Collocated) else partial(Linking, model), medium)
+    content, operator.solid = begin(model, done)
+    most = bound(operator, done)
     step = _step(model, most)
-    stepper: Stepper = Euler(operator, done, medium, step)
+    stepper: Stepper = Euler(operator, done, step)
     if run.solver == "implicit":
-        stepper = Theta(operator, done, medium, step, run.theta)
-    system = System(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)
-    return system, State(content, solid, np.zeros(2))
+        stepper = Theta(operator, done, step, run.theta)
+    found = Transport(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)
+    second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
+    return found, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 
 
-def expect_usual(model: Model, options: Options, changes: bool = False) -> None:
-    """Raises ModelError for options that a model of diffusion would not listen to; `changes`: its nodes shall."""
-    if options._replace(threads=None) != Options() or changes:
+def expect_usual(model: Model, options: Options) -> None:
+    """Raises ModelError for options that a model of diffusion would not listen to."""
+    rest = options._replace(threads=None, kernel=None)
+    if rest != Options() or options.kernel not in (None, "listed"):
         found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
-        raise ModelError(f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion")
+        raise ModelError(
+            f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion, or listed"
+        )
 
 
-def _operator(
-    model: Model, volume: NDArray[np.float64], done: BoundaryConditions, threads: int, listed: bool = False
-) -> tuple[Operator, NDArray[np.int64]]:
+def _exchange(
+    model: Model,
+    linking: Linking,
+    volume: NDArray[np.float64],
+    done: BoundaryConditions,
+    threads: int,
+    listed: bool = False,
+) -> tuple[Exchange, NDArray[np.int64]]:
     """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
-    linking, medium, blocked = Linking(model), model.settings.medium, np.zeros(len(volume), dtype=np.int64)
+    medium, blocked = model.settings.medium, np.zeros(len(volume), dtype=np.int64)
     assert medium is not None
     near: surfaces.Links = linking
     lacking = np.ones(len(volume), dtype=bool)
     kinetic = medium.dissolution == "kinetic"  # a link asks both of its ends
-    found: Operator | None = None
+    found: Exchange | None = None
     if model.settings.run.adapt == "collocation":
-        found = near = collocation.Collocated(linking, volume, threads)
+        found = near = Collocated(linking, volume, threads)
         lacking = ~lacking
     elif not (kinetic or listed):
         found = slots = on_lattice(linking, volume, threads)

@@ -12,11 +12,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.medium import Medium
 from pdsolve.diffusion.conditions import BoundaryConditions
-from pdsolve.diffusion.dissolution import State, potential
-from pdsolve.diffusion.operator import Operator
+from pdsolve.diffusion.dissolution import potential
+from pdsolve.diffusion.operator import Fick
 from pdsolve.errors import UnstableError
+from pdsolve.state import State
 
 FACTORED = 1_000_000  # links; of more, or where the equations change, conjugate gradients find the potentials
 TOLERANCE = 1e-12  # of the right-hand side
@@ -28,10 +28,8 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 class Theta:
     """Steps of `time_step` (s), theta of their ends and 1 - theta of their beginnings."""
 
-    def __init__(
-        self, operator: Operator, done: BoundaryConditions, medium: Medium, time_step: float, theta: float
-    ) -> None:
-        self._operator, self._done, self._medium = operator, done, medium
+    def __init__(self, operator: Fick, done: BoundaryConditions, time_step: float, theta: float) -> None:
+        self._operator, self._done, self._medium = operator.exchange, done, operator.medium
         self._dt, self._theta = time_step, theta
         self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
         self._factors: Solve | None = None
@@ -39,7 +37,7 @@ class Theta:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place. Raises UnstableError where the equations find no end."""
-        done, dt, theta, C = self._done, self._dt, self._theta, state.content
+        done, dt, theta, C = self._done, self._dt, self._theta, state.value[:, 0]
         for step in range(first, last):
             rate, before = self._gone(C), C.copy()
             self._book(state, rate, (1 - theta), C, (step - 1) * dt)
@@ -50,8 +48,9 @@ class Theta:
             done.hold(end, step * dt)
             found = self._newton(fixed, end, step)
             rate = self._gone(found)
-            state.content[done.free] = (fixed + dt * theta * (rate - done.exchange * found))[done.free]
-            done.hold(state.content, step * dt)
+            C[done.free] = (fixed + dt * theta * (rate - done.exchange * found))[done.free]
+            done.hold(C, step * dt)
+            state.rate[:, 0] = (C - before) / dt
             self._book(state, rate, theta, found, step * dt)
 
     def _potential(self, content: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -59,18 +58,23 @@ class Theta:
 
     def _gone(self, content: NDArray[np.float64]) -> NDArray[np.float64]:
         """What comes along links (n,) at these contents or potentials."""
-        self._operator.rates(self._potential(content), self._rate)
-        return np.array(self._rate)
+        return self._comes(self._potential(content)).copy()
+
+    def _comes(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What comes along links (n,) at these potentials (n,), until it is asked again."""
+        self._rate[:] = 0
+        self._operator.rates(value, self._rate)
+        return self._rate
 
     def _book(
         self, state: State, rate: NDArray[np.float64], share: float, content: NDArray[np.float64], time: float
     ) -> None:
         """Put a share of the step's exchange into the books; leaves what is supplied at `time` in its place."""
-        done, volume = self._done, self._operator.volume
+        done = self._done
         done.supply(time, self._supply)
-        state.books[0] += self._dt * share * float((volume * rate)[~done.free].sum())
         given = self._supply - done.exchange * self._potential(content)
-        state.books[1] += self._dt * share * float((volume * given)[done.free].sum())
+        state.dissipated[:] += np.where(done.free, 0.0, self._dt * share * rate)
+        state.work[:] += np.where(done.free, self._dt * share * given, 0.0)
 
     def _newton(self, fixed: NDArray[np.float64], guess: NDArray[np.float64], step: int) -> NDArray[np.float64]:
         """The contents (n,) at the end of a step that solve H - theta dt (even potential of H) = `fixed`."""
@@ -97,8 +101,7 @@ class Theta:
 
     def _even(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """What comes to each node (n,) along links and from outside at these potentials (n,)."""
-        self._operator.rates(value, self._rate)
-        return np.asarray(self._rate - self._done.exchange * value)
+        return np.asarray(self._comes(value) - self._done.exchange * value)
 
     def _solve(self, liquid: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
         """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""

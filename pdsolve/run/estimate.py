@@ -14,7 +14,6 @@ import numpy as np
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.checks import advise
-from pdsolve.diffusion import system as diffusion
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.run.static_start import still
@@ -107,9 +106,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
 
 def _diffusing(model: Model, options: Options) -> Plan:
     """What solving a model of diffusion would take; it is prepared for that."""
-    diffusion.expect_usual(model, options)
-    system, _ = diffusion.prepare(model, options.threads)
-    links, run, nodes = int(system.operator.count.sum()), system.model.settings.run, len(model.grid)
+    system = prepare(model, options).system
+    links, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
     seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
     memory = DIFFUSING + LINK_BYTES * links + DIFFUSING_NODE_BYTES * nodes
     return Plan(nodes, links, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))

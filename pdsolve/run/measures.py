@@ -100,7 +100,7 @@ def fields(
 ) -> dict[str, NDArray[np.floating]]:
     """The fields (n,) of these names now; `asked` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
-    chosen, usual_ones = tuple(names), usual(system.model.grid.dimension)
+    chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
     own = {} if chosen != USUAL and set(chosen) <= set(usual_ones) else system.operator.fields(state)
     if chosen == USUAL:
         chosen = (*usual_ones, *own)

@@ -75,12 +75,7 @@ class Watch:
         self.signal = number
 
     def _show(self, progress: Progress) -> bool:
-        told = f"broken bonds {progress.broken}, balance {progress.balance:+.1e}"
-        if progress.fine is not None:
-            told += f", fine {progress.fine.fine_share:.1%}"
-            told += f", clipped stretch {progress.fine.clipped_stretch:.2f}" if progress.fine.clipped_stretch else ""
-        if progress.masses:
-            told = progress.masses
+        told = progress.words
         if progress.going is not None:
             told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
         if self._bar is not None:

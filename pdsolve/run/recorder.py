@@ -5,23 +5,21 @@ from __future__ import annotations
 import dataclasses
 import time as clock
 from collections.abc import Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
 from pdsolve.checkpoint import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
+from pdsolve.diffusion.mass_accounts import MassAccounts
 from pdsolve.errors import CheckpointError
-from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes
+from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results
 from pdsolve.results.schema import taken
-from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import Ledger, ask, books, fields
+from pdsolve.run.accounts import Accounts
+from pdsolve.run.measures import ask, fields
+from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
-from pdsolve.run.physics_check import check_physics
-from pdsolve.run.reactions import Reaction, grips, reactions
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps, Rested
@@ -38,6 +36,8 @@ def nodes(system: System) -> Nodes:
 
 def families(system: System, first: int, last: int) -> Families:
     """Who is bonded to whom before anything has broken, for the rows `first` to `last` - 1; while a run goes on too."""
+    if system.transport is not None:  # whose links do not break: nobody asks for them
+        return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
     _, target = system.operator.bonds(first, last, start=True)
     return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
 
@@ -128,32 +128,30 @@ class Past(NamedTuple):
     latest: int  # step in which a bond broke last; 0: none has
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
     ever: int  # nodes that ever were
-    most: float = 0.0  # J/m, the largest work, given or taken
+    results: Results | None = None  # so far; None: it begins
 
 
 class Recorder:
-    """What a run has noted since it last wrote: ledger entries, probes and reactions, births and deaths."""
+    """What a run has noted since it last wrote: entries in its books, breaks, births and deaths."""
 
     def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
         """`past` is None for a run that begins; `changes`: whether nodes may be born and die."""
         self.system, self.state, self.new = system, state, past is None
         past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
-        self._past, self._began = past, clock.perf_counter()
+        self._past, self._began = past._replace(results=None), clock.perf_counter()
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
         self._latest = past.latest  # likewise
-        self._most = past.most
-        self._ledgers: list[Ledger] = []
-        self._probes: list[tuple[float, ...]] = []
-        self._reactions: list[Reaction] = []
         self._breaks: list[Breaks] = []  # of clouds that are no more
         self._epochs: list[Epoch] = []
-        self._watch: MotionChecks | None = None
-        self._look_around()
-        self.written = past.step
+        self.written = self.step = past.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
         self.now = ask(system, state)
-        self.last = books(system, state, past.step, self.now)
+        self.accounts: Accounts
+        if system.transport is None:
+            self.accounts = MotionAccounts(system, state, past.step, self.now, past.results)
+        else:
+            self.accounts = MassAccounts(system.transport, state, past.step, past.results)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -196,47 +194,19 @@ class Recorder:
             Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
         )
         self._rows, self._count = rows, self._count + len(new)
-        self._looked = False
+        self.accounts.follow(self.system)
 
-    def _look_around(self) -> None:
-        """Find the conditions' and the probes' nodes in the cloud there is now."""
-        model, probes = self.system.model, self.system.model.settings.run.probes
-        self._grips = grips(self.system)
-        self._probed = (
-            tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
-        )
-        watch = MotionChecks(model, partial(self.system.operator.bonds, start=True))
-        self._watch = watch if self._watch is None else self._watch.moved_to(watch)
-        self._looked = True
-
-    def balance(self, found: Ledger) -> float:
-        """What is missing of a ledger over the most that was ever put in; see `Ledger.balance`."""
-        return found.balance(self.system.initial_energy, self._most)
-
-    def put_in(self, found: Ledger) -> float:
-        """The most energy, J/m, that was ever put in; see `Ledger.put_in`."""
-        return found.put_in(self.system.initial_energy, self._most)
+    def settle(self, step: int) -> None:
+        """Bring the books to this step."""
+        if step != self.step:
+            self.now, self.step = ask(self.system, self.state), step
+        self.accounts.settle(self.state, step, self.now)
 
     def take(self, step: int) -> None:
-        """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        if not self._looked:
-            self._look_around()
-        system, state = self.system, self.state
-        if step != self.last.step:
-            self.now = ask(system, state)
-            self.last = books(system, state, step, self.now)
-        check_physics(system, state, self.last, self._most)
-        self._most = max(self._most, abs(self.last.work))
-        assert self._watch is not None
-        self._watch.look(state.value[:, : system.model.grid.dimension], self.now.broken, step)
-        self._ledgers.append(self.last)
-        u, v, a, d = state.value, state.rate, state.second, system.model.grid.dimension
-        for row in dict.fromkeys(self._probed):
-            plane, space = ([field[row, axes].tolist() for field in (u, v, a)] for axes in (slice(2), slice(2, d)))
-            along = [value for values in space for value in values] or [0.0] * 3
-            values = [value for values in plane for value in values]
-            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values, *along))
-        self._reactions += reactions(self._grips, system, state, step, self.last.time)
+        """Note what the physics notes of this step. Raises UnstableError."""
+        if step != self.step:
+            self.now, self.step = ask(self.system, self.state), step
+        self.accounts.take(self.state, step, self.now)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
@@ -245,7 +215,7 @@ class Recorder:
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        asked = self.now if self.last.step == step else None
+        asked = self.now if self.step == step else None
         found = fields(system, self.state, run.fields, asked) if whole else {}
         kept = checkpoint(system, self.state) if state else None
         if kept is not None and self._changes:
@@ -256,15 +226,14 @@ class Recorder:
             step * system.time_step,
             {name: values.astype("<f4") for name, values in found.items()} if whole else None,
             Breaks(*map(np.concatenate, zip(*broken, strict=True))),
-            self._ledgers,
-            self._probes,
+            (),
+            (),
             kept,
-            self._reactions,
+            (),
             self.wall(),
             self._epochs,
             self._rows,
             () if system.growth is None else system.growth.rows(-1 if self.new and step == 0 else self.written),
         )
-        self._ledgers, self._probes, self._reactions, self.written = [], [], [], step
-        self._breaks, self._epochs = [], []
-        return frame
+        self.written, self._breaks, self._epochs = step, [], []
+        return self.accounts.entered(frame)

@@ -16,14 +16,12 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.checks import advise, advise_damped, advise_unused, closing
-from pdsolve.diffusion import run as diffusion
-from pdsolve.diffusion.system import expect_usual
+from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.cell_splitting import changing
-from pdsolve.run.measures import books, pieces
+from pdsolve.run.measures import pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
 from pdsolve.run.static_start import started
@@ -43,11 +41,11 @@ class Progress(NamedTuple):
 
     step: int
     steps: int
-    broken: int  # directed bonds, as of the last ledger
+    broken: int  # directed bonds, as of the last entry in the books
     balance: float  # likewise
+    words: str = ""  # how the books stand
     fine: ZoneSummary | None = None  # of a fine zone that moves
     going: Going | None = None  # of a load step that is being solved
-    masses: str = ""  # of diffusion, in which nothing breaks: how the books stand, in words
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -75,21 +73,11 @@ def simulate(
 def _simulate(
     model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
-    if model.diffuses:
-        expect_usual(model, options, adapt is not None)
-        advise_unused(model)
-        return diffusion.simulate(model, output, options.threads, _watched(watch), provenance)
     system, state = started(prepare(model, options))
     advise_unused(model)
-    advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
+    if system.transport is None:
+        advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
     return _run(system, state, output, watch, provenance, adapt)
-
-
-def _watched(watch: Watcher | None) -> diffusion.Watcher | None:
-    """The watcher, for a run of diffusion."""
-    if watch is None:
-        return None
-    return lambda step, steps, told: watch(Progress(step, steps, 0, 0.0, masses=told))
 
 
 def run(
@@ -109,12 +97,13 @@ def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
     adapt = adapt or changing(system)
+    notes = Recorder(system, state, None, _changes(system, adapt))
 
     def new() -> Writer:
         cracks = system.model.grid.cracks
-        return Writer.create(output, nodes(system), partial(families, system), cracks, meta(system, provenance))
+        return Writer.create(output, nodes(system), partial(families, system), cracks, meta(notes, provenance))
 
-    return _finish(Recorder(system, state, None, _changes(system, adapt)), new, output, watch, adapt)
+    return _finish(notes, new, output, watch, adapt)
 
 
 def _changes(system: System, adapt: Adapt | None) -> bool:
@@ -145,9 +134,8 @@ def _is_finished(output: Path) -> bool:
 
 def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Options:
     """The options that a run of `model` began with, by what it says of itself; threads may be others."""
-    if model.diffuses:
-        return Options(threads=threads)
-    return Options(meta["mode"], meta["precision"], threads, meta.get("kernel"))
+    kernel = meta.get("kernel")
+    return Options(meta["mode"], meta["precision"], threads, None if model.diffuses and kernel != "listed" else kernel)
 
 
 def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:
@@ -158,8 +146,6 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         if not results.has_checkpoint():
             results.close()
             return _simulate(model, output, options, watch, meta["provenance"], adapt)
-        if model.diffuses:
-            return diffusion.resume(results, model, output, threads, _watched(watch))
         known, (step, kept) = results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
@@ -176,9 +162,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
         before = results.breaks().step
         before = before[before <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        done = results.history()
-        most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
-        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), most)
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), results)
         if _changes(system, adapt) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
@@ -195,8 +179,10 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
             restore(system, state, step, kept, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
-        system = dataclasses.replace(system, broken_before=broken, initial_energy=float(meta["initial_energy"]))
-    notes = Recorder(system, state, past, _changes(system, adapt))
+        energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
+        system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
+        with gone_back(output):
+            notes = Recorder(system, state, past, _changes(system, adapt))
     return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
 
 
@@ -236,12 +222,11 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
-        books, fine = notes.last, notes.system.zone_summary
-        return watch is not None and watch(Progress(step, run.steps, books.broken, notes.balance(books), fine))
+        return watch is not None and watch(_progress(notes, step))
 
     def going(now: Going) -> None:
         """Show how far a load step is; it is lost where the run is to stop meanwhile."""
-        if watch is not None and watch(Progress(step, run.steps, now.broken, notes.balance(notes.last), None, now)):
+        if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
     if isinstance(notes.system.stepper, LoadSteps):
@@ -272,12 +257,17 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted or (noted and notes.is_old):
             writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
-    system = notes.system
-    found = notes.last if notes.last.step == step else books(system, notes.state, step)
-    writer.done().tell({"summary": json.dumps(summary(notes, found, done))})
-    closing(system.model, notes.balance(found), found.dissipated, system.scheme.symmetric)
-    advise_damped(system.model, found.damped, notes.put_in(found))
+    notes.settle(step)
+    writer.done().tell({"summary": json.dumps(summary(notes, step, done))})
+    notes.accounts.close()
     return "finished" if done or step == run.steps else "interrupted"
+
+
+def _progress(notes: Recorder, step: int, going: Going | None = None) -> Progress:
+    """What a watcher is shown after `step`, or within a load step that is `going` on."""
+    books, steps = notes.accounts, notes.system.model.settings.run.steps
+    broken = books.broken if going is None else going.broken
+    return Progress(step, steps, broken, books.balance, books.words(broken), notes.system.zone_summary, going)
 
 
 def _can_stop(system: System, step: int, soon: bool) -> bool:

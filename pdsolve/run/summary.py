@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from pdsolve.provenance import made_by
-from pdsolve.run.measures import Ledger
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import Stepper, System
 from pdsolve.steppers.load_steps import LoadSteps
 
 
-def meta(system: System, provenance: str) -> dict[str, Any]:
+def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
+    """What results say of their run from the start on."""
+    system = notes.system
     return {
         **made_by(provenance, system.model.grid.dimension),
         "mode": system.options.mode,
@@ -22,19 +23,19 @@ def meta(system: System, provenance: str) -> dict[str, Any]:
         "kernel": system.operator.name,
         "time_step": system.time_step,
         "stable_time_step": system.bound,
-        "initial_energy": system.initial_energy,
         "model": system.asked.to_json(),
+        **notes.accounts.meta(),
     }
 
 
-def summary(notes: Recorder, books: Ledger, stopped_early: bool) -> dict[str, Any]:
+def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
     """What the run came to, in the end."""
     system, wall = notes.system, notes.wall()
     return {
         "nodes": len(system.model.grid),
         "bonds": system.bonds,
-        "steps": books.step,
-        "time": books.time,
+        "steps": step,
+        "time": step * system.time_step,
         "time_step": system.time_step,
         "stable_time_step": system.bound if np.isfinite(system.bound) else None,
         "mode": system.options.mode,
@@ -42,14 +43,11 @@ def summary(notes: Recorder, books: Ledger, stopped_early: bool) -> dict[str, An
         "threads": system.threads,
         "kernel": system.operator.name,
         "wall_time": wall,
-        "bond_updates_per_second": notes.updates(books.step) / wall if wall > 0 else 0.0,
-        "broken_bonds": books.broken,
-        "energy": {name: getattr(books, name) for name in ("kinetic", "strain", "dissipated", "damped", "work")},
-        "balance": notes.balance(books),
+        "bond_updates_per_second": notes.updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
+        **notes.accounts.summary(),
         **_grown(system),
         **_finer(system),
-        **({"energy_unit": "J"} if system.model.grid.dimension == 3 else {}),
         **_rested(system.stepper),
     }
 

@@ -20,6 +20,8 @@ from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.crack_growth import update_interval
+from pdsolve.diffusion import system as diffusion
+from pdsolve.diffusion.system import Transport
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
 from pdsolve.numerics.thread_team import cores, crew
@@ -74,6 +76,7 @@ class System:
     initial_energy: float  # J/m
     whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     growth: Growth | None = None  # cracks that are particles
+    transport: Transport | None = None  # what carries a substance; None: the model moves
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
@@ -139,6 +142,8 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
+    if model.diffuses:
+        return _diffusing(model, options)
     scheme = scheme_of(model, options)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
@@ -149,6 +154,29 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
+
+
+def _diffusing(model: Model, options: Options) -> Prepared:
+    """A model of diffusion. Raises ModelError for what cannot be solved so."""
+    diffusion.expect_usual(model, options)
+    found, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
+    operator, volume = found.operator, found.operator.volume
+    system = System(
+        model=found.model,
+        options=options._replace(threads=found.threads),
+        scheme=SCHEMES["conservative"],
+        operator=operator,
+        stepper=found.stepper,
+        drive=drive(model, volume, True, np.float64),
+        area=volume,
+        family=operator.count + found.blocked,
+        count=operator.count,
+        time_step=found.time_step,
+        bound=found.bound,
+        initial_energy=0.0,
+        transport=found,
+    )
+    return Prepared(system, state)
 
 
 def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:

@@ -31,7 +31,7 @@ def front(spacing: float, ratio: float, **how: object) -> float:
     run = Run(time_step=(end - begin) / steps, steps=steps)
     system, state = prepare(model(position, spacing, medium, conditions=held, run=run), 1)
     between = (x > 0) & (x < 0.2)
-    state.content[between] = erf(x[between] / (2 * np.sqrt(begin))) / erf(lam) / ratio
+    state.value[:, 0][between] = erf(x[between] / (2 * np.sqrt(begin))) / erf(lam) / ratio
     off, length = [], x[-1] + spacing / 2
     for step in range(1, steps + 1):
         system.stepper.march(state, step, step + 1)

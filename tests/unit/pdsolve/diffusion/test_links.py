@@ -50,10 +50,10 @@ def test_a_field_that_is_square_has_an_even_rate() -> None:
     system, _ = prepare(model(position, 0.5, Medium(D=2.0)), 1)
     x, y = position.T
     out = np.zeros(len(position))
-    system.operator.rates(x**2 + 3 * y**2, out)
+    system.operator.exchange.rates(x**2 + 3 * y**2, out)
     inside = np.hypot(x, y) < 4
     assert out[inside] == pytest.approx(16.0, rel=1e-12)
-    assert system.operator.tangent() @ (x**2 + 3 * y**2) == pytest.approx(out, abs=1e-10)
+    assert system.operator.exchange.tangent() @ (x**2 + 3 * y**2) == pytest.approx(out, abs=1e-10)
 
 
 def test_what_one_node_gives_another_takes() -> None:
@@ -64,9 +64,9 @@ def test_what_one_node_gives_another_takes() -> None:
     base = model(position, 1.0, Medium(D=1.0))
     areas = dice.uniform(0.5, 1.5, len(position))
     system, _ = prepare(dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=areas)), 1)
-    assert len(np.unique(system.operator.total)) > 100
+    assert len(np.unique(system.operator.exchange.total)) > 100
     out = np.zeros(len(position))
-    system.operator.rates(dice.uniform(0, 1, len(position)), out)
+    system.operator.exchange.rates(dice.uniform(0, 1, len(position)), out)
     assert abs((areas * out).sum()) < 1e-13 * np.abs(areas * out).sum()
 
 
@@ -78,12 +78,12 @@ def test_a_crack_blocks() -> None:
     system, state = prepare(dataclasses.replace(base, grid=dataclasses.replace(base.grid, cracks=cracks)), 1)
     upper = position[:, 1] > 0
     assert (system.blocked[np.abs(position[:, 1]) < 1] > 0).all()
-    state.content[:] = np.where(upper, 2.0 + (position[:, 0] > 0), 1.0)
-    before = state.content[upper].sum()
+    state.value[:, 0][:] = np.where(upper, 2.0 + (position[:, 0] > 0), 1.0)
+    before = state.value[:, 0][upper].sum()
     system.stepper.march(state, 1, 200)
-    assert state.content[~upper] == pytest.approx(1.0, rel=1e-13)
-    assert state.content[upper].sum() == pytest.approx(before, rel=1e-13)
-    assert np.ptp(state.content[upper]) < 0.3
+    assert state.value[:, 0][~upper] == pytest.approx(1.0, rel=1e-13)
+    assert state.value[:, 0][upper].sum() == pytest.approx(before, rel=1e-13)
+    assert np.ptp(state.value[:, 0][upper]) < 0.3
 
 
 def test_collocation_passes_what_is_linear() -> None:
@@ -92,7 +92,7 @@ def test_collocation_passes_what_is_linear() -> None:
     medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # held nodes have what is linear, too
     base = dataclasses.replace(base, settings=msgspec.structs.replace(base.settings, medium=medium))
     system, _ = prepare(base, 1)
-    operator, position = system.operator, system.model.grid.position
+    operator, position = system.operator.exchange, system.model.grid.position
     C, out = 7 + position @ [1.0, -2.0, 3.0], np.zeros(len(position))
     operator.rates(C, out)
     inside = np.linalg.norm(position, axis=1) < 4.5
@@ -117,7 +117,7 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     parts = (MediumRegion(box=(0.5, -1, 2, 1), D=4.0),)
     system, state = prepare(model(position, spacing, Medium(D=1.0), conditions=ends, run=run, media=parts), 1)
     system.stepper.march(state, 1, 6)
-    x, C = position[:, 0], state.content
+    x, C = position[:, 0], state.value[:, 0]
     lines = [np.polyfit(x[some], C[some], 1) for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
     slope = lines[0][0]
     assert slope / lines[1][0] == pytest.approx(4.0, rel=1e-6)
@@ -137,7 +137,7 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     base = model(position, 1.0, Medium(D=1.0))
     sizes = dice.uniform(0.5, 1.0, len(position))
     base = dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=sizes))
-    slots, listed = (prepare(base, 2, listed=one)[0].operator for one in (False, True))
+    slots, listed = (prepare(base, 2, listed=one)[0].operator.exchange for one in (False, True))
     assert (slots.name, listed.name) == ("lattice", "listed")
     assert isinstance(slots, Corrected)
     assert (slots.base._box.strides[0] == 1) == (thin == reach)  # type: ignore[attr-defined]

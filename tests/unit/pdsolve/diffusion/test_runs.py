@@ -27,7 +27,7 @@ ONE = Options(threads=1)
 
 @pytest.fixture(autouse=True)
 def _look_at_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pdsolve.diffusion.run.PATIENCE", 1.0)
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
 
 
 def small(medium: Medium = CORRODING, **run: object) -> Model:
@@ -99,7 +99,7 @@ def test_a_flux_comes_in_by_its_length() -> None:
     run = Run(time_step=0.1, steps=100)
     system, state = prepare(model(position, 1.0, Medium(D=1.0), conditions=(flux,), run=run), 1)
     system.stepper.march(state, 1, 101)
-    assert (system.operator.volume * state.content).sum() == pytest.approx(36.0, rel=1e-12)
+    assert (system.operator.volume * state.value[:, 0]).sum() == pytest.approx(36.0, rel=1e-12)
 
 
 def changed(**more: object) -> Model:

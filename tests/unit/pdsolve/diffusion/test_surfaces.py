@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from pdmesh import Medium, Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Concentration, Run, Settings
-from pdsolve.diffusion.dissolution import State
-from pdsolve.diffusion.system import System, prepare
+from pdsolve.diffusion.system import Transport, prepare
 from pdsolve.model import Model, ModelError
+from pdsolve.state import State
 
 REST = Run(solver="implicit", time_step=1e7, steps=3)
 
 
-def rest(of: Model, listed: bool = False) -> tuple[System, State]:
+def rest(of: Model, listed: bool = False) -> tuple[Transport, State]:
     """What is left after three steps of 1e7 s: 1e-7 of what is held at most."""
     system, state = prepare(of, 1, listed=listed)
     system.stepper.march(state, 1, 4)
@@ -38,10 +38,10 @@ def strip(rows: int, layer: int = 4, height: int = 1, **more: object) -> Model:
     return model(position, 1.0, medium, ratio=ratio, conditions=held, run=REST)
 
 
-def conducts(system: System, state: State, area: float) -> float:
+def conducts(system: Transport, state: State, area: float) -> float:
     """The flux into the left layer over that of D."""
-    out = np.zeros(len(state.content))
-    system.operator.rates(state.content, out)
+    out = np.zeros(len(state.value[:, 0]))
+    system.operator.exchange.rates(state.value[:, 0], out)
     return -float((system.operator.volume * out)[system.model.grid.position[:, 0] < 0].sum()) * 40 / area
 
 
@@ -52,7 +52,7 @@ def test_a_strip_conducts_D(listed: bool, rows: int, layer: int, ratio: int, pow
     system, state = rest(strip(rows, layer, ratio=ratio, power=power), listed)
     assert conducts(system, state, rows) == pytest.approx(1.0, abs=1e-6)
     x = system.model.grid.position[:, 0]
-    assert state.content[system.done.free] == pytest.approx((1 - x / 40)[system.done.free], abs=1e-6)
+    assert state.value[:, 0][system.done.free] == pytest.approx((1 - x / 40)[system.done.free], abs=1e-6)
 
 
 def test_a_strip_without_correction() -> None:
@@ -82,14 +82,14 @@ def test_a_strip_that_lies_across_the_lattice(angle: float, found: float) -> Non
     held = Concentration(nodes=ids(u < -20), value=1.0), Concentration(nodes=ids(u > 20), value=0.0)
     system, state = rest(model(position, 1.0, Medium(D=1.0), conditions=held, run=REST))
     out = np.zeros(len(u))
-    system.operator.rates(state.content, out)
+    system.operator.exchange.rates(state.value[:, 0], out)
     flux = -float(out[u < -20].sum())
     assert flux * 40 / (system.done.free.sum() / 40) == pytest.approx(found, abs=2e-3)
 
 
-def full(system: System) -> NDArray[np.float64]:
+def full(system: Transport) -> NDArray[np.float64]:
     """Volumes times rates by potentials (n, n)."""
-    return np.asarray(system.operator.tangent().toarray() * system.operator.volume[:, None])
+    return np.asarray(system.operator.exchange.tangent().toarray() * system.operator.volume[:, None])
 
 
 def test_links_stay_symmetric_and_positive() -> None:
@@ -114,10 +114,10 @@ def test_links_stay_symmetric_and_positive() -> None:
     assert (matrix - np.diag(matrix.diagonal()))[free].min() > -1e-14 * np.abs(matrix).max()
     assert system.bound == pytest.approx(1 / leaves[free].max(), rel=1e-12)
     dice = np.random.default_rng(3)
-    state.content[free] = dice.integers(0, 2, free.sum())
+    state.value[:, 0][free] = dice.integers(0, 2, free.sum())
     system.stepper.march(state, 1, 51)
-    assert state.content.min() >= 0
-    assert state.content.max() <= 1 + 1e-12
+    assert state.value[:, 0].min() >= 0
+    assert state.value[:, 0].max() <= 1 + 1e-12
 
 
 def test_a_layer_parts_what_is_on_both_sides() -> None:
@@ -131,7 +131,7 @@ def test_a_layer_parts_what_is_on_both_sides() -> None:
         medium = Medium(D=1.0, surface_correction=corrected)
         matrix = full(prepare(model(position, 1.0, medium, conditions=held), 1)[0])
         crossing.append(np.abs(matrix[np.ix_(left, right)]).max())
-    assert crossing[0] == 0
+    assert crossing[0] < 1e-16  # measured 7e-18: a slot's conductance less that of the pair, to round-off
     assert crossing[1] > 0.01
 
 
@@ -141,7 +141,7 @@ def test_an_edge_of_a_plate_holds_where_it_is() -> None:
         scene = Scene(box(0, 0, 4, 2), 0.1, medium=Medium(D=1.0), run=REST)
         scene = scene.hold("left", 1.0, rows=rows).hold("right", 0.0, rows=rows)
         system, state = rest(Model(*build_grid(scene)[:2]))
-        assert state.content == pytest.approx(1 - system.model.grid.position[:, 0] / 4, abs=1e-5)
+        assert state.value[:, 0] == pytest.approx(1 - system.model.grid.position[:, 0] / 4, abs=1e-5)
 
 
 def test_a_side_of_a_body_holds_where_it_is() -> None:
@@ -155,8 +155,8 @@ def test_a_side_of_a_body_holds_where_it_is() -> None:
     system, state = rest(model(position, 1.0, Medium(D=1.0), conditions=tuple(ends), run=REST))
     assert system.done.free.all()
     middle = (np.abs(y - 5) < 2) & (np.abs(z - 5) < 2)
-    assert state.content[middle] == pytest.approx((1 - x / 16)[middle], abs=2e-3)
-    assert state.content == pytest.approx(1 - x / 16, abs=0.02)
+    assert state.value[:, 0][middle] == pytest.approx((1 - x / 16)[middle], abs=2e-3)
+    assert state.value[:, 0] == pytest.approx(1 - x / 16, abs=0.02)
 
 
 def bar(**more: object) -> Model:
@@ -173,9 +173,9 @@ def test_an_edge_beside_nodes_is_in_the_books() -> None:
     """What comes through it is supplied; a profile holds for it; all is filled in the end."""
     system, state = prepare(bar(profile=((0.0, 0.0), (1e4, 1.0))), 1)
     system.stepper.march(state, 1, 31)
-    assert state.content == pytest.approx(2.0, rel=1e-3)
-    inside = float((system.operator.volume * state.content).sum())
-    assert float(state.books[1]) == pytest.approx(inside, rel=1e-12)
+    assert state.value[:, 0] == pytest.approx(2.0, rel=1e-3)
+    inside = float((system.operator.volume * state.value[:, 0]).sum())
+    assert float((system.operator.volume * state.work).sum()) == pytest.approx(inside, rel=1e-12)
 
 
 @pytest.mark.parametrize("edge", [(), ((-0.5, 0.0), (0.5, 0.0)), ((-0.5, 0.0, 0.0),)])

@@ -1,0 +1,83 @@
+"""What a run of diffusion notes: the amounts of a substance, and where they have gone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pdsolve.diffusion.masses import Masses, masses
+from pdsolve.diffusion.system import Transport
+from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.results import Frame, Results
+from pdsolve.state import State
+
+
+class MassAccounts:
+    """The masses of one run; see `pdsolve.run.accounts.Accounts`."""
+
+    broken = 0  # links do not break
+
+    def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
+        """`results` are those of a run that goes on after `step`, else None."""
+        self._transport = transport
+        start = None if results is None else results.masses()
+        if start is not None and not len(start):
+            raise CheckpointError("found one without masses at the start, expected these too")
+        self._start = masses(transport, state, step, None) if start is None else Masses(*start[0])
+        self.last = masses(transport, state, step, self._start.solid)
+        self._rows: list[Masses] = []
+
+    @property
+    def balance(self) -> float:
+        """What has appeared from nowhere, over what there was or came."""
+        return self.last.balance(self._start)
+
+    def words(self, broken: int) -> str:
+        """How the books stand, for a watcher."""
+        left = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
+        return f"{left}balance {self.balance:+.1e}"
+
+    def follow(self, system: object) -> None:
+        """Nodes stay."""
+
+    def settle(self, state: State, step: int, asked: object = None) -> None:
+        """Make the last entry that of this step."""
+        if self.last.step != step:
+            self.last = masses(self._transport, state, step, self._start.solid)
+
+    def take(self, state: State, step: int, asked: object = None) -> None:
+        """Note the masses after this step. Raises UnstableError."""
+        content, transport = state.value[:, 0], self._transport
+        if not np.isfinite(content).all():
+            worst = int((~np.isfinite(content)).argmax())
+            raise UnstableError(
+                f"unstable at step {step}, {step * transport.time_step:.4g} s, node"
+                f" {transport.model.grid.ids[worst]}: its content is {content[worst]}, expected a number"
+            )
+        self.settle(state, step)
+        self._rows.append(self.last)
+
+    def entered(self, frame: Frame) -> Frame:
+        """The frame with what was noted since the last one."""
+        rows, self._rows = self._rows, []
+        return frame._replace(masses=rows)
+
+    def meta(self) -> dict[str, Any]:
+        """What results say of the physics."""
+        return {"physics": "diffusion"}
+
+    def summary(self) -> dict[str, Any]:
+        """What the run came to."""
+        links, start = int(self._transport.operator.count.sum()), self._start
+        return {
+            "physics": "diffusion",
+            "links": links,
+            "method": self._transport.stepper.name,
+            "masses": self.last._asdict(),
+            "dissolved_share": 1 - self.last.solid / start.solid if start.solid else None,
+            "balance": self.balance,
+        }
+
+    def close(self) -> None:
+        """Nothing is to be warned of."""

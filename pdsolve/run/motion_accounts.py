@@ -1,0 +1,119 @@
+"""What a run of a motion notes: its ledger of energies, probes and reactions, and whether it is still physics."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pdmesh.model.kd_trees import tree_of
+from pdsolve.checks import advise_damped, closing
+from pdsolve.results import Frame, Results
+from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.measures import Asked, Ledger, books
+from pdsolve.run.physics_check import check_physics
+from pdsolve.run.reactions import Reaction, grips, reactions
+from pdsolve.run.system import System
+from pdsolve.state import State
+
+
+class MotionAccounts:
+    """The books of one motion; see `pdsolve.run.accounts.Accounts`."""
+
+    def __init__(self, system: System, state: State, step: int, asked: Asked, results: Results | None) -> None:
+        """`results` are those of a run that goes on after `step`, else None."""
+        self._system = system
+        self._most = 0.0  # J/m, the largest work, given or taken
+        if results is not None:
+            done = results.history()
+            self._most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
+        self._ledgers: list[Ledger] = []
+        self._probes: list[tuple[float, ...]] = []
+        self._reactions: list[Reaction] = []
+        self._watch: MotionChecks | None = None
+        self._look_around()
+        self.last = books(system, state, step, asked)
+
+    def follow(self, system: System) -> None:
+        """Go on with other nodes."""
+        self._system, self._looked = system, False
+
+    def _look_around(self) -> None:
+        """Find the conditions' and the probes' nodes in the cloud there is now."""
+        model, probes = self._system.model, self._system.model.settings.run.probes
+        self._grips = grips(self._system)
+        self._probed = (
+            tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
+        )
+        watch = MotionChecks(model, partial(self._system.operator.bonds, start=True))
+        self._watch = watch if self._watch is None else self._watch.moved_to(watch)
+        self._looked = True
+
+    @property
+    def broken(self) -> int:
+        """Directed bonds broken, as of the last entry."""
+        return self.last.broken
+
+    @property
+    def balance(self) -> float:
+        """What is missing of the last ledger over the most that was ever put in; see `Ledger.balance`."""
+        return self.last.balance(self._system.initial_energy, self._most)
+
+    def words(self, broken: int) -> str:
+        """How the books stand with so many broken bonds, for a watcher."""
+        fine, told = self._system.zone_summary, f"broken bonds {broken}, balance {self.balance:+.1e}"
+        if fine is not None:
+            told += f", fine {fine.fine_share:.1%}"
+            told += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
+        return told
+
+    def settle(self, state: State, step: int, asked: Asked) -> None:
+        """Make the last entry that of this step."""
+        if self.last.step != step:
+            self.last = books(self._system, state, step, asked)
+
+    def take(self, state: State, step: int, asked: Asked) -> None:
+        """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
+        if not self._looked:
+            self._look_around()
+        system = self._system
+        self.settle(state, step, asked)
+        check_physics(system, state, self.last, self._most)
+        self._most = max(self._most, abs(self.last.work))
+        assert self._watch is not None
+        self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)
+        self._ledgers.append(self.last)
+        u, v, a, d = state.value, state.rate, state.second, system.model.grid.dimension
+        for row in dict.fromkeys(self._probed):
+            plane, space = ([field[row, axes].tolist() for field in (u, v, a)] for axes in (slice(2), slice(2, d)))
+            along = [value for values in space for value in values] or [0.0] * 3
+            values = [value for values in plane for value in values]
+            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values, *along))
+        self._reactions += reactions(self._grips, system, state, step, self.last.time)
+
+    def entered(self, frame: Frame) -> Frame:
+        """The frame with what was noted since the last one."""
+        frame = frame._replace(ledger=self._ledgers, probes=self._probes, reactions=self._reactions)
+        self._ledgers, self._probes, self._reactions = [], [], []
+        return frame
+
+    def meta(self) -> dict[str, Any]:
+        """What results say of the physics from the start on."""
+        return {"initial_energy": self._system.initial_energy}
+
+    def summary(self) -> dict[str, Any]:
+        """What the run came to."""
+        names = "kinetic", "strain", "dissipated", "damped", "work"
+        return {
+            "broken_bonds": self.broken,
+            "energy": {name: getattr(self.last, name) for name in names},
+            "balance": self.balance,
+            **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),
+        }
+
+    def close(self) -> None:
+        """Warn of what the books show in the end."""
+        system, last = self._system, self.last
+        closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
+        advise_damped(system.model, last.damped, last.put_in(system.initial_energy, self._most))
