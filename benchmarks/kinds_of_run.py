@@ -109,6 +109,7 @@ def _rows(grid: Grid, which: NDArray[np.bool_]) -> tuple[int, ...]:
 STATE_BASED = {"model": "ordinary", "nu": 0.22, "plane": "strain"}
 CORRESPONDENCE = {"model": "correspondence", "nu": 0.22, "plane": "strain", "solid": "svk"}
 SALT = Medium(D=1.0, C_solid=1.0, C_sat=0.2)
+KINETIC = Medium(D=1.0, C_solid=1.0, C_sat=0.2, dissolution="kinetic", k_diss=0.5)
 STRESS = ParticleRules(criterion="stress", strength=2.5e7)
 
 KINDS: dict[str, Callable[[], tuple[Model, Options]]] = {
@@ -136,5 +137,6 @@ KINDS: dict[str, Callable[[], tuple[Model, Options]]] = {
     "body, ordinary": partial(_of, {"model": "ordinary", "nu": 0.22}, counts=(10, 10, 6)),
     "diffusion": partial(_diffusing, Medium(D=1.0)),
     "dissolution": partial(_diffusing, SALT),
+    "dissolution, kinetic": partial(_diffusing, KINETIC),
     "dissolution, implicit": partial(_diffusing, SALT, solver="implicit", time_step=1e-6),
 }

@@ -15,7 +15,16 @@ from tampered import tampered
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.__main__ import main as pdsolve
 
-SOON = ("bonds", "bonds, listed", "bilinear", "particles", "at rest", "split", "dissolution")  # seconds to compile
+SOON = (
+    "bonds",
+    "bonds, listed",
+    "bilinear",
+    "particles",
+    "at rest",
+    "split",
+    "dissolution",
+    "dissolution, kinetic",
+)  # seconds to compile
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +79,9 @@ def taken(path: Path, name: str) -> np.ndarray:  # type: ignore[type-arg]
         ("split", "made", lambda values: values * np.inf, "'made'", ()),
         ("split", "broken_target", lambda values: values + 10**9, "row", ()),
         ("split", "broken_step", lambda values: values + 10**9, "step", "20"),
-        ("dissolution", "content", lambda values: values / 0.0, "'content'", "numbers"),
-        ("dissolution", "solid", lambda values: values + 2, "'solid'", "1"),
-        ("dissolution", "books", lambda values: values[:1], "'books'", "2"),
+        ("dissolution", "value", lambda values: values / 0.0, "'value'", "numbers"),
+        ("dissolution, kinetic", "solid", lambda values: values + 2, "'solid'", "1"),
+        ("dissolution", "work", lambda values: values[:1], "'work'", "1"),
     ],
 )
 def test_what_no_run_has_written_is_named(
