@@ -81,7 +81,7 @@ def taken(path: Path, name: str) -> np.ndarray:  # type: ignore[type-arg]
         ("split", "broken_step", lambda values: values + 10**9, "step", "20"),
         ("dissolution", "value", lambda values: values / 0.0, "'value'", "numbers"),
         ("dissolution, kinetic", "solid", lambda values: values + 2, "'solid'", "1"),
-        ("dissolution", "work", lambda values: values[:1], "'work'", "1"),
+        ("dissolution", "work", lambda values: values[:1], ("'work'", "1"), "384"),
     ],
 )
 def test_what_no_run_has_written_is_named(
