@@ -28,7 +28,7 @@ MUTANTS = (
     ),
     Mutant(  # resumed
         "pdsolve/operators/simd_lattice/layout.py",
-        "stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]",
+        "stiffness[soft] = law.pair.secant(blocks.law, largest, largest, peak, limit) * stiffness[soft]",
         "stiffness[soft] = stiffness[soft]",
         f"{UNIT}/test_simd_lattice.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
     ),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
@@ -38,8 +39,9 @@ def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
     return Limits(critical / material.kr, critical)
 
 
+@register_jitable(**INNER)
 def secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return intact_share(worst, peak, limit)
+    return peak * (limit - worst) / ((limit - peak) * worst)
 
 
 def spent(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -51,9 +53,9 @@ def total(law, c, peak, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def intact_share(worst: float, peak: float, limit: float) -> float:
+def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
     """Share of its stiffness a bond has kept that was stretched to `worst`, between peak and limit."""
-    return peak * (limit - worst) / ((limit - peak) * worst)
+    return secant(None, worst, worst, peak, limit)
 
 
 @njit(**INNER)

@@ -172,6 +172,13 @@ def _hold_nothing(law, i, m):  # type: ignore[no-untyped-def]
 
 _bound: dict[type, dict[str, Function]] = {}  # the functions of a law, by the type of its columns
 
+_pairs: dict[type, Pair] = {}
+
+
+def pair_of(law: Any) -> Pair:
+    """The pair law of columns, or of numba's type of them."""
+    return _pairs[getattr(law, "instance_class", type(law))]
+
 
 def bind(law: Law) -> None:
     """Let the loops know what a law says; numba keeps it for the life of the process."""
@@ -181,6 +188,8 @@ def bind(law: Law) -> None:
     # numba calls what it compiles after the names of types: two laws of the same columns would be one
     kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
     said = _bound[kind] = _functions(law)
+    if law.pair is not None:
+        _pairs[kind] = law.pair
     _bind_bonds(kind, said)
     _bind_families(kind, said)
     if law.pair is not None:

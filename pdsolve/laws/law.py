@@ -135,7 +135,7 @@ def displacement(dimension: int) -> tuple[Unknown, ...]:
 class Law:
     """A law as operators ask it; of `Columns` those called `broken` (b,) are steps in which bonds broke, or 0."""
 
-    Columns: type[tuple[Any, ...]]  # a NamedTuple of its own
+    Columns: type[Any]  # a NamedTuple of its own
     columns: Callable[[Model, Bonds], Any]
     passes: Passes | Sums
     energy: Function  # (law, bond, now, m, i, j, k) what bond k adds to node i, J/m^3: held, and spent on softening

@@ -24,6 +24,14 @@ class PairColumns(NamedTuple):
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
 
 
+def no_bonds(law: Law) -> PairColumns:
+    """Columns of no bonds, whose type says to kernels which law it is."""
+    assert issubclass(law.Columns, PairColumns)
+    none = np.zeros(0)
+    columns: PairColumns = law.Columns(none, none, none, none, np.zeros(0, np.int32))
+    return columns
+
+
 def pair_law(kind: type[Any], pair: Pair) -> Law:
     """The law of `pair` whose columns are of the type `kind`, a `PairColumns`."""
     linear, softens = pair.secant is None, pair.softening is not None

@@ -25,9 +25,9 @@ def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
     if law.pair is not None and options.kernel != "listed" and blocked:
         survey = BondStatistics(filling, scheme.symmetric)
-        blocks = blocks_of(survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
+        blocks = blocks_of(law, survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
         if blocks is not None:
-            return SimdLattice(blocks, survey.stiffness_bound, scheme.symmetric, survey.softens), survey
+            return SimdLattice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens), survey
     survey, threads = BondStatistics(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
     bonds = listed(survey.parts(), filling.area).bonds
     where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None

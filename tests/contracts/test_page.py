@@ -53,8 +53,8 @@ def python(folder: Path, *arguments: str) -> str:
 def test_the_run_breaks_bonds_and_keeps_energy(copy: Path) -> None:
     said = python(copy, "-W", "error", "-c", blocks("python")[1])
     bonds, balance = re.findall(r"(\d+) bonds broken, energy kept to (\S+)", said)[0]
-    assert int(bonds) > 100  # measured 3610
-    assert abs(float(balance)) < 1e-3  # measured 3e-5
+    assert int(bonds) > 100  # measured 6450
+    assert abs(float(balance)) < 1e-3  # measured 6e-5
 
 
 def test_the_contracts_hold(copy: Path) -> None:
@@ -71,6 +71,14 @@ def test_the_contracts_hold(copy: Path) -> None:
         "saturating and 2D and 64",
     )
     assert " passed" in said
+
+
+@pytest.mark.slow
+def test_both_kernels_are_measured(copy: Path) -> None:
+    said = python(copy, "-W", "error", "-c", "".join(blocks("python")[1:]))
+    measured = re.findall(r"(brittle|saturating), (blocks|listed): (\S+) ns a bond and step", said)
+    assert len(measured) == 4
+    assert all(float(time) > 0 for _, _, time in measured)
 
 
 @pytest.mark.slow

@@ -11,28 +11,34 @@ Layout, after the sliced ELL format of sparse matrices:
     mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what
              looks at single bonds needs it.
 
-Symbols as in pdsolve.laws.law; pdsolve.laws.bilinear says the same in a few lines and is what this is tested against.
-A lane carries an `edge`: nothing happens to its bond up to this e, that of its peak or, once it has softened, that of
-its largest stretch so far; its stiffness is the secant's. So all bonds are summed alike, and a slot is looked at lane
-by lane in the steps alone in which one of its bonds goes beyond.
+Symbols as in pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
+A lane carries an `edge`: nothing happens to its bond up to this e, that of its limit or, if its law softens, of its
+peak and then of its largest stretch so far. Bonds that are straight lines are summed alike, as their stiffness is the
+secant's; of other laws (`Pair.held`) the secant is computed in lanes. A slot is looked at lane by lane in the steps
+alone in which one of its bonds goes beyond its edge.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.laws.bilinear import intact_share, spent_share
+from pdsolve.laws.calls import held, pair_of, released, secant, spent
+from pdsolve.laws.law import Pair
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice import lanes, vectors
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.pull import NARROW
+from pdsolve.operators.simd_lattice.packed import beside, keep, listed, same, unless_none, which_above
+from pdsolve.operators.simd_lattice.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.operators.simd_lattice.vectors import BOUND, FAR, PULL, VECTOR, add_any, add_far, add_slots
 
 LANES = 4 * ROW
+PLANE, ONE = (0, 0), (0,)  # of as many rows
+PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 # Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile.
 # Nor does it make arrays: counting references to those it is given took a tenth of a step
@@ -47,12 +53,14 @@ ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single 
 class Blocks(NamedTuple):
     """Bonds in blocks: s slots."""
 
+    law: Any  # columns of no bonds, by whose type kernels are compiled
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     slots: NDArray[np.int32]  # (s, 8) way from the nodes of each row to their neighbours, or FAR + row of `ids`; then
     # rows of `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
     ids: NDArray[np.int32]  # (., 16) neighbours
     vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2
-    stiffness: NDArray[np.floating]  # (., 64) secant stiffness / |xi|, 0 without a bond; at the end one for each slot
+    stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|, the secant's of straight lines, 0 without a bond; then
+    # one for each slot
     near: NDArray[np.floating]  # (., 64) |e| up to which a lane needs no care, infinite without a bond; likewise
     edge: NDArray[np.floating]  # (., 64) e above which something happens to a bond; likewise
     peak: NDArray[np.floating]  # (., 64)
@@ -75,13 +83,25 @@ class Tracks(NamedTuple):
     worst: NDArray[np.floating]  # (s, 64) or (0, 64): largest stretch above the peak, 0 if never there
 
 
-@njit(forceinline=True, **INNER)
-def sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, lane: Any, s: Any) -> None:
     """Force densities on some lanes of block b, from `lane` on, at u (2, m), N/m^3: at the beginning of `s`.
 
     Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
     scratch.
     """
+
+
+@overload(sum_lanes, jit_options=INNER | {"forceinline": True})
+def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+    return _sum_straight if _pair(blocks).held is None else _sum_curved
+
+
+def _pair(blocks: Any) -> Pair:
+    """The pair law of numba's type of blocks."""
+    return pair_of(blocks.types[Blocks._fields.index("law")])
+
+
+def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     slots, ids, table, pull = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness
     near, edge, slot, last, own = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
@@ -91,6 +111,72 @@ def sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-u
         slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
             slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, own, lane, s)
+
+
+def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+    own, none = b * LANES + lane, same(u, 0.0)
+    here, fx, fy = beside(u, PLANE, own), none, none
+    for slot in range(blocks.start[b], blocks.start[b + 1]):
+        v, way = blocks.vectors[blocks.slots[slot, VECTOR]], np.int64(blocks.slots[slot, lane // ROW])
+        if way < FAR:
+            there = beside(u, PLANE, own + way)
+        else:
+            there = listed(u, PLANE, blocks.ids, (way - FAR) * ROW + lane % ROW)
+        x, y = there[0] - here[0], there[1] - here[1]
+        e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
+        w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
+        e = unless_none(w, e, none)
+        if which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], lane)) != 0:
+            keep((e,), s, _E)
+            _age(blocks, tracks, before, step, slot, b, lane, s)
+            w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
+            e = unless_none(w, e, none)
+        if which_above(e * e, same(u, NARROW * NARROW)) == 0:
+            over_q, stretch = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e)
+        else:
+            q = np.sqrt(1.0 + e)
+            over_q = e / (q + q * q)
+            stretch = over_q * q
+        kind = blocks.slots[slot, LIMITS]
+        peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
+        worst = worst_lanes(blocks.law, tracks.worst, slot, lane, none)
+        pull = w * over_q * secant(blocks.law, stretch, worst, peak, limit)
+        fx, fy = fx + pull * (x + v[0]), fy + pull * (y + v[1])
+    keep((fx,), s, 0)
+    keep((fy,), s, ROW)
+
+
+@njit(forceinline=True, **INNER)
+def _polynomial(p, e):  # type: ignore[no-untyped-def]
+    return ((((p[5] * e + p[4]) * e + p[3]) * e + p[2]) * e + p[1]) * e + p[0]
+
+
+@njit(forceinline=True, **INNER)
+def row_of(table, row, lane):  # type: ignore[no-untyped-def]
+    """The lanes from `lane` on of a row of a table (., 64)."""
+    return beside(table, ONE, np.int64(row) * LANES + lane)[0]
+
+
+def worst_lanes(law: Any, worst: Any, slot: Any, lane: Any, none: Any) -> Any:
+    """The largest stretches of lanes from `lane` on above their peaks, or `none`."""
+
+
+@overload(worst_lanes, jit_options=INNER | {"forceinline": True})
+def _worst_lanes(law, worst, slot, lane, none):  # type: ignore[no-untyped-def]
+    if pair_of(law).softening is None:
+        return lambda law, worst, slot, lane, none: none
+    return lambda law, worst, slot, lane, none: row_of(worst, slot, lane)
+
+
+def worst_of(law: Any, worst: Any, slot: Any, lane: Any) -> Any:
+    """The largest stretch of a bond above its peak, 0 if never there."""
+
+
+@overload(worst_of, jit_options=INNER)
+def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
+    if pair_of(law).softening is None:
+        return lambda law, worst, slot, lane: 0.0
+    return lambda law, worst, slot, lane: np.float64(worst[slot, lane])
 
 
 @njit(forceinline=True, **INNER)
@@ -109,13 +195,34 @@ def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-un
                 _break(blocks, tracks, before, step, slot, b * LANES + lane, lane, stretch)
                 continue
             if stretch > peak:
-                blocks.softened[b] = True
-                tracks.worst[slot, lane] = stretch  # whose digits are all that a checkpoint has
-                share = intact_share(np.float64(tracks.worst[slot, lane]), np.float64(peak), np.float64(limit))
-                blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
+                soften(blocks, tracks, slot, b, lane, stretch, np.float64(peak), np.float64(limit))
             blocks.edge[row, lane] = e
             blocks.near[row, lane] = min(e, NARROW)
     return some
+
+
+def soften(blocks: Any, tracks: Any, slot: Any, b: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> None:
+    """Let a bond above its peak remember, if its law does."""
+
+
+@overload(soften, jit_options=INNER)
+def _soften(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    pair = _pair(blocks)
+    if pair.softening is None:
+        return lambda blocks, tracks, slot, b, lane, stretch, peak, limit: None
+    return _remember if pair.held is not None else _weaken
+
+
+@register_jitable(**INNER)
+def _remember(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    blocks.softened[b] = True
+    tracks.worst[slot, lane] = stretch  # whose digits are all that a checkpoint has
+
+
+def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    _remember(blocks, tracks, slot, b, lane, stretch, peak, limit)
+    share = secant(blocks.law, stretch, np.float64(tracks.worst[slot, lane]), peak, limit)
+    blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
 
 
 @njit(**INNER)
@@ -130,13 +237,10 @@ def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignor
     row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
-    if peak < limit:
-        spent = peak * limit
-    else:
-        eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
-        e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-        spent = stretch * (e / (np.sqrt(1 + e) + 1))
-    tracks.dissipated[i] += blocks.stiffness[blocks.whole[slot], lane] / inverse * spent / 4
+    eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
+    e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+    c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
+    tracks.dissipated[i] += released(blocks.law, c, stretch, e / (np.sqrt(1 + e) + 1), peak, limit)
     tracks.broken[slot, lane] = step
     blocks.mask[slot] &= ~(np.uint64(1) << np.uint64(lane))
     blocks.stiffness[blocks.slots[slot, PULL], lane] = 0
@@ -178,20 +282,20 @@ def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-de
 
 
 @cached_njit(error_model="numpy")
-def energy_densities(blocks, worst, u, held, spent):  # type: ignore[no-untyped-def]
+def energy_densities(blocks, worst, u, own, gone):  # type: ignore[no-untyped-def]
     """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3.
 
     On one thread: it is asked for once in many steps.
     """
     for b in range(len(blocks.start) - 1):
         for slot in range(blocks.start[b], blocks.start[b + 1]):
-            _energies_of(blocks, u, b, slot, held)
+            _energies_of(blocks, worst, u, b, slot, own)
             if blocks.softened[b]:
-                _spent_of(blocks, worst, b, slot, spent)
+                _spent_of(blocks, worst, b, slot, gone)
 
 
 @njit(**INNER)
-def _energies_of(blocks, u, b, slot, held):  # type: ignore[no-untyped-def]
+def _energies_of(blocks, worst, u, b, slot, out):  # type: ignore[no-untyped-def]
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     x, y, inverse = vector[0], vector[1], vector[4]
     stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
@@ -203,15 +307,33 @@ def _energies_of(blocks, u, b, slot, held):  # type: ignore[no-untyped-def]
             eta_x, eta_y = u[0, j] - u[0, i], u[1, j] - u[1, i]
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
-            held[i] += stiffness[row * ROW + k] / inverse / 4 * stretch * stretch
+            lane = row * ROW + k
+            out[i] += holds(blocks.law, blocks, worst, slot, lane, stiffness[lane] / inverse / 4, stretch)
+
+
+def holds(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stretch: Any) -> Any:
+    """What the bond in a lane holds, J/m^3; c as in `pdsolve.laws.law.Pair`, of straight lines the secant's."""
+
+
+@overload(holds, jit_options=INNER)
+def _holds(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+    if pair_of(law).held is None:
+        return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
+    return _holds_curved
+
+
+def _holds_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+    kind = blocks.slots[slot, LIMITS]
+    peak, limit = blocks.peak[kind, lane], blocks.limit[kind, lane]
+    return held(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
 
 
 @njit(**INNER)
-def _spent_of(blocks, worst, b, slot, spent):  # type: ignore[no-untyped-def]
+def _spent_of(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
     law, inverse = blocks.slots[slot, LIMITS], blocks.vectors[blocks.slots[slot, VECTOR], 4]
     for lane in range(LANES):
         largest = worst[slot, lane]
         if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
             peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
             whole = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
-            spent[b * LANES + lane] += whole * peak * limit * spent_share(largest, peak, limit)
+            out[b * LANES + lane] += spent(blocks.law, whole, largest, peak, limit)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint import expect_found
-from pdsolve.laws.bilinear import intact_share
+from pdsolve.laws.law import Law
+from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import END, LANES, LIMITS, Blocks
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -28,7 +29,6 @@ NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
 SIDES = 1024  # room for them with both signs
 LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
-_intact_share = getattr(intact_share, "py_func", intact_share)  # for whole arrays
 LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
 
 
@@ -68,8 +68,8 @@ class Tables:
         return signed[self.keys // SIDES], signed[self.keys % SIDES]
 
 
-def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
-    """The bonds of `nodes` nodes in blocks of precision `kind`; None if they are no lattice.
+def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
+    """The bonds of `nodes` nodes under a pair law, in blocks of precision `kind`; None if they are no lattice.
 
     `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64.
     """
@@ -93,9 +93,12 @@ def blocks_of(parts: Iterable[Any], nodes: int, kind: type[np.floating], threads
     number = tables.bounds.values.astype(np.int64)
     peak = np.append(tables.peaks.values[number // SIDES**2], np.inf)[bounds]
     limit = np.append(tables.limits.values[number % SIDES**2], np.inf)[bounds]
-    edge = peak * (peak + 2)
+    assert law.pair is not None
+    first = limit if law.pair.softening is None else peak
+    edge = first * (first + 2)
     near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
     return Blocks(
+        law=no_bonds(law),
         start=np.concatenate([[0], np.cumsum(counts)]),
         slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
         ids=np.concatenate([part.ids for part in slots]),
@@ -279,6 +282,7 @@ def find(
 
 
 def revive(
+    law: Law,
     blocks: Blocks,
     intact: NDArray[np.uint64],
     broken: NDArray[np.int32],
@@ -293,11 +297,14 @@ def revive(
     blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
     torn = np.flatnonzero((gone | soft).any(axis=1))
     pull, bound = (len(table) - len(intact) + torn for table in (blocks.stiffness, blocks.edge))
-    law, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
-    stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[law], blocks.edge[law]
+    row, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
+    stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[row], blocks.edge[row]
+    assert law.pair is not None
     if len(worst):
-        columns = worst[torn][soft], blocks.peak[law][soft], blocks.limit[law][soft]
-        stiffness[soft] = _intact_share(*(column.astype(np.float64) for column in columns)) * stiffness[soft]
+        columns = worst[torn][soft], blocks.peak[row][soft], blocks.limit[row][soft]
+        largest, peak, limit = (column.astype(np.float64) for column in columns)
+        if law.pair.secant is not None and law.pair.held is None:
+            stiffness[soft] = law.pair.secant(blocks.law, largest, largest, peak, limit) * stiffness[soft]
         edges[soft] = edge[torn][soft]
         near[soft] = np.minimum(edges[soft], NARROW)
     stiffness[gone], near[gone], edges[gone] = 0, np.inf, np.inf

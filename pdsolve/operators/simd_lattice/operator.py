@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint import entry
+from pdsolve.laws.bond_arrays import List, Now
+from pdsolve.laws.calls import bind
+from pdsolve.laws.law import Law
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.kernel import LANES, Blocks, Tracks, energy_densities, sum_blocks
+from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks, Tracks, energy_densities, sum_blocks
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.vectors import BOUND
 from pdsolve.state import Broken, State, Unknown
@@ -20,14 +23,18 @@ if TYPE_CHECKING:
 
 
 class SimdLattice:
-    """The bonds of n nodes on lattices under the brittle or the bilinear law; see `Operator`."""
+    """The bonds of n nodes on lattices under a pair law; see `Operator`."""
 
     name = "blocks"
     unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
 
-    def __init__(self, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
-        """`stiffest` (n,), N/m^4, bounds the stiffness of nodes; `softens`: whether any bond softens before it
-        breaks."""
+    def __init__(self, law: Law, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
+        """`stiffest` (n,), N/m^4, bounds the stiffness of nodes; `softens`: whether any bond has its peak below its
+        limit."""
+        bind(law)
+        assert law.pair is not None
+        self._law, self._pair = law, law.pair
+        remembers = law.pair.softening is not None and (softens or law.pair.held is not None)
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffest, self._whole = stiffest, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)
@@ -41,7 +48,7 @@ class SimdLattice:
             dissipated=aligned(np.zeros(room)),
             work=aligned(np.zeros(room)),
             broken=np.zeros(lanes, dtype=np.int32),
-            worst=np.zeros(lanes if softens else (0, LANES), dtype=kind),
+            worst=np.zeros(lanes if remembers else (0, LANES), dtype=kind),
         )
 
     def place(self, state: State) -> State:
@@ -81,8 +88,27 @@ class SimdLattice:
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
         numbers = layout.there(self.blocks.mask)
+        if self._pair.held is not None:
+            return self._curved_tangent(numbers, state)
         xi, pull = layout.springs(self.blocks, numbers)
         return of_springs(*self._ends(numbers), xi, pull, state.value)
+
+    def _curved_tangent(self, numbers: NDArray[np.int64], state: State) -> csr_array:
+        """The tangent of intact bonds (k,) that are no straight lines, bond by bond."""
+        from pdsolve.operators.tangent import of_pairs
+
+        source, target = self._ends(numbers)
+        order, nodes = np.argsort(source, kind="stable"), len(self._stiffest)
+        numbers, source, target = numbers[order], source[order], target[order]
+        (slot, lane), (xi, stiffness) = np.divmod(numbers, LANES), layout.springs(self.blocks, numbers)
+        row = self.blocks.slots[slot, LIMITS]
+        peak, limit = (table[row, lane].astype(np.float64) for table in (self.blocks.peak, self.blocks.limit))
+        worst = self.tracks.worst.ravel()[numbers].astype(np.float64) if self.tracks.worst.size else np.zeros(len(slot))
+        columns = self._law.Columns(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32))
+        start = np.searchsorted(source, np.arange(nodes + 1))
+        bonds = List(start, target.astype(np.int32), tuple(np.ascontiguousarray(x) for x in xi.T), np.hypot(*xi.T))
+        value = state.value.astype(np.complex128)
+        return of_pairs(bonds, columns, Now(value, value, 0, 0.0))
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
@@ -126,7 +152,7 @@ class SimdLattice:
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
-        layout.revive(self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
+        layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
     def _softened(self, kept: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
         """The bonds (k,) of a checkpoint that have softened, their worst stretches and edges (k,)."""

@@ -11,6 +11,7 @@ where |e| is at most `NARROW`, which is all that most bonds of brittle materials
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from decimal import Decimal, localcontext
 from functools import cache
 from math import cos, pi
@@ -24,15 +25,25 @@ DIGITS = 50
 def coefficients(precision: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The coefficients of 1, e, e^2 ... of the force polynomials for |e| up to NARROW and up to WIDE."""
     narrow, wide = DEGREES[precision]
-    return _interpolated(NARROW, narrow), _interpolated(WIDE, wide)
+    return _interpolated(_pull, NARROW, narrow), _interpolated(_pull, WIDE, wide)
 
 
-def _interpolated(reach: float, degree: int) -> tuple[float, ...]:
-    """The polynomial through g at degree + 1 points, by Newton's differences."""
+@cache
+def stretch_coefficients() -> tuple[float, ...]:
+    """The coefficients of 1, e, e^2 ... of the polynomial for the stretch over e, for |e| up to NARROW, of degree 5."""
+    return _interpolated(lambda e: 1 / (1 + (1 + e).sqrt()), NARROW, DEGREES["float64"][0])
+
+
+def _pull(e: Decimal) -> Decimal:
+    return 1 / (1 + e + (1 + e).sqrt())
+
+
+def _interpolated(function: Callable[[Decimal], Decimal], reach: float, degree: int) -> tuple[float, ...]:
+    """The polynomial through a function of e at degree + 1 points, by Newton's differences."""
     with localcontext() as context:
         context.prec = DIGITS
         points = [Decimal(reach * cos(pi * (2 * k + 1) / (2 * degree + 2))) for k in range(degree + 1)]
-        differences = [1 / (1 + e + (1 + e).sqrt()) for e in points]
+        differences = [function(e) for e in points]
         for order in range(1, degree + 1):
             for k in range(degree, order - 1, -1):
                 differences[k] = (differences[k] - differences[k - 1]) / (points[k] - points[k - order])

@@ -1,0 +1,121 @@
+"""A pair law that is curved and softens, in blocks against the list; in a process of its own, as no other knows it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from plates import ROOT
+
+LAW = """
+import numpy as np
+
+from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.law import Pair, Softening
+from pdsolve.laws.pair import PairColumns, pair_law
+
+
+class Curved(PairColumns):
+    pass
+
+
+def limits(material, critical):
+    return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
+
+
+def secant(law, stretch, worst, peak, limit):
+    share = stretch / peak
+    return 1 / ((1 + worst / limit) * np.sqrt(1 + share * share))
+
+
+def held(law, c, stretch, worst, peak, limit):
+    share = stretch / peak
+    return 2 * c * stretch * stretch / ((1 + worst / limit) * (np.sqrt(1 + share * share) + 1))
+
+
+def spent(law, c, worst, peak, limit):
+    return c * worst * worst
+
+
+def total(law, c, peak, limit):
+    return c * limit * limit
+
+
+LAW = pair_law(Curved, Pair(limits=limits, secant=secant, held=held, softening=Softening(spent, total)))
+"""
+RUN = """
+import json
+import sys
+
+import curved
+import msgspec
+import numpy as np
+from plates import GLASS, plate, square_grid
+
+from pdmesh.model.document import Run
+from pdsolve.laws import LAWS
+from pdsolve.run.system import Options, prepare
+
+LAWS["curved"] = curved.LAW
+precision = sys.argv[1]
+glass = msgspec.structs.replace(GLASS, law="curved", kr=3.0)
+
+
+def prepared(kernel):
+    model = plate(square_grid(37, 29), 3, material=glass, run=Run(time_step=2e-8))
+    found = prepare(model, Options("conservative", precision, 1, kernel))
+    assert found.system.operator.name == kernel
+    return found
+
+
+found = []
+for kernel in ("blocks", "listed"):
+    problem = prepared(kernel)
+    random = np.random.default_rng(3)
+    problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
+    problem.state.rate[:] = 3 * random.standard_normal(problem.state.value.shape)
+    problem.march(1, 5)
+    problem.march(5, 30)
+    operator = problem.system.operator
+    broken, kept = operator.broken(), operator.keep()
+    arrays = [*problem.state[:4], *operator.energies(problem.state), np.sort(kept["worst"])]
+    if precision == "float64":
+        arrays.append(operator.tangent(problem.state).toarray())
+    found.append((arrays, sorted(zip(*(column.tolist() for column in broken), strict=True))))
+    if kernel == "blocks":
+        again = prepared(kernel)
+        again.system.operator.back(kept, broken)
+        for own, values in zip(again.state, problem.state, strict=True):
+            own[:] = values
+        out = [np.zeros(problem.state.value.shape) for _ in range(2)]
+        for one, force in zip((problem, again), out, strict=True):
+            one.system.operator.add(one.state, force, 30, 0.0)
+        same = out[0].tobytes() == out[1].tobytes()
+(fast, gone), (listed, expected) = found
+apart = [float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(fast, listed, strict=True)]
+counts = {"broken": len(gone), "softened": len(fast[6])}
+print(json.dumps(counts | {"apart": apart, "breaks": gone == expected, "same": same}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("precision", "tight"), [("float64", 1e-13), ("float32", 1e-5)])  # measured 5e-15, 5e-7
+def test_a_law_that_is_curved_and_softens(precision: str, tight: float, tmp_path: Path) -> None:
+    """Steps from random displacements: states, energies, what bonds remember, tangents, and what is restored."""
+    for name, text in (("curved.py", LAW), ("run.py", RUN)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    where = os.pathsep.join(map(str, (tmp_path, ROOT / "tests", ROOT)))
+    environment = {**os.environ, "PYTHONPATH": where, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}
+    command = [sys.executable, "run.py", precision]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert ran.returncode == 0, ran.stderr
+    found = json.loads(ran.stdout)
+    assert found["breaks"]
+    assert found["same"]
+    assert found["broken"] > 0  # measured 14
+    assert found["softened"] > 1000  # measured 1910
+    assert max(found["apart"]) < tight
