@@ -46,7 +46,7 @@ SAME = 1e-12  # relative: a limit this near to its peak is that of a brittle bon
 
 
 class Corrections(NamedTuple):
-    """What is done beyond the bare sums; all of it unless one wants to see what it is worth."""
+    """Optional corrections beyond the bare sums; all are on, except to measure their effect."""
 
     partial_cells: bool = True  # Hu's beta, with a constant micromodulus
     calibration: bool = True  # of the lattice's stiffness and fracture energy
@@ -57,7 +57,7 @@ ALL = Corrections()
 
 
 class Rule:
-    """How the bonds of a model are filled, pair by pair and then by what nodes lack; see `ByPairs`."""
+    """Makes the bonds of a model from pairs and from nodal corrections; see `ByPairs`."""
 
     def __init__(self, model: Model, corrections: Corrections = ALL) -> None:
         """Raises GridError for an outline that encloses nothing."""
@@ -71,11 +71,11 @@ class Rule:
         self._nothing = ROUND_OFF * stiffest
 
     def strength(self, pairs: Pairs) -> NDArray[np.float64]:
-        """Modulus (b,) of pairs that see each other."""
+        """Modulus (b,) of interacting pairs."""
         return _mean_of_ends(self._model, pairs, self._reach(pairs), self._corrections)[0]
 
     def beside(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The rows of these nodes and of all whose families they may be of."""
+        """Rows of these nodes and of all nodes that may have them in their families."""
         if not len(rows):
             return rows
         position = self._model.grid.position
@@ -89,7 +89,7 @@ class Rule:
         return np.asarray(modulus * reach ** (self._model.grid.dimension + 1) > self._nothing)
 
     def looked(self, pairs: Pairs) -> Paired:
-        """The pairs that no hole or edge separates; their stiffness is the modulus, N/m^5, in space N/m^6."""
+        """Pairs that no hole or edge separates; their stiffness is the modulus, N/m^5, in space N/m^6."""
         reach = self._reach(pairs)
         modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
         kept = np.flatnonzero(self._strong(modulus, reach))
@@ -103,11 +103,11 @@ class Rule:
         return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
 
     def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
-        """What surfaces take from rows (k, d), which increase, with these pairs; see `_lack`."""
+        """Surface correction of rows (k, d), which increase, with these pairs; see `_lack`."""
         return _lack(self._model, rows, found, self.area, self._corrections)
 
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
-        """The bonds of consecutive rows with these pairs; nodes lack (n, d)."""
+        """Bonds of consecutive rows with these pairs and the nodes' surface corrections (n, d)."""
         factor = _energy_factor(self._model.grid.position, found.pairs, lack)
         found = found._replace(stiffness=found.stiffness * factor * found.weight)
         return part_of(self._model.grid.position, self._held, rows, found)
@@ -135,9 +135,9 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
 def _mean_of_ends(
     model: Model, pairs: Pairs, reach: NDArray[np.float64], corrections: Corrections
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Modulus, peak and limit of each pair (b,): half from the material of each end, partial cells counted.
+    """Modulus, peak and limit of each pair (b,): half from the material of each end, including partial cells.
 
-    The peak keeps the mean energy up to it, the limit the mean of the whole; equal ends keep their own.
+    The peak keeps the mean energy up to it, the limit the mean total energy; equal ends keep their own values.
     """
     modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
@@ -183,8 +183,11 @@ def _lack(
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
-    """In the plane what the rows (k, 2) of a full lattice hold in uniform stretching along each axis, over what the
-    intact pairs of these hold; 1 where they hold nothing. In space the corrections c (k, 3) with which they do."""
+    """Surface correction (k, d) of the rows.
+
+    In the plane, the energy of the rows in a full lattice over that of their intact pairs, in uniform stretching along
+    each axis; 1 without energy. In space, the factors c for which the two energies are equal.
+    """
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full, lack = _full_energy(model, rows, corrections), []
@@ -203,7 +206,7 @@ def _lack(
 def _corrections_in_space(
     full: NDArray[np.float64], n: NDArray[np.float64], stiffness: NDArray[np.float64], place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """c (k, 3) of nodes that are to hold `full` (k,), Pa, by their bonds' directions (b, 3) and stiffnesses (b,)."""
+    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa, by bonds with directions (b, 3) and stiffnesses (b,)."""
     squares = n**2
     held = np.empty((len(full), 3, 3))  # in stretching along a by what c_b multiplies
     for a in range(3):
@@ -218,7 +221,7 @@ def _corrections_in_space(
 
 
 def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Correction (b,) of each pair's modulus by all rounds, 1 in the interior of a uniform grid; the same both ways."""
+    """Correction (b,) of each pair's modulus, equal for both directions; 1 inside a uniform grid."""
     n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
     total = np.zeros(len(n))
     for axis, own in enumerate(lack.T):
@@ -228,7 +231,7 @@ def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np
 
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
-    """Twice the energy density (k,) of the rows of a full lattice of its material, stretched so by 1, Pa."""
+    """Twice the energy density (k,) of the rows in a full lattice of their material, at unit stretch, Pa."""
     ratio = model.settings.horizon.ratio
     full = []
     for material in model.materials:

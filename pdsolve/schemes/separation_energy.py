@@ -1,7 +1,7 @@
 """The cost of a crack in a lattice: one half is moved away from the other, and bonds fail one after the other.
 
 Springs dissipate the same energy on any path. Where a bond's energy depends on other bonds of its families, this path
-leaves the halves undeformed; a test pulls a strip apart for comparison (tests/contracts/test_spent.py).
+leaves the halves undeformed; a test pulls a strip apart for comparison (tests/verification/test_families.py).
 """
 
 from __future__ import annotations
