@@ -206,7 +206,7 @@ def _lack(
 def _corrections_in_space(
     full: NDArray[np.float64], n: NDArray[np.float64], stiffness: NDArray[np.float64], place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa, by bonds with directions (b, 3) and stiffnesses (b,)."""
+    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa; bonds have directions n (b, 3), stiffness (b,)."""
     squares = n**2
     held = np.empty((len(full), 3, 3))  # in stretching along a by what c_b multiplies
     for a in range(3):
