@@ -85,16 +85,16 @@ def test_a_crack_that_jumps(failure: Callable[..., None], pdsolve: Callable[...,
         f" one load step and releases {ratio:.1f} times G0 times its length.",
         noticed="By one warning: the crack grew far at a smaller load than that of the step before.",
         says=[said.removeprefix("pdsolve: warning: ")],
-        cure="None at rest: a jump spends the work that was done. A run in time that starts at rest (`run.start`) shows"
-        " where the energy goes.",
+        cure="None at rest: a jump dissipates the work of the load. A run in time that starts at rest (`run.start`)"
+        " shows where the energy goes.",
     )
 
 
 def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[..., None]) -> None:
-    """From node to node.
+    """Cracks that jump from node to node.
 
-    The bonds of one column of nodes break in a burst, which needs the largest load for the first of them. The crack
-    does not spend what the plate gives up until the last one breaks.
+    The bonds of one column of nodes break in a burst. The first of them needs the largest load. The crack does not
+    spend the energy that the plate releases until the last one breaks.
     """
     grid = dataclasses.replace(square_grid(46, 20, y0=-9.5e-3), cracks=np.array([[-1e-3, 0.0, 12e-3, 0.0]]))
     ends = tuple(
@@ -122,7 +122,7 @@ def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[...,
 def test_a_plate_that_does_not_settle(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Relaxation that takes too long.
 
-    Dynamic relaxation takes some ten times as many iterations as the plate has nodes along its longest side.
+    Dynamic relaxation needs about ten times as many iterations as the plate has nodes along its longest side.
     """
     model = drawn_out(2.5e-3)
     short = pdsolve(at_rest(model, method="relaxation", iterations=60, load_steps=4))

@@ -30,7 +30,7 @@ def pressed(speed: float, **run: object) -> Model:
 
 
 def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
-    """Held velocities that crush.
+    """Prescribed velocities that crush a plate.
 
     The force of a bond is linear down to zero length, where it is finite, and then reverses its direction. Nodes pass
     through each other, the energy stays finite, and nothing looks wrong.
@@ -56,7 +56,7 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
         "intact, "
         "and by one at the end if broken bonds seem to have returned energy.",
         says=said.err,
-        cure=f"None: the model has no contact. Press less: at 5 m/s, up to a shortening of {100 * shorter:.0f} "
+        cure=f"None: the model has no contact. Use lower speeds: at 5 m/s, up to a shortening of {100 * shorter:.0f} "
         "%, there is no warning.",
     )
 

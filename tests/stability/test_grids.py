@@ -1,4 +1,4 @@
-"""Grids that are hardly plates."""
+"""Grids that do not represent a plate."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_a_crack_through_nodes(failure: Callable[..., None]) -> None:
 def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
     """Two nodes at one place.
 
-    Meshes that were glued together have such pairs. The bond between the two nodes is infinitely stiff, or nearly so.
+    Merged meshes contain such pairs. The bond between the two nodes is infinitely stiff, or nearly so.
     """
     said = []
     steps = {}
@@ -254,7 +254,7 @@ def test_too_few_neighbours(failure: Callable[..., None], pdsolve: Callable[...,
 
 
 def test_numbers_that_are_no_material(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
-    """Zero density, and numbers that are none.
+    """Zero density, and numbers that are not finite.
 
     A node without mass has no finite frequency, and neither has one of infinite stiffness.
     """

@@ -51,7 +51,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
 def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
     """m = 2 and m = 6.
 
-    A lattice of few bonds is anisotropic. Many bonds are slow, and blur.
+    A lattice of few bonds is anisotropic. Many bonds take long and blur sharp fields.
     """
     table = {}
     for m in (2, 3, 4, 6):

@@ -55,8 +55,8 @@ def test_the_far_edge_of_a_struck_plate(failure: Callable[..., None]) -> None:
     """A struck plate that spalls at its far edge.
 
     The compression pulse is reflected by the free edge as tension, which tears the plate at its weaker points. The
-    scene of the thesis, with its 32 m/s and 6.1 kJ/m^2 for a crack, shows this. Its supports add to it later: the plate
-    moves on while its ends are held, and is pulled along the far edge.
+    scene of the thesis, with its 32 m/s and 6.1 kJ/m^2 for a crack, shows this. Its supports contribute later: the
+    plate moves on while its ends are held, and the far edge is stretched.
     """
     speed = float(np.sqrt(1.125 * STEEL.E / STEEL.rho))
     clamped, free, tough = torn(True), torn(False), torn(True, TOUGH)

@@ -58,7 +58,7 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
 
 
 def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
-    """A wave of compression that tears, one-sided bonds.
+    """A compression wave that breaks one-sided bonds.
 
     Compression breaks no bond. But the softening coefficient of the thesis mode counts nodes: a coarse node at an
     interface has many fine neighbours and becomes half as stiff. A soft layer reflects compression as tension.
@@ -94,7 +94,7 @@ def concentration(mode: str, m: int) -> float:
 
 
 def test_slow_tension_across_an_interface(failure: Callable[..., None]) -> None:
-    """Slow tension across an interface, symmetric bonds.
+    """Slow tension across an interface with symmetric bonds.
 
     Symmetric bonds do not pass the patch test: under uniform tension the conservative mode stretches the bonds at an
     interface unevenly. This is the price of conserving momentum.

@@ -1,4 +1,4 @@
-"""Load that is lost."""
+"""Lost load."""
 
 from __future__ import annotations
 

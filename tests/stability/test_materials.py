@@ -1,4 +1,4 @@
-"""Materials that differ much."""
+"""Materials of very different stiffness."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def growth(mode: str, contrast: float) -> float:
 
 @pytest.mark.slow
 def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
-    """Two materials, one-sided bonds.
+    """Two materials with one-sided bonds.
 
     Each end of a bond uses the constants of its own node. In a uniform stretch the sum of every node vanishes, whatever
     its constants are. That is equilibrium without any stress passed on from one material to the other.
@@ -120,7 +120,7 @@ def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
     soft = steps[1] * 1e3
     assert steps[1e6] == pytest.approx(steps[1], rel=1e-12)
     failure(
-        fails="The boundary is blurred over a horizon. The stable step is that of the stiff side, "
+        fails="The interface is blurred over a horizon. The stable step is that of the stiff side, "
         f"{steps[1e6]:.2g} s; the soft side alone would allow {soft:.2g} s, a thousand times as much.",
         noticed="Not at all, as nothing is wrong; `pdsolve --dry-run` shows the step.",
         cure=f"None needed: layers in series meet within {max(abs(shift) for shift in found.values()):.2f} spacings "

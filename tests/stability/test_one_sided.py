@@ -94,7 +94,7 @@ def test_complex_frequencies(failure: Callable[..., None]) -> None:
 
 
 def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
-    """Momentum that nobody gave.
+    """Momentum without an external force.
 
     One-sided bonds also exert forces without a reaction.
     """

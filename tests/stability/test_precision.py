@@ -73,7 +73,7 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
 
 
 def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tip of a crack, on a bond.
+    """A crack tip on a bond.
 
     A crack usually ends on the line between two nodes, and diagonal bonds pass through that very point. The last digit
     then decides whether they are cut, differently above and below.

@@ -125,7 +125,7 @@ def scene(size: float, units: Literal["m"] | None = None) -> Scene:
 def test_millimetres_taken_for_metres(failure: Callable[..., None]) -> None:
     """Millimetres taken for metres.
 
-    A plate of 20 000 m is far more often than not one of 20 m, drawn in millimetres.
+    A plate of 20 000 m is most likely one of 20 m, drawn in millimetres.
     """
     with pytest.raises(SceneError) as refused:
         build_grid(scene(1e3))

@@ -133,7 +133,7 @@ def trusted(outcomes: list[Outcome]) -> str:
 def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> None:
     """A fork that comes and goes.
 
-    A crack forks or not as its tip turns to one side or the other by a single bond. On an axis of symmetry it cannot
+    A single bond can turn the tip of a crack to one side, and then it does not fork. On an axis of symmetry it cannot
     turn, so it forks. Off the axis, by however little, it can.
     """
     shares, heights = (1.0, 0.9, 0.8, 0.7), (0.0, 14e-6, 100e-6, 200e-6)
@@ -162,10 +162,10 @@ def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> Non
 
 @pytest.mark.slow
 def test_lattices_that_are_turned(failure: Callable[..., None]) -> None:
-    """A lattice that is turned.
+    """Rotated lattices.
 
-    Bonds lie along the lattice. A crack that meets them at other angles, or a notch that ends elsewhere between nodes,
-    is another draw.
+    Bonds lie along the lattice. A crack at another angle to them, or a notch that ends elsewhere between nodes, gives
+    another random result.
     """
     places = ((0.10e-3, 0.07e-3), (0.13e-3, 0.02e-3), (0.20e-3, 0.02e-3), (0.0, 0.02e-3))
     found = {turned: [duran(turned=turned, place=place) for place in places] for turned in (15.0, 30.0, 45.0)}

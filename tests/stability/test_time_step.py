@@ -46,8 +46,8 @@ def excess(model: Model) -> float:
 def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
     """A step 2 % above the true limit.
 
-    The highest mode of the lattice grows by a factor of e^0.4 per step, from the small share of the initial knock that
-    is in it.
+    The highest mode of the lattice grows by a factor of e^0.4 per step. It begins with its small share of the initial
+    knock.
     """
     with saying() as warned, pytest.raises(UnstableError) as stopped:
         simulate(knocked(UNBREAKABLE, 1.02), options=ONE)
