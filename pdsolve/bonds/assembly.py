@@ -62,6 +62,7 @@ class Filling(NamedTuple):
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
     strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
     # that are as long as the pairs say; None where they do not go round cracks
+    correction: NDArray[np.float64] | None = None  # (n, 3) of surfaces of bodies whose bonds are corrected so
 
     def parts(self) -> Iterator[Part]:
         """All bonds, some rows at a time."""

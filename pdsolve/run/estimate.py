@@ -16,6 +16,7 @@ from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.checks import advise
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
+from pdsolve.run.operator_factory import in_tiles
 from pdsolve.run.static_start import still
 from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
 from pdsolve.steppers.newton import FACTORED
@@ -66,7 +67,7 @@ class Plan(NamedTuple):
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
-    in_blocks: bool = True  # summed by the kernel of pairs in the plane; False: bond by bond
+    in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
     most: int | None = None  # nodes if all cells were to split, of which none has at the start
 
@@ -97,7 +98,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     settings = counted(model, step).settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    in_blocks = paired and model.grid.dimension == 2
+    in_blocks = paired and (model.grid.dimension == 2 or in_tiles(model))
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))

@@ -129,7 +129,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         assert found is not None
         return rule.part(rows, found, lack)
 
-    return Filling(rule.area, part, rule.strength)
+    return Filling(rule.area, part, rule.strength, lack if d == 3 else None)
 
 
 def _mean_of_ends(
@@ -217,7 +217,9 @@ def _corrections_in_space(
     held += ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)  # bonds may all lie in a plane
     lacks = full[:, None] - held.sum(axis=2)
     found = 1 + np.linalg.solve(held, lacks[..., None])[..., 0]
-    return np.where(scale[:, None] > 0, np.clip(found, LEAST, MOST), 1.0)
+    found = np.where(scale[:, None] > 0, np.clip(found, LEAST, MOST), 1.0)
+    found[np.abs(found - 1).max(axis=1) <= ROUND_OFF] = 1
+    return found
 
 
 def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -108,7 +108,7 @@ def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
     said, system = estimate_run(found, ONE), prepare(found, ONE).system
     assert (said.bonds, said.time_step, said.stable_time_step) == (system.bonds, system.time_step, system.bound)
-    assert not said.in_blocks
+    assert said.in_blocks == (model == "bond")
 
 
 @pytest.mark.slow
@@ -153,7 +153,11 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
         ({"area_rule": "eq19"}, ONE, "found 'eq19'"),
         ({"run": {"adapt": "hybrid"}}, ONE, naming(found="'hybrid'", expected=("none", "body"))),
         ({}, Options("thesis", threads=1), naming(found=("space", "thesis"))),
-        ({}, Options(kernel="blocks", threads=1), naming(found="blocks", expected="listed")),
+        (
+            {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "law": "bilinear"}},
+            Options(kernel="blocks", threads=1),
+            naming(found="blocks", expected="listed"),
+        ),
     ],
 )
 def test_what_only_plates_can_have_is_refused(change: dict[str, object], options: Options, said: str) -> None:

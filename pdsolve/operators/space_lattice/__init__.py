@@ -1,0 +1,1 @@
+"""Bonds on a cubic lattice, 16 sites at a time."""

@@ -1,0 +1,151 @@
+"""The innermost loop in space as vector code: the lanes of a tile over all offsets, their sums kept in registers.
+
+u           (3, m) displacements of all sites, m           offsets  (k,) from a site to its neighbour's
+table       (k, FIELDS), see `Tiles`                       bits     (tiles, k) lanes whose bond is there
+c, cells    (3, m), (2, m) of nodes, see `Tiles`           near     |e| beyond which a slot is left alone
+lane        of the tile, the first of those summed; own    its site
+s           (SCRATCH,) a thread's scratch: sums of forces along x, y and z
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+from numba.extending import intrinsic
+
+from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
+
+FIELDS = 12  # of an offset
+SCRATCH = 3 * ROW
+SELDOM = (1, 1000)  # weights of a branch that is seldom taken, and of its other
+X2, INVERSE, PULL, SHARES = 3, 6, 7, 8  # where 2 xi / xi.xi, 1 / xi.xi, w and w n_a^2 / 2 are in `table`
+
+
+class _Slots:
+    """The bonds of some lanes of a tile, offset by offset."""
+
+    def __init__(self, code: Code, kinds: Any, values: Any, corrections: int) -> None:
+        """`values` are the arguments of a loop, of these `kinds`; bonds have so many numbers of nodes in them."""
+        self._code, self._corrections = code, corrections
+        self._u = [_component(code, kinds[0], values[0], axis) for axis in range(3)]
+        self._offsets, self._table, self._bits = (
+            code.data(kind, array) for kind, array in zip(kinds[1:4], values[1:4], strict=True)
+        )
+        self._c = [_component(code, kinds[4], values[4], axis) for axis in range(3 if corrections else 0)]
+        self._cells = [_component(code, kinds[5], values[5], row) for row in range(corrections - 3)]
+        self._tile, self._site, self._lane = values[9:12]
+        self._own_u = [code.load(component, self._site) for component in self._u]
+        self._own_c = [code.load(component, self._site) for component in self._c]
+        self._own_cells = [code.load(component, self._site) for component in self._cells]
+        self._begin = code.builder.mul(self._tile, values[12])
+
+    def deformed(self, slot: Any) -> tuple[list[list[Any]], list[list[Any]], list[Any]]:
+        """Reference xi and eta (3), and e, which is 0 without a bond."""
+        code, builder = self._code, self._code.builder
+        at = builder.add(self._site, code.integer(self._offsets, slot))
+        eta = [code.sub(code.load(far, at), near) for far, near in zip(self._u, self._own_u, strict=True)]
+        field = builder.mul(slot, INT(FIELDS))
+        xi, x2 = ([self._field(field, first + axis) for axis in range(3)] for first in (0, X2))
+        inverse, e = self._field(field, INVERSE), code.same(0.0)
+        for axis in range(3):
+            e = code.fma(code.fma(inverse, eta[axis], x2[axis]), eta[axis], e)
+        there = code.bits(self._bits, builder.add(self._begin, slot), self._lane)
+        return xi, eta, code.choose(there, e, code.same(0.0))
+
+    def is_empty(self, slot: Any) -> Any:
+        """Whether no lane has a bond."""
+        builder = self._code.builder
+        word = builder.load(builder.gep(self._bits, [builder.add(self._begin, slot)]))
+        return builder.icmp_unsigned("==", word, word.type(0))
+
+    def stiffness(self, slot: Any) -> list[Any]:
+        """Stiffness over length."""
+        code, builder = self._code, self._code.builder
+        field = builder.mul(slot, INT(FIELDS))
+        if not self._corrections:
+            return self._field(field, PULL)
+        at = builder.add(self._site, code.integer(self._offsets, slot))
+        both = [code.add(code.load(component, at), own) for component, own in zip(self._c, self._own_c, strict=True)]
+        w = code.mul(self._field(field, SHARES), both[0])
+        for axis in (1, 2):
+            w = code.fma(self._field(field, SHARES + axis), both[axis], w)
+        if self._cells:
+            volume, modulus = (code.load(component, at) for component in self._cells)
+            w = code.mul(code.mul(w, volume), code.add(modulus, self._own_cells[1]))
+        return w
+
+    def _field(self, begin: Any, number: int) -> list[Any]:
+        builder = self._code.builder
+        return self._code.same(builder.load(builder.gep(self._table, [builder.add(begin, INT(number))])))
+
+
+def _component(code: Code, kind: Any, array: Any, number: int) -> Any:
+    """Where row `number` of a matrix begins."""
+    made = code._context.make_array(kind)(code._context, code.builder, array)
+    columns = code.builder.extract_value(made.shape, 1)
+    return code.builder.gep(made.data, [code.builder.mul(columns, INT(number))])
+
+
+def _loop(corrections: int, exact: bool) -> Callable[..., Any]:
+    """The loop for bonds with so many numbers of nodes in them; `exact`: with a root and a division."""
+
+    @intrinsic
+    def add(typingctx, u, offsets, table, bits, c, cells, near, first, last, tile, own, lane, count, s):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            code = Code(context, builder, u.dtype)
+            slots, kept = _Slots(code, signature.args, values, corrections), code.data(s, values[-1])
+            head, go_on, leave = (builder.function.append_basic_block(name) for name in ("head", "add", "leave"))
+            look, began = builder.function.append_basic_block("look"), builder.block
+            before = [code.load(kept, INT(ROW * axis)) for axis in range(3)]
+            near = code.same(values[6])
+            builder.branch(head)
+            builder.position_at_end(head)
+            slot = builder.phi(INT)
+            slot.add_incoming(values[7], began)
+            sums = [code.merge([(total, began)]) for total in before]
+            builder.cbranch(builder.icmp_signed("<", slot, values[8]), look, leave)
+            builder.position_at_end(look)
+            some, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
+            builder.cbranch(slots.is_empty(slot), skip, some)
+            builder.position_at_end(skip)
+            slot.add_incoming(builder.add(slot, INT(1)), skip)
+            for phis in sums:
+                for phi in phis:
+                    phi.add_incoming(phi, skip)
+            builder.branch(head)
+            builder.position_at_end(some)
+            xi, eta, e = slots.deformed(slot)
+            if exact:
+                builder.branch(go_on)
+            else:
+                beyond = code.some(code.above(code.magnitude(e), near))
+                builder.cbranch(beyond, leave, go_on).set_weights(SELDOM)
+            builder.position_at_end(go_on)
+            if exact:
+                q2 = code.add(code.same(1.0), e)
+                g = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
+            else:
+                g = code.polynomial(code.coefficients[0], e)
+            pull = code.mul(slots.stiffness(slot), code.mul(e, g))
+            after = [code.fma(pull, code.add(x, y), total) for x, y, total in zip(xi, eta, sums, strict=True)]
+            slot.add_incoming(builder.add(slot, INT(1)), go_on)
+            for phis, totals in zip(sums, after, strict=True):
+                for phi, total in zip(phis, totals, strict=True):
+                    phi.add_incoming(total, go_on)
+            builder.branch(head)
+            builder.position_at_end(leave)
+            for axis, total in enumerate(sums):
+                code.store(total, kept, INT(ROW * axis))
+            return slot
+
+        numbers_of = (types.int64,) * 6
+        return types.int64(u, offsets, table, bits, c, cells, u.dtype, *numbers_of, s), generate
+
+    made: Callable[..., Any] = add
+    return made
+
+
+add_alike, add_corrected, add_general = (_loop(corrections, False) for corrections in (0, 3, 5))
+add_alike_far, add_corrected_far, add_general_far = (_loop(corrections, True) for corrections in (0, 3, 5))
