@@ -160,7 +160,7 @@ def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across): 
 
 @njit(**INNER)
 def _stretch(row, x, y, z):  # type: ignore[no-untyped-def]
-    """Of a bond with eta = (x, y, z)."""
+    """The stretch of a bond whose relative displacement eta is (x, y, z), m."""
     e = row[INVERSE] * (2 * (row[0] * x + row[1] * y + row[2] * z) + (x * x + y * y + z * z))
     return e / (np.sqrt(1 + e) + 1)
 
