@@ -106,7 +106,7 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     monkeypatch.setattr(workers, "_process", None)  # nothing is solved again, nor are those that failed
     assert main(["study", "study.toml"]) == 1
     captured = capsys.readouterr()
-    assert captured.out == "study.sqlite: 8 runs, 4 finished, 4 failed\n"
+    assert mentions(captured.out, "study.sqlite", "8 runs", "4 finished", "4 failed")
     said = captured.err.splitlines()
     assert len(said) == 4
     assert said[0].startswith("pdsolve study: run 3 failed: ")
@@ -300,10 +300,12 @@ def test_where_nothing_cracks_there_is_something_to_draw(solved: Path, capsys: p
         "largest_displacement", "largest_stretch", "strain", "work",
     ]  # fmt: skip
     assert all(one["happened"] == one["runs"] == 2 and one["median"] > 0 for one in found)
-    assert captured.err == "pdpost study: in none of 4 runs: start, branching, speed, fork_angle, direction\n"
+    assert mentions(captured.err, "4 runs", "start", "branching", "speed", "fork_angle", "direction")
     assert pdpost(["study", "study.sqlite", "--measure", "start", "-o", "start.svg"]) == 0
-    assert capsys.readouterr().err == "pdpost study: in none of 4 runs: start\n"
-    assert "in none of 4 runs" in Path("start.svg").read_text()
+    err = capsys.readouterr().err
+    assert mentions(err, "4 runs", "start")
+    assert not mentions(err, "branching")
+    assert "of 4 runs" in Path("start.svg").read_text()
     edit("UPDATE run SET start = 1e-6 + 1e-8 * number WHERE number IN (1, 2)")
     low, high = study(Path("study.sqlite"), ["start"]).axes[0].get_xlim()
     assert low < 100 < 204 < high  # of G0, of which nothing started at 100

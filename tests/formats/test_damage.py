@@ -150,7 +150,7 @@ def test_a_table_less_a_row_is_refused(stopped: bytes, tmp_path: Path, table: st
     with closing(sqlite3.connect(path)) as connection:
         connection.execute(f"DELETE FROM {table} WHERE rowid = (SELECT min(rowid) FROM {table})")
         connection.commit()
-    with pytest.raises(DamagedError, match=f"found its {table} damaged"):
+    with pytest.raises(DamagedError, match=naming(found=(table, "damaged"))):
         resume(path)
 
 
@@ -161,7 +161,7 @@ def test_a_large_value_that_is_another_is_refused(stopped: bytes, tmp_path: Path
     with closing(sqlite3.connect(path)) as connection:
         connection.execute(f"UPDATE {table} SET {column} = x'00' WHERE rowid = (SELECT max(rowid) FROM {table})")
         connection.commit()
-    with pytest.raises(DamagedError, match=f"found its {table} damaged"):
+    with pytest.raises(DamagedError, match=naming(found=(table, "damaged"))):
         resume(path)
 
 

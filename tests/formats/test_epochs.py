@@ -190,7 +190,7 @@ def test_other_births_and_deaths_than_were_written_are_refused(
     with closing(sqlite3.connect(path)) as connection:
         connection.execute(what)
         connection.commit()
-    with Results.open(path) as results, pytest.raises(DamagedError, match=f"found its {table} damaged"):
+    with Results.open(path) as results, pytest.raises(DamagedError, match=naming(found=(table, "damaged"))):
         results.field("uy", 30)
 
 

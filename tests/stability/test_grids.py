@@ -130,8 +130,8 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
             said.append(str(error))
     assert [line.split(": found")[0] for line in said] == ["model: $.nodes"] * 3
     assert mentions(said[0], "same place")
-    assert "the same place but for round-off" in said[1]
-    assert "0.01 spacings apart" in said[2]
+    assert mentions(said[1], "node 6", "node 7", "1e-12 m")
+    assert mentions(said[2], "node 6", "node 7", "0.01 spacings")
     assert steps[1e-3] / steps[1e-12] > 1e4  # measured 2.1e4
     assert steps[1e-3] / steps[1e-5] == pytest.approx(6.56, abs=0.5)
     failure(

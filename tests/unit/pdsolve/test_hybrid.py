@@ -83,7 +83,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
 @pytest.mark.parametrize(("mode", "precision"), [("thesis", "float64"), ("conservative", "float32")])
 def test_other_modes_are_refused(mode: str, precision: str) -> None:
     """And other precisions."""
-    with pytest.raises(ModelError, match=f"found {mode if mode == 'thesis' else precision}"):
+    with pytest.raises(ModelError, match=naming(found=mode if mode == "thesis" else precision)):
         plate_of(plate(cracked(), 4), mode, precision)
 
 

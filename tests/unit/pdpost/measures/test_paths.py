@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from drawn import lattice, run
+from messages import naming
 
 from pdpost.measures.paths import PathError, distance, heading, path
 
@@ -53,5 +54,5 @@ def test_distances_of_lines(other: list[np.ndarray], mean: float, hausdorff: flo
 
 
 def test_no_line_has_no_distance() -> None:
-    with pytest.raises(PathError, match="found no path"):
+    with pytest.raises(PathError, match=naming(found="path")):
         distance([], [LINE])

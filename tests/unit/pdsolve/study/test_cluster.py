@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock, Mock
 
 import pytest
+from messages import naming
 
 from pdsolve.study.cluster import solved_by
 from pdsolve.study.description import Case, StudyError
@@ -35,5 +36,5 @@ def test_a_scheduler_that_ends_is_a_line(lost: Exception, monkeypatch: pytest.Mo
     tasks = [Task(number, Path("plate.json"), Case({}, {}, {}), Path(f"{number}.sqlite")) for number in (1, 2)]
     outcomes = solved_by(tasks, "tcp://127.0.0.1:1")
     assert next(outcomes).number == 1
-    with pytest.raises(StudyError, match=r"^--scheduler tcp://127\.0\.0\.1:1: found it ended, expected it to go on"):
+    with pytest.raises(StudyError, match=naming("--scheduler tcp://127.0.0.1:1", found="ended")):
         next(outcomes)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from messages import naming
 
 from pdsolve.study import table_checksums
 from pdsolve.study.description import Study, StudyError, read_study
@@ -112,7 +113,7 @@ def test_a_table_of_an_older_version_is_read_and_given_checksums(path: Path, stu
         assert len(table.rows()) == 6
     Table.create(path, study, "1.1").close()
     edit(path, "UPDATE run SET nodes = 3 WHERE number = 2")
-    with pytest.raises(StudyError, match="run 2 damaged"):
+    with pytest.raises(StudyError, match=naming(found=("run 2", "damaged"))):
         Table.open(path)
 
 
