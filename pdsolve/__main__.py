@@ -290,6 +290,12 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",
     ]
+    heat = summary.get("diffusion")
+    if heat is not None:
+        lines.append(
+            f"content: inside {heat['masses']['inside']:.6g}, gone out {heat['masses']['through']:.6g}, supplied"
+            f" {heat['masses']['supplied']:.6g} (balance {heat['balance']:+.1e}), {heat['method']}"
+        )
     fine = summary.get("hybrid")
     if fine is not None:
         coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -31,8 +31,13 @@ from pdmesh.model.document import (
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.number_limits import beyond
+from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.suggestions import explained
 
+PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
+NEEDED = {"material": "E, rho and G0", "medium": "D"}
+REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
+CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 
 
@@ -87,32 +92,53 @@ class Model:
                     )
 
     def _check_physics(self) -> None:
-        diffuses = self.settings.physics == "diffusion"
-        needed = ("medium", "D") if diffuses else ("material", "E, rho and G0")
-        if getattr(self.settings, needed[0]) is None:
-            raise ModelError(
-                f"{self.name}: $.{needed[0]}: found none, expected {needed[1]}"
-                f" (in the file, a --settings TOML or --set {needed[0]}.{needed[1].split(',')[0]}=...)"
-            )
-        for name in ("material", "regions") if diffuses else ("medium", "media"):
-            if getattr(self.settings, name):
-                other = "mechanics" if diffuses else "diffusion"
-                raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'")
-        if not diffuses and self.settings.run.solver == "implicit":
+        settings, physics = self.settings, self.settings.physics
+        for part, needed in NEEDED.items():
+            if part in PARTS[physics] and getattr(settings, part) is None:
+                raise ModelError(
+                    f"{self.name}: $.{part}: found none, expected {needed}"
+                    f" (in the file, a --settings TOML or --set {part}.{needed.split(',')[0]}=...)"
+                )
+            for name in REGIONS[part]:
+                if part not in PARTS[physics] and getattr(settings, name):
+                    other = next(each for each, parts in PARTS.items() if parts == (part,))
+                    raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'")
+        if physics == "mechanics" and settings.run.solver == "implicit":
             raise ModelError(f"{self.name}: $.run.solver: found implicit, expected explicit or static of mechanics")
-        kinds = OfDiffusion if diffuses else OfMechanics
-        for number, condition in enumerate(self.settings.conditions):
+        kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
+        for number, condition in enumerate(settings.conditions):
             if not isinstance(condition, kinds):
-                expected = ", ".join(str(kind.__struct_config__.tag) for kind in kinds.__args__)
+                expected = ", ".join(str(kind.__struct_config__.tag) for kind in kinds)
                 raise ModelError(
                     f"{self.name}: $.conditions[{number}]: found {condition.__struct_config__.tag}, expected one of"
-                    f" {expected}, as the physics is {self.settings.physics}"
+                    f" {expected}, as the physics is {physics}"
                 )
 
     @property
     def diffuses(self) -> bool:
-        """Whether the model is one of diffusion, not of mechanics."""
+        """Whether the model is one of diffusion alone."""
         return self.settings.physics == "diffusion"
+
+    @property
+    def swells(self) -> bool:
+        """Whether the model is one of a motion and of a content that swells it."""
+        return self.settings.physics == "thermoelastic"
+
+    def moving_part(self) -> Model:
+        """The mechanics of a model that swells."""
+        mine = tuple(one for one in self.settings.conditions if isinstance(one, OfMechanics))
+        asked = tuple(name for name in self.settings.run.fields if name not in OF_CONTENT)
+        run = msgspec.structs.replace(self.settings.run, fields=asked)
+        return self._part(physics="mechanics", medium=None, media=(), conditions=mine, run=run)
+
+    def diffusing_part(self, time_step: float) -> Model:
+        """The diffusion of a model that swells, in steps of `time_step`, s."""
+        mine, run = tuple(one for one in self.settings.conditions if isinstance(one, OfDiffusion)), self.settings.run
+        steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
+        return self._part(physics="diffusion", material=None, regions=(), conditions=mine, run=steps)
+
+    def _part(self, **settings: Any) -> Model:
+        return replace(self, settings=msgspec.structs.replace(self.settings, **settings))
 
     def _check_planes(self) -> None:
         refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")

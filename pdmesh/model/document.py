@@ -82,6 +82,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     control_factor: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # silling
     order: Annotated[int, msgspec.Meta(ge=1, le=7)] = 1  # correspondence: of the polynomials gradients are fitted by
     constant_term: bool = False  # correspondence: the fit does not have to pass through its own node
+    alpha: float | None = None  # thermoelastic: strain of a free body for each K, or mol/m^3, above T0
+    T0: float | None = None  # thermoelastic: K, or mol/m^3, at which a body is free of stress
     yield_stress: Positive | None = None  # j2, Pa
     hardening: float = 0.0  # j2: stress per plastic strain, Pa
 
@@ -249,8 +251,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     material: Material | None = None
     horizon: Horizon = Horizon()
     regions: tuple[Region, ...] = ()
-    physics: Literal["mechanics", "diffusion"] = "mechanics"
-    medium: Medium | None = None  # of diffusion
+    physics: Literal["mechanics", "diffusion", "thermoelastic"] = "mechanics"  # thermoelastic: both, and swelling
+    medium: Medium | None = None  # of diffusion; of heat, whose D is the thermal diffusivity and whose content is T, K
     media: tuple[MediumRegion, ...] = ()
     conditions: tuple[AnyCondition, ...] = ()
     area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it

@@ -10,6 +10,7 @@ Own = Literal["sxx", "syy", "sxy", "szz", "sxz", "syz", "plastic", "rotation", "
 Column = Usual | Along | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
 ALONG: tuple[Column, ...] = get_args(Along)
+OF_CONTENT: tuple[Column, ...] = ("c", "h", "solid")  # of what diffuses
 
 CRACKED = 0.35  # damage above which a node belongs to a crack
 

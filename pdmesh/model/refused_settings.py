@@ -59,9 +59,25 @@ class Impossible(NamedTuple):
         return f"{self.place}: found {self.found}, expected {self.expected}"
 
 
+def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator[Impossible]:
+    """What a motion that a content swells does not take, of settings and of every material with its place."""
+    why = "as the physics is thermoelastic"
+    for place, material in every:
+        for name in ("alpha", "T0"):
+            if getattr(material, name) is None:
+                yield Impossible(f"{place}.{name}", "none", f"a number, {why}")
+    if settings.medium is not None and settings.medium.C_solid is not None:
+        yield Impossible("$.medium.C_solid", f"{settings.medium.C_solid:g}", f"none, {why}")
+    run = settings.run
+    usual = {"solver": "explicit", "adapt": "none", "cracks": "bonds", "start": "unloaded"}
+    for name, expected in usual.items():
+        if getattr(run, name) != expected:
+            yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
+
+
 def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     """Settings that cannot be combined, in a plate (2) or a body in space (3), except those of diffusion."""
-    if settings.physics != "mechanics" or settings.material is None:
+    if settings.physics == "diffusion" or settings.material is None:
         return
     every = [("$.material", settings.material)]
     every += [(f"$.regions[{number}].material", region.material) for number, region in enumerate(settings.regions)]
@@ -70,6 +86,8 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
         yield from _in_space(settings, every)
     for place, material in every:
         yield from of_material(material, place)
+    if settings.physics == "thermoelastic":
+        yield from _swelling(settings, every)
     run = settings.run
     if run.solver == "static":
         yield from _at_rest(settings, every)

@@ -36,6 +36,7 @@ TABLE = (
     Used(("run.split",), (("run.adapt", "split"),)),
     Used(("run.collocation",), (("run.adapt", "collocation"),)),
     Used(("run.collocation",), (("physics", "mechanics"),)),
+    Used(("material.alpha", "material.T0"), (("physics", "thermoelastic"),)),
     Used(("run.particles",), (("run.cracks", "particles"),)),
     Used(("run.particles.branch",), (("run.particles.criterion", "stress"),)),
     Used(("run.particles.branch",), (("run.particles.direction", "hoop"),)),

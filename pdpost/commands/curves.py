@@ -91,7 +91,8 @@ def _history(args: argparse.Namespace) -> int:
 
     path = delivery.picture_path(args, ".history.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        if len(results.masses()):
+        moves = len(results.history()) and (args.places or args.components)
+        if len(results.masses()) and not moves:
             return _masses(args, results, path)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         places = args.places or _usual(results)

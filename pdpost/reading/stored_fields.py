@@ -25,8 +25,8 @@ def vector(results: Results, name: str, step: int) -> NDArray[np.float64]:
 
 
 def diffuses(results: Results) -> bool:
-    """Whether the model is one of diffusion."""
-    return len(results.masses()) > 0  # noted from the start on
+    """Whether the model is one of diffusion alone."""
+    return len(results.masses()) > 0 and not len(results.history())  # both are noted from the start on
 
 
 def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]]:

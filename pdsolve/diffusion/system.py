@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
-from pdmesh.model.output_fields import USUAL
+from pdmesh.model.output_fields import OF_CONTENT, USUAL
 from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
@@ -27,7 +27,6 @@ from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 from pdsolve.state import State
 
-OWN = ("c", "h", "solid")  # fields of a frame
 SLACK = 1e-9  # of a step: what is typed
 
 
@@ -153,8 +152,8 @@ def _refuse(model: Model) -> None:
     if model.settings.area_rule == "eq19":
         raise ModelError(f"{model.name}: $.area_rule: found eq19, expected cells or square of diffusion")
     for name in run.fields if run.fields != USUAL else ():
-        if name not in OWN:
-            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {', '.join(OWN)}")
+        if name not in OF_CONTENT:
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {', '.join(OF_CONTENT)}")
     _refuse_ways(model)
 
 

@@ -27,6 +27,19 @@ class List(NamedTuple):
     length: NDArray[np.floating]  # (b,) |xi|, m
 
 
+class SwollenList(NamedTuple):
+    """Bonds as `List` has them, of nodes that heat or a solvent swells: a bond stretches from its swollen length."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    xi: tuple[NDArray[np.floating], ...]  # d times (b,), m, before swelling
+    length: NDArray[np.floating]  # (b,) |xi|, m
+    swell: NDArray[np.floating]  # (n,) strain of a free node: alpha (T - T0) of heat; a bond has the mean of its ends
+
+
+AnyList = List | SwollenList
+
+
 def list_of(bonds: Bonds) -> List:
     """Bonds (b,) as loops read them."""
     length = np.sqrt((bonds.xi**2).sum(axis=1))
@@ -41,7 +54,7 @@ class Left(NamedTuple):
     weight: NDArray[np.float64]  # (b,) 0 where broken
 
 
-def left(bonds: List, weight: NDArray[np.floating], broken: NDArray[np.int32], rows: NDArray[np.int64]) -> Left:
+def left(bonds: AnyList, weight: NDArray[np.floating], broken: NDArray[np.int32], rows: NDArray[np.int64]) -> Left:
     """What is left of these nodes' (k,) bonds."""
     counts = bonds.start[rows + 1] - bonds.start[rows]
     which = (
@@ -51,7 +64,7 @@ def left(bonds: List, weight: NDArray[np.floating], broken: NDArray[np.int32], r
     return Left(own, which, np.where(broken[which] == 0, weight[which], 0.0).astype(float))
 
 
-def shapes(bonds: List, some: Left, nodes: int) -> NDArray[np.float64]:
+def shapes(bonds: AnyList, some: Left, nodes: int) -> NDArray[np.float64]:
     """K (k, d, d) of so many nodes, from the bonds that are left."""
     d, xi = len(bonds.xi), [x[some.which].astype(float) for x in bonds.xi]
     K = np.empty((nodes, d, d))
@@ -94,7 +107,8 @@ class Bond(NamedTuple):
 @njit(**INNER)
 def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
     """Bond k, from node i to node j, at these values."""
-    xi, eta = _reference(bonds.xi, k), _difference(bonds.xi, value, i, j)
+    xi = _reference(bonds.xi, k)
+    eta = _displaced(bonds, value, xi, i, j)
     squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
     for a in range(1, len(xi)):
         squared += xi[a] * xi[a]
@@ -113,9 +127,35 @@ def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
     """The stretch of the bond from i to j one step ago."""
     squared = now.dt * 0
     for a in range(len(bond.xi)):
-        x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (now.rate[j, a] - now.rate[i, a])
+        x = bond.xi[a] + bond.eta[a] - now.dt * (now.rate[j, a] - now.rate[i, a])
         squared += x * x
     return np.sqrt(squared) / bond.length - 1
+
+
+def _displaced(bonds: AnyList, value: NDArray[Any], xi: Any, i: int, j: int) -> tuple[Any, ...]:
+    """What stretches a bond: the displacements of its ends, less what swelling alone would make of it."""
+    eta = _difference(bonds.xi, value, i, j)
+    return eta if isinstance(bonds, List) else _less(eta, (bonds.swell[i] + bonds.swell[j]) / 2, xi)
+
+
+@overload(_displaced, jit_options=INNER)
+def _displaced_of(bonds, value, xi, i, j):  # type: ignore[no-untyped-def]
+    if "swell" not in bonds.fields:
+        return lambda bonds, value, xi, i, j: _difference(bonds.xi, value, i, j)
+    return lambda bonds, value, xi, i, j: _less(
+        _difference(bonds.xi, value, i, j), (bonds.swell[i] + bonds.swell[j]) / 2, xi
+    )
+
+
+def _less(eta: tuple[Any, ...], free: Any, xi: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(one - free * x for one, x in zip(eta, xi, strict=True))
+
+
+@overload(_less, jit_options=INNER)
+def _less_of(eta, free, xi):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda eta, free, xi: (eta[0] - free * xi[0], eta[1] - free * xi[1])
+    return lambda eta, free, xi: (eta[0] - free * xi[0], eta[1] - free * xi[1], eta[2] - free * xi[2])
 
 
 def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:

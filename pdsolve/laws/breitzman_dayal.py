@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
-from pdsolve.laws.bond_arrays import List, left
+from pdsolve.laws.bond_arrays import AnyList, left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, Again, Failure, Law, Passes
@@ -54,7 +54,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     return Columns(total=total, **shared)
 
 
-def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """K^-1 and w of these nodes (k,) from the bonds that are left."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
     some = left(bonds, law.weight, law.broken, rows)

@@ -28,7 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import List, Tabled, left, list_of, shapes
+from pdsolve.laws.bond_arrays import AnyList, Tabled, left, list_of, shapes
 from pdsolve.laws.calls import exchange as force_of
 from pdsolve.laws.calls import numbers as numbers_of
 from pdsolve.laws.calls import shows as shown_of
@@ -104,7 +104,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
 
-def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """K^-1 of these nodes (k,) from the bonds that are left."""
     K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
     values = np.linalg.eigvalsh(K)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws import correspondence
-from pdsolve.laws.bond_arrays import List, list_of
+from pdsolve.laws.bond_arrays import AnyList, list_of
 from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
@@ -134,7 +134,7 @@ def fit(
     return Q, t, 0
 
 
-def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """The fits of these nodes (k,) to the bonds that are left."""
     for i in rows.tolist():
         own = slice(bonds.start[i], bonds.start[i + 1])

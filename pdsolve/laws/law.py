@@ -32,7 +32,7 @@ from pdmesh.model.document import Material
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import INLINE as INLINE
 from pdsolve.laws.bond_arrays import INNER as INNER
-from pdsolve.laws.bond_arrays import List, Tabled
+from pdsolve.laws.bond_arrays import AnyList, Tabled
 from pdsolve.laws.bond_limits import Limits
 from pdsolve.model import Model
 from pdsolve.state import Unknown
@@ -147,7 +147,7 @@ class Law:
     again: Again | None = None
     nodes: NodeMemory | None = None
     lanes: Lanes | None = None
-    mend: Callable[[Any, List, NDArray[np.int64]], None] | None = None  # columns of nodes (k,) that have lost bonds
+    mend: Callable[[Any, AnyList, NDArray[np.int64]], None] | None = None  # columns of nodes (k,) that have lost bonds
     fields: Callable[[Any, Array, Array], Mapping[str, NDArray[np.float64]]] | None = None  # (columns, value, m), SI
     unknowns: Callable[[int], tuple[Unknown, ...]] = displacement
     age: Function | None = None  # (law, bond, now, m, i, j, k) of pair laws; returns what node i spends, J/m^3

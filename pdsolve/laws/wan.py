@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
-from pdsolve.laws.bond_arrays import List, Tabled
+from pdsolve.laws.bond_arrays import AnyList, Tabled
 from pdsolve.laws.correspondence import closed, deviation, failing, lifted, looked_at, stressed
 from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, holds, keep
@@ -56,7 +56,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     return Columns(*correspondence.columns(model, bonds))
 
 
-def mend(law: Columns, bonds: List, rows: NDArray[np.int64]) -> None:
+def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """K^-1 of these nodes (k,) from the bonds that are left."""
     correspondence.mend(law, bonds, rows)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
 from pdsolve.checkpoint import entry, like
-from pdsolve.laws.bond_arrays import Now, list_of
+from pdsolve.laws.bond_arrays import AnyList, Now, SwollenList, list_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law, Sums
 from pdsolve.model import Model
@@ -53,7 +53,8 @@ class BondList:
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
         """Go on with these columns of these bonds."""
-        self.columns, self._list = columns, list_of(bonds)
+        self.columns = columns
+        self._list: AnyList = list_of(bonds)
 
     def _bound(self, law: Law, model: Model, exact: Bonds) -> NDArray[np.float64]:
         """What resists each node's motion at rest, bonds in double precision."""
@@ -148,6 +149,10 @@ class BondList:
         if self.law.fields is None:
             return {}
         return self.law.fields(self.columns, state.value, self._between(Now(state.value, state.rate, 0, 0.0)))
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let bonds stretch from what they are long at these strains (n,) of free nodes, from now on."""
+        self._list = SwollenList(*self._list[:4], strain.astype(self._list.length.dtype))
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 
-from pdsolve.laws.bond_arrays import List, Now, deformed
+from pdsolve.laws.bond_arrays import AnyList, Now, deformed
 from pdsolve.laws.calls import pull
 from pdsolve.numerics.jit_cache import cached_njit
 
@@ -56,7 +56,7 @@ def of_green_springs(
     return _matrix(len(value), source, target, -stiffness[:, None, None] * slope, stiffness[:, None, None] * slope)
 
 
-def of_pairs(bonds: List, columns: Any, now: Now) -> csr_array:
+def of_pairs(bonds: AnyList, columns: Any, now: Now) -> csr_array:
     """The derivative (n w, n w) of minus what a pair law pulls with; `now` holds complex values."""
     nodes, width = now.value.shape
     own, other = (np.zeros((len(bonds.neighbour), width, width)) for _ in range(2))
@@ -82,7 +82,7 @@ def _matrix(
 
 
 def of_passes(
-    bonds: List,
+    bonds: AnyList,
     pulls: Callable[[NDArray[np.complex128]], NDArray[np.complex128]],
     value: NDArray[np.complex128],
     far: int,
@@ -134,7 +134,7 @@ def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignor
         slope[k, c, a] = f[c].imag / step
 
 
-def _reach(bonds: List, far: int) -> csr_array:
+def _reach(bonds: AnyList, far: int) -> csr_array:
     """Who (n, n) is so many bonds away or nearer."""
     nodes = len(bonds.start) - 1
     entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from pdsolve.results import Frame
 from pdsolve.run.measures import Asked
-from pdsolve.run.system import System
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 
 
@@ -44,3 +44,60 @@ class Accounts(Protocol):
 
     def close(self) -> None:
         """Warn of what the books show in the end."""
+
+
+class Together:
+    """The books of a motion and of what diffuses on the same nodes; see `Accounts`."""
+
+    def __init__(self, motion: Accounts, others: tuple[tuple[Accounts, Prepared], ...]) -> None:
+        self._motion, self._others = motion, others
+
+    @property
+    def broken(self) -> int:
+        """Directed bonds broken, as of the last entry."""
+        return self._motion.broken
+
+    @property
+    def balance(self) -> float:
+        """The worst of all, by size."""
+        return max([self._motion.balance, *(one.balance for one, _ in self._others)], key=abs)
+
+    def words(self, broken: int) -> str:
+        """How the books stand with so many broken bonds, for a watcher."""
+        return "; ".join([self._motion.words(broken), *(one.words(broken) for one, _ in self._others)])
+
+    def follow(self, system: System) -> None:
+        """Go on with other nodes."""
+        self._motion.follow(system)
+
+    def settle(self, state: State, step: int, asked: Asked) -> None:
+        """Make the last entries those of this step, without noting them."""
+        self._motion.settle(state, step, asked)
+        for one, prepared in self._others:
+            one.settle(prepared.state, step, asked)
+
+    def take(self, state: State, step: int, asked: Asked) -> None:
+        """Note this step. Raises UnstableError."""
+        self._motion.take(state, step, asked)
+        for one, prepared in self._others:
+            one.take(prepared.state, step, asked)
+
+    def entered(self, frame: Frame) -> Frame:
+        """The frame with what was noted since the last one."""
+        frame = self._motion.entered(frame)
+        for one, _ in self._others:
+            frame = one.entered(frame)
+        return frame
+
+    def meta(self) -> dict[str, Any]:
+        """What results say of the physics from the start on."""
+        return {**self._motion.meta(), "physics": "thermoelastic"}
+
+    def summary(self) -> dict[str, Any]:
+        """What the run came to: that of the motion, and of each other under the name of its physics."""
+        others = [one.summary() for one, _ in self._others]
+        return {**self._motion.summary(), **{str(found["physics"]): found for found in others}}
+
+    def close(self) -> None:
+        """Warn of what the books show in the end."""
+        self._motion.close()

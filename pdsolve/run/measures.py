@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED, USUAL, usual
-from pdsolve.run.system import System
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import Broken, State
 
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
@@ -101,7 +101,10 @@ def fields(
     """The fields (n,) of these names now; `asked` as in `books`."""
     found: dict[str, NDArray[np.floating]] = {}
     chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
-    own = {} if chosen != USUAL and set(chosen) <= set(usual_ones) else system.operator.fields(state)
+    own: dict[str, NDArray[np.float64]] = {}
+    if chosen == USUAL or not set(chosen) <= set(usual_ones):
+        for one in (Prepared(system, state), *system.beside):
+            own |= one.system.operator.fields(one.state)
     if chosen == USUAL:
         chosen = (*usual_ones, *own)
     for name in chosen:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.document import Absorb, InitialVelocity, Selection
+from pdmesh.model.document import Acceleration, Displacement, Load, Selection, Velocity
 from pdmesh.model.neighbours import lengths
 from pdsolve.conditions import factor_now
 from pdsolve.run.system import System
@@ -43,7 +43,7 @@ def grips(system: System) -> tuple[Grip, ...]:
     return tuple(
         Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
         for number, condition in enumerate(system.asked.settings.conditions)
-        if not isinstance(condition, InitialVelocity | Absorb)
+        if isinstance(condition, Load | Displacement | Velocity | Acceleration)
     )
 
 

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from pdsolve.checkpoint import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
+from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results
 from pdsolve.results.schema import taken
-from pdsolve.run.accounts import Accounts
-from pdsolve.run.measures import ask, fields
+from pdsolve.run.accounts import Accounts, Together
+from pdsolve.run.measures import Asked, ask, fields
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
@@ -80,7 +81,15 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if isinstance(system.stepper, LoadSteps):
         here["rested"] = system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
-    return {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
+    kept = {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
+    for one in system.beside:
+        kept |= {_of(one.system, name): values for name, values in checkpoint(*one).items()}
+    return kept
+
+
+def _of(system: System, name: str) -> str:
+    """The name in a checkpoint of an array of an unknown beside the motion."""
+    return f"{system.operator.unknowns[0].name}_{name}"
 
 
 def cloud(system: System) -> dict[str, NDArray[Any]]:
@@ -117,6 +126,12 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
     if system.growth is not None:
         system.growth.back(kept, past)
     put_loads(system.drive, step * system.time_step)
+    for one in system.beside:
+        start = _of(one.system, "")
+        own = {name.removeprefix(start): values for name, values in kept.items() if name.startswith(start)}
+        restore(*one, step, own, Breaks(*np.zeros((3, 0), dtype=np.int64)))
+    if isinstance(system.stepper, Swelling):
+        system.stepper.swell()
 
 
 class Past(NamedTuple):
@@ -129,6 +144,16 @@ class Past(NamedTuple):
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
     ever: int  # nodes that ever were
     results: Results | None = None  # so far; None: it begins
+
+
+def _accounts(system: System, state: State, past: Past, asked: Asked) -> Accounts:
+    """The books of a system as they stand after a step."""
+    if system.transport is not None:
+        return MassAccounts(system.transport, state, past.step, past.results)
+    motion = MotionAccounts(system, state, past.step, asked, past.results)
+    if not system.beside:
+        return motion
+    return Together(motion, tuple((_accounts(*one, past, asked), one) for one in system.beside))
 
 
 class Recorder:
@@ -147,11 +172,7 @@ class Recorder:
         self.written = self.step = past.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
         self.now = ask(system, state)
-        self.accounts: Accounts
-        if system.transport is None:
-            self.accounts = MotionAccounts(system, state, past.step, self.now, past.results)
-        else:
-            self.accounts = MassAccounts(system.transport, state, past.step, past.results)
+        self.accounts = _accounts(system, state, past, self.now)
 
     def wall(self) -> float:
         """Seconds spent on the run, those before an interruption counted."""
@@ -211,12 +232,12 @@ class Recorder:
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
         `state` now or when it is time."""
-        system, run = self.system, self.system.model.settings.run
+        system = self.system
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
         asked = self.now if self.step == step else None
-        found = fields(system, self.state, run.fields, asked) if whole else {}
+        found = fields(system, self.state, system.asked.settings.run.fields, asked) if whole else {}
         kept = checkpoint(system, self.state) if state else None
         if kept is not None and self._changes:
             kept |= cloud(system)

@@ -21,6 +21,7 @@ from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.crack_growth import update_interval
 from pdsolve.diffusion import system as diffusion
+from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
@@ -77,6 +78,7 @@ class System:
     whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     growth: Growth | None = None  # cracks that are particles
     transport: Transport | None = None  # what carries a substance; None: the model moves
+    beside: tuple[Prepared, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
@@ -145,6 +147,8 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.diffuses:
         return _diffusing(model, options)
     scheme = scheme_of(model, options)
+    if model.swells:
+        return _swelling(model, options, scheme)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":
@@ -177,6 +181,22 @@ def _diffusing(model: Model, options: Options) -> Prepared:
         transport=found,
     )
     return Prepared(system, state)
+
+
+def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
+    if not scheme.symmetric or options.kernel not in (None, "listed"):
+        found = scheme.name if not scheme.symmetric else options.kernel
+        raise ModelError(
+            f"{model.name}: found {found}, expected mode conservative and kernel listed of bonds that swell"
+        )
+    system, state = system_of(model.moving_part(), options._replace(kernel="listed"), scheme)
+    content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
+    assert isinstance(system.operator, BondList)
+    both = (content.system.stepper, content.state)
+    stepper = Swelling(both, system.stepper, system.operator, model)
+    energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
+    return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
 
 
 def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
