@@ -45,9 +45,8 @@ def notched(run: Run, **more: Any) -> Model:
     return plate(rectangle(40, 40, H, [(0.0, 20.5, 12.0, 20.5)]), 3.0, run=run, conditions=start, **more)
 
 
-def cubic(run: Run) -> Model:
+def cubic(run: Run, sides: tuple[int, int, int] = (14, 12, 10)) -> Model:
     """A block of glass with a crack of two triangles into it, that spins slowly."""
-    sides = (14, 12, 10)
     along = np.meshgrid(*((np.arange(side) + 0.5) * H for side in sides), indexing="ij")
     position = np.stack(along, axis=-1).reshape(-1, 3)
     nowhere = np.full(len(position), -1)
@@ -297,3 +296,9 @@ def test_a_body_in_tiles_is_the_one_in_a_list(precision: str, digits: float) -> 
         for one, other in zip(*(each.system.operator.bonds() for each in (listed, tiled)), strict=True):
             assert np.array_equal(one, other)
     assert tiled.system.operator.stiffness_bound() == pytest.approx(listed.system.operator.stiffness_bound())
+
+
+@pytest.mark.parametrize(("sides", "kernel"), [((7, 7, 8), "blocks"), ((6, 12, 10), "listed"), ((12, 6, 10), "listed")])
+def test_a_body_with_few_nodes_in_a_row_is_listed(sides: tuple[int, int, int], kernel: str) -> None:
+    """In a row of up to 6 nodes, two ways to a neighbour within 3.5 spacings pass as many sites."""
+    assert prepare(cubic(Run(), sides), Options(threads=1)).system.operator.name == kernel

@@ -32,7 +32,9 @@ H, CELLS, ROWS = 1e-3, 40, 8  # m; nodes along and across
 STEEL = Material(E=200e9, rho=8000.0, G0=1e9, micromodulus="constant", alpha=1e-5, T0=300.0)
 DT = 100.0  # K
 LENGTH = (CELLS - 6) * H  # m, between the layers that are held
-HEATER = Source(box=(3 * H, -1.0, (CELLS - 3) * H, 1.0), rate=8 * 2.0 * DT / LENGTH**2)  # K/s: dT in the middle, at last
+HEATER = Source(
+    box=(3 * H, -1.0, (CELLS - 3) * H, 1.0), rate=8 * 2.0 * DT / LENGTH**2
+)  # K/s: dT in the middle, at last
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 ONE = Options(threads=1)
 

@@ -45,7 +45,8 @@ class Sites(NamedTuple):
 
 
 def sites_of(grid: Grid, reach: float) -> Sites | None:
-    """The sites of a body's nodes, which see each other up to `reach` spacings; None if they are no lattice."""
+    """The sites of a body's nodes, which see each other up to `reach` spacings; None if they are no lattice, or
+    so few in a row that two ways to a neighbour pass as many sites."""
     spacing = float(grid.delta[0])
     if (grid.delta != spacing).any():
         return None
@@ -60,6 +61,8 @@ def sites_of(grid: Grid, reach: float) -> Sites | None:
     stride = np.array([1, sides[0], sides[0] * sides[1]])
     ways = np.rint(offsets(reach, 3)).astype(np.int64)
     ways = ways[np.lexsort(ways.T)]
+    if len(np.unique(ways @ stride)) < len(ways):
+        return None
     radius = int(np.abs(ways).max())
     slot = np.full((2 * radius + 1,) * 3, -1, dtype=np.int16)
     slot[tuple((ways + radius).T)] = np.arange(len(ways))
