@@ -12,7 +12,7 @@ from beside import GRIDS, both, nearly, torn
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Material
-from pdsolve.laws.law import Now
+from pdsolve.laws.bond_arrays import Now
 from pdsolve.operators.simd_lattice.families import Families
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, Prepared, prepare
