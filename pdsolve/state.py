@@ -1,4 +1,4 @@
-"""What changes while a system marches, and what its numbers are called."""
+"""The state of a system, and the names of its unknowns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Unknown(NamedTuple):
 class State(NamedTuple):
     """The state of n nodes with w components of all unknowns, in the order of the operator's `unknowns`.
 
-    Bonds remember for themselves (`Operator.keep`); nothing else changes. What is conserved, energy or substance, is
+    Bonds have their own history (`Operator.keep`); nothing else changes. Conserved quantities, energy or substance, are
     booked by node.
     """
 
@@ -32,7 +32,7 @@ class State(NamedTuple):
 
 
 class Broken(NamedTuple):
-    """Bonds that have broken, k of them; that of both its nodes is there twice."""
+    """Broken bonds, k of them; a bond in the families of both its nodes appears twice."""
 
     step: NDArray[np.int64]  # (k,)
     source: NDArray[np.int64]  # (k,) row of the node whose bond it was

@@ -1,12 +1,12 @@
-"""Links on a fine lattice, second-order collocation on a coarse one of twice the spacing around it.
+"""Links on a fine lattice, and second-order collocation on a coarse one of twice the spacing around it.
 
-Both lattices are whole where they meet: each has fictitious nodes in the other's place, as far as its sums reach. A
-coarse one is the mean of the fine nodes around it, a fine one is interpolated linearly between coarse ones, so that
-linear fields pass. That is not the transpose of each other: what one side gives, the other takes but for an error of
-the second order, which the balance of masses shows. Within each lattice nothing is lost.
+Each lattice is extended into the other's region by fictitious nodes, as far as its sums reach. A fictitious coarse node
+is the mean of the fine nodes around it. A fictitious fine node is interpolated linearly between coarse ones, so that
+linear fields are exact. The two interpolations are not transposes of each other: the flux out of one side equals the
+flux into the other only to second order, as the mass balance shows. Within each lattice, mass is conserved.
 
-Source: as of `pdsolve.operators.stencils`; a coarse node's stencil has 123 nodes in space, with weights for which
-its symbol is positive.
+Source: that of `pdsolve.operators.stencils`. A coarse node's stencil in space has 123 nodes, with weights for which its
+symbol is positive.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 
 class Between(NamedTuple):
-    """Fictitious nodes of one lattice from values on the other."""
+    """Fictitious nodes of one lattice, interpolated from the other."""
 
     at: NDArray[np.int64]  # (f, d) places of the fictitious nodes in their own lattice
     values: csr_array  # (f, n) of the other lattice's nodes
 
 
 class Collocated:
-    """Exchange between fine nodes by links, between coarse ones by stencils."""
+    """Exchange between fine nodes by links and between coarse nodes by stencils."""
 
     name = "collocation"
 
@@ -83,7 +83,7 @@ class Collocated:
         self._some, self._both = [_slice(rows) for rows in (fine, coarse)], np.zeros(len(volume))
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """The links (b,) of some rows, which increase, to nodes of their own lattice, and their conductances (b,)."""
+        """Links (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
         own = ~self._far[rows]
         nothing = np.zeros(0, dtype=np.int64)
         pairs, g = self._linking.linked(rows[own]) if own.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
@@ -99,18 +99,18 @@ class Collocated:
         return Pairs(*(np.concatenate(two) for two in both)), np.concatenate([g[same], pulls])
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """What links (b,) of these lengths between fine nodes would have; 0 between coarse ones."""
+        """Conductance (b,) that links of these lengths between fine nodes would have; 0 between coarse ones."""
         return np.where(self._far[pairs.source], 0.0, self._linking.conductance(pairs))
 
     @property
     def fictitious(self) -> tuple[int, int]:
-        """How many nodes are fictitious, fine and coarse ones."""
+        """Numbers of fictitious fine and coarse nodes."""
         return len(self._outer.at), len(self._inner.at)
 
     def _look_whole(
         self, found: Stencil, far: NDArray[np.int64], coarse: NDArray[np.int64], near: NDArray[np.int64]
     ) -> None:
-        """Raises ModelError for a coarse node without a whole stencil that nothing holds."""
+        """Raise ModelError for a coarse node without a whole stencil whose value is not prescribed."""
         from pdsolve.diffusion.conditions import boundary_conditions
 
         free = boundary_conditions(self._model, self.volume).free[coarse]
@@ -127,7 +127,7 @@ class Collocated:
             )
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         fine, every, own = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
         fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
         every[own[1] :] = self._inner.values @ fine[: own[0]]
@@ -141,17 +141,18 @@ class Collocated:
         out += both
 
     def tangent(self) -> csr_array:
-        """Nobody asks: implicit steps want symmetric links."""
+        """Not available: implicit steps require symmetric links."""
         raise ModelError(f"{self._model.name}: $.run.adapt: found collocation, expected none for implicit steps")
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of what the `share` (n,), 0 on coarse nodes, differs by, m^d/s."""
+        """Sum over links of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
+        m^d/s."""
         return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
-    """Take what is too much of all rates (n,) from the nodes at the seam."""
+    """Subtract the surplus of all rates (n,) from the nodes at the seam."""
     made = 0.0
     for i in range(len(out)):
         made += volume[i] * out[i]
@@ -160,13 +161,13 @@ def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
 
 
 def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
-    """Rows that follow each other as a slice; others unchanged."""
+    """Consecutive rows as a slice; others unchanged."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == len(rows) else rows
 
 
 def _two(linking: Linking) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The rows of the fine and of the coarse nodes. Raises ModelError where there are others."""
+    """Rows of the fine and of the coarse nodes. Raises ModelError for nodes of other spacings."""
     model, delta = linking.model, linking.model.grid.delta
     levels = np.unique(delta)
     place = f"{model.name}: $.run.adapt: found"
@@ -180,7 +181,7 @@ def _two(linking: Linking) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _blocked(linking: Linking, fine: NDArray[np.int64]) -> bool:
-    """Whether something stands between fine nodes."""
+    """Whether an obstacle separates fine nodes."""
     if linking.sight.clear:
         return False
     grid = linking.model.grid
@@ -193,7 +194,7 @@ def _blocked(linking: Linking, fine: NDArray[np.int64]) -> bool:
 
 
 class _Keys:
-    """Finds places (n, d), whole numbers, by value."""
+    """Index of integer places (n, d)."""
 
     def __init__(self, places: NDArray[np.int64]) -> None:
         self._low = places.min(axis=0) - 64
@@ -209,15 +210,15 @@ class _Keys:
         return key
 
     def rows(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The rows (k,) of these places (k, d), -1 where there is none."""
+        """Rows (k,) of these places (k, d), -1 for a missing one."""
         key = self._key(places)
         at = np.searchsorted(self._sorted, key).clip(max=len(self._sorted) - 1)
         return np.where(self._sorted[at] == key, self._order[at], -1)
 
 
 def _lacking(own: NDArray[np.int64], steps: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places (f, d) of its own lattice that `own` nodes (n, d) look at, `steps` (k, d) away, and that have no node,
-    as far as the box of the `other` nodes (m, d) reaches."""
+    """Places (f, d) without a node that `own` nodes (n, d) need at offsets `steps` (k, d), within reach of `other`
+    (m, d)."""
     keys, found = _Keys(own), [np.zeros((0, own.shape[1]), dtype=np.int64)]
     low, high = other.min(axis=0) - 1, other.max(axis=0) + 1
     for step in steps:
@@ -228,7 +229,7 @@ def _lacking(own: NDArray[np.int64], steps: NDArray[np.int64], other: NDArray[np
 
 
 def _sees(own: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which of the `own` nodes (n, d) have one of the others (m, d) some of the `steps` (k, d) away."""
+    """Mask of the `own` nodes (n, d) that have one of the others (m, d) at some of the offsets `steps` (k, d)."""
     keys, seen = _Keys(own), np.zeros(len(own), dtype=bool)
     for step in steps:
         rows = keys.rows(others - step)
@@ -237,7 +238,7 @@ def _sees(own: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[np.i
 
 
 def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
-    """Coarse places, those in the middle of fine nodes `near` (n, d), as their means; others are left out."""
+    """Interpolation of coarse places in the middle of fine nodes `near` (n, d) as means; other places are left out."""
     corners = np.array(list(product((-1, 1), repeat=at.shape[1])))
     keys = _Keys(near)
     rows = np.column_stack([keys.rows(at + corner) for corner in corners])
@@ -246,7 +247,7 @@ def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
 
 
 def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Between:
-    """Fine places between coarse ones `every` (n, d), 4 apart. Raises ModelError where one of these is missing."""
+    """Interpolation of fine places between coarse ones `every` (n, d), 4 apart. Raises ModelError if one is missing."""
     d = at.shape[1]
     keys = _Keys(every)
     place = (at - every[0]) / 4
@@ -278,7 +279,7 @@ def _lattice(
     conductance: NDArray[np.float64],
     threads: int,
 ) -> OnLattice:
-    """`nodes` at places (n, d), in their spacing, m, of which so many are real."""
+    """Exchange on a lattice of `nodes`: places (n, d), in units of spacing, m, and the number of real ones."""
     places, real = nodes
     box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
     assert box is not None

@@ -1,4 +1,4 @@
-"""What is done to the nodes: concentrations that are held, what is supplied, what is exchanged with outside."""
+"""Conditions of diffusion: prescribed concentrations, sources, and exchange with the outside."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Profile = tuple[tuple[float, float], ...]
 
 
 class Act(NamedTuple):
-    """Something done to k nodes, times a factor that follows time."""
+    """A condition on k nodes, multiplied by a factor in time."""
 
     rows: NDArray[np.int64]  # (k,)
     value: NDArray[np.float64]  # (k,)
@@ -30,7 +30,7 @@ class Act(NamedTuple):
 
 
 class BoundaryConditions(NamedTuple):
-    """All that is done to n nodes."""
+    """All conditions on n nodes."""
 
     held: tuple[Act, ...]  # mol/m^3; no node is in two of them
     supplied: tuple[Act, ...]  # mol/(m^3 s)
@@ -40,19 +40,19 @@ class BoundaryConditions(NamedTuple):
     at_edges: tuple[Act, ...]  # mol/m^3, what is held there, by number of the edge; without rows
 
     def hold(self, content: NDArray[np.float64], time: float) -> None:
-        """Put what is held at `time`, s, into the contents (n,)."""
+        """Set the prescribed contents (n,) at `time`, s."""
         for act in self.held:
             content[act.rows] = act.at(time)
 
     def supply(self, time: float, out: NDArray[np.float64]) -> None:
-        """Put into `out` (n,) what is supplied at `time`, s, per volume and time."""
+        """Set `out` (n,) to the sources at `time`, s, per volume and time."""
         out[:] = 0
         for act in self.supplied:
             out[act.rows] += act.at(time)
 
 
 def linked(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
-    """Conditions with a link, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
+    """Conditions with a conductance, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
     acts = list(done.supplied)
     for number, act in enumerate(done.at_edges):
         rows = np.flatnonzero((edge == number) & (to_edge > 0))
@@ -66,7 +66,7 @@ def factor(profile: Profile, time: float) -> float:
 
 
 def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryConditions:
-    """The conditions of a model. Raises ModelError where they contradict each other."""
+    """The conditions of a model. Raises ModelError if they contradict each other."""
     nodes = len(model.grid)
     owner, exchange = np.full(nodes, -1), np.zeros(nodes)
     held: dict[int, Concentration] = {}
@@ -105,13 +105,13 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
 
 
 def _has_edges(model: Model) -> bool:
-    """Whether edges are held as such; else the nodes beside them are."""
+    """Whether values are prescribed on edges as such; otherwise on the nodes beside them."""
     medium, run = model.settings.medium, model.settings.run
     return medium is not None and medium.surface_correction and run.adapt != "collocation"
 
 
 def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tuple[NDArray[np.int64], Faces]:
-    """The nodes that are on the edge, which are held themselves, and the faces of those of the first row beside it."""
+    """Nodes on the edge, which have the prescribed value themselves, and the faces of the first row beside it."""
     nodes, grid = np.array(condition.nodes or (), dtype=np.int64), model.grid
     given = condition.edge or ()
     if len(given) != len(nodes) or any(len(way) != grid.dimension for way in given):
@@ -131,7 +131,7 @@ def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tup
 
 
 def _extent(condition: Source | Exchange) -> float:
-    """The length, m, or the surface, m^2, that something goes through."""
+    """Length, m, or area, m^2, that a flux goes through."""
     return condition.length or condition.surface or 0.0
 
 
@@ -149,7 +149,7 @@ def _possible(model: Model, place: str, value: float) -> None:
 
 
 def begin(model: Model, done: BoundaryConditions) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Contents (n,) at time 0, mol/m^3, and which nodes (n,) are solid. Raises ModelError."""
+    """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
     content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
     medium = model.settings.medium
     assert medium is not None

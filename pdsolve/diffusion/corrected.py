@@ -1,4 +1,4 @@
-"""Any operator whose links near surfaces are changed; see `surfaces`."""
+"""An operator with corrected links near surfaces; see `surfaces`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Corrected:
-    """An operator and a change of some of its conductances; its `contrast` is that without the change."""
+    """An operator with changes to some of its conductances; its `contrast` is that without the changes."""
 
     def __init__(self, base: Exchange, change: Change, threads: int) -> None:
         self.base, self.name, self.volume, self.count = base, base.name, base.volume, base.count
@@ -30,7 +30,7 @@ class Corrected:
         self.total = base.total + np.bincount(change.source, weight, minlength=len(self.volume))
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         self.base.rates(potential, out)
         of = self._rows, self._links, self.volume, potential
         share(lambda first, last: _add(of, out, first, last), len(self._rows), self._threads)
@@ -43,13 +43,13 @@ class Corrected:
         k_diss: float,
         out: NDArray[np.float64],
     ) -> None:
-        """Add the rates (n,) of a kinetic dissolution to `out`; of listed links."""
+        """Add the rates (n,) of a kinetic dissolution along listed links to `out`."""
         assert isinstance(self.base, BondList)
         self.base.dissolve(concentration, solid, C_sat, k_diss, out)
         self._listed.dissolve(concentration, solid, C_sat, k_diss, out)
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s."""
+        """Derivative (n, n) of the rates by the potentials, 1/s."""
         return self.base.tangent() + self._listed.tangent()
 
     @cached_property

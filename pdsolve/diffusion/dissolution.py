@@ -1,13 +1,13 @@
-"""How a solid dissolves.
+"""Dissolution of a solid.
 
-By enthalpy, as in phase change: the content H of a node is what is conserved, its potential is min(H, C_sat), and all
-links are alike. A node is solid by the share (H - C_sat) / (C_solid - C_sat). That is the limit in which diffusion
-decides how fast a solid dissolves.
+Enthalpy method, as in phase change: the conserved quantity is the content H of a node, its potential is min(H, C_sat),
+and all links are equal. The solid share of a node is (H - C_sat) / (C_solid - C_sat). This is the limit in which
+diffusion determines the rate.
 
-Kinetic, after S. Jafarzadeh, Z. Chen, F. Bobaru and others (Z. Chen, F. Bobaru, J. Mech. Phys. Solids 78 (2015)
-352-381): a node is solid until its concentration has fallen to C_sat; between solid and liquid a link has a
-dissolvability of its own, k_diss times the micro-diffusivity, between two solid nodes none. `capped`: nothing dissolves
-into liquid that holds C_sat, without which the liquid at the front takes up more than it can hold.
+Kinetic method, after S. Jafarzadeh, Z. Chen, F. Bobaru and others (Z. Chen, F. Bobaru, J. Mech. Phys. Solids 78 (2015)
+352-381): a node is solid until its concentration has fallen to C_sat. A link between solid and liquid has its own
+dissolvability, k_diss times the micro-diffusivity; a link between two solid nodes has none. With `capped`, nothing
+dissolves into liquid at C_sat; otherwise the liquid at the front exceeds saturation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pdsolve.model import Model, ModelError
 
 
 def check(model: Model) -> None:
-    """Raises ModelError for a solid that cannot be one."""
+    """Raise ModelError for a contradictory solid."""
     medium = model.settings.medium
     assert medium is not None
     wrong = contradiction(medium)
@@ -30,23 +30,23 @@ def check(model: Model) -> None:
 
 
 def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What links make even (n,), mol/m^3."""
+    """Potential (n,), mol/m^3, whose differences drive the links."""
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
     return np.minimum(content, medium.C_sat)
 
 
 def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How much of each node (n,) of this `content` is solid by enthalpy, from 0 to 1."""
+    """Solid share of each node (n,), from 0 to 1, from its `content`, by the enthalpy method."""
     if medium.C_sat is None or medium.C_solid is None:
         return np.zeros(len(content))
     return np.clip((content - medium.C_sat) / (medium.C_solid - medium.C_sat), 0.0, 1.0)
 
 
 def crossing(model: Model) -> float:
-    """What `contrast` is for a unit of surface of a solid, m/s: the mean over all directions, of a full family.
+    """Value of `contrast` for a unit of surface of a solid, m/s: the mean over all directions, for a full family.
 
-    A link of length |xi| in a random direction reaches 2/pi (in the plane) or 1/2 (in space) of it across.
+    The mean projection of a link of length |xi| across a surface is 2/pi of it in the plane and 1/2 in space.
     """
     assert model.settings.medium is not None
     dimension, power, ratio = dimension_of(model), model.settings.medium.power, model.settings.horizon.ratio

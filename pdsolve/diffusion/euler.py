@@ -1,4 +1,4 @@
-"""Explicit steps of an unknown of first order: forward Euler."""
+"""Explicit steps by forward Euler."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pdsolve.state import State
 
 
 class Euler:
-    """Steps of `time_step` (s) for what an operator and conditions do."""
+    """Steps of `time_step` (s) with an operator and conditions."""
 
     name = "forward Euler"
 
@@ -46,6 +46,6 @@ def _advance(content, rate, dt):  # type: ignore[no-untyped-def]
 
 
 def bound(operator: Fick, done: BoundaryConditions) -> float:
-    """The longest step for which no content overshoots, s; infinite without links."""
+    """The longest step without overshoot of any content, s; infinite without links."""
     most = float((operator.stiffness_bound() / 2 + done.exchange)[done.free].max(initial=0.0))
     return 1 / most if most > 0 else float("inf")

@@ -1,8 +1,8 @@
-"""Links of a lattice in slots with a base: who is linked to whom follows from where nodes are.
+"""Links on a lattice in slots relative to a base cell: neighbours follow from the positions of nodes.
 
-Nodes are cells of a box with a margin. A slot is a conductance and how many cells further the other end of a link is;
-all cells of a run along one axis take it together, from a base. Cells without a node hold nothing, so that links to
-them add nothing, and what leaves a node is that of the links it has.
+Nodes are cells of a box with a margin. A slot is a conductance and the offset of a link's other end, in cells. All
+cells of a run along one axis are processed together. Cells without a node hold 0, so that links to them add nothing;
+the outflow of a node is that of its existing links.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LEAST_NODES = 64
 
 
 class Runs(NamedTuple):
-    """Nodes that follow each other along the axis with the fewest runs, r of them."""
+    """Runs of consecutive nodes along the axis with the fewest runs, r of them."""
 
     cell: NDArray[np.int64]  # (r,) of the first
     node: NDArray[np.int64]  # (r,) its place in the order of cells
@@ -37,14 +37,14 @@ class Runs(NamedTuple):
 
 
 class Slots(NamedTuple):
-    """What links of a lattice are like, s of them; one at the end that makes them even holds nothing."""
+    """The s slots of a lattice; one at the end makes their number even and has conductance 0."""
 
     ahead: NDArray[np.int64]  # (s,) cells
     conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
 
 
 class Box(NamedTuple):
-    """The places of n nodes in a box of cells."""
+    """Cells of n nodes in a box."""
 
     size: int  # cells
     cell: NDArray[np.int64]  # (n,) of each node
@@ -54,9 +54,9 @@ class Box(NamedTuple):
 
 
 def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: int | None = None) -> Box | None:
-    """The cells of nodes at `position` (n, d), m; None where they are not those of one lattice, or few of it.
+    """Cells of nodes at `position` (n, d), m; None if they are not on one lattice, or fill too little of it.
 
-    Sums are wanted of the first so many nodes, by default of all.
+    Sums are needed for the first `wanted` nodes, by default for all.
     """
     at = (position - position[0]) / spacing
     whole = np.rint(at)
@@ -85,7 +85,7 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
 
 
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
-    """The slots of links (k,) to nodes `steps` (k, d) away, in the order of cells."""
+    """Slots of links (k,) to nodes at offsets `steps` (k, d), in the order of cells."""
     order = np.argsort(steps @ box.strides)
     left = -len(order) % 2
     ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
@@ -93,7 +93,7 @@ def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Bo
 
 
 def family(linking: Linking, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Steps (k, d) and conductances (k,) of the links of a node that has them all."""
+    """Offsets (k, d) and conductances (k,) of the links of a node with a full family."""
     ratio = linking.model.settings.horizon.ratio
     side = int(ratio + 0.5) + 1
     steps = np.array([at for at in product(range(-side, side + 1), repeat=linking.dimension) if any(at)])
@@ -104,7 +104,7 @@ def family(linking: Linking, spacing: float, D: float) -> tuple[NDArray[np.int64
 
 
 def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
-    """The links of a model as slots; None where nodes are not those of one lattice and one medium, all in sight."""
+    """Links of a model as slots; None unless its nodes are on one lattice, in one medium, and without obstacles."""
     grid = linking.model.grid
     alike = (linking.diffusivity == linking.diffusivity[0]).all() and (grid.delta == grid.delta[0]).all()
     if not alike or not linking.sight.clear or linking.dimension != grid.position.shape[1]:
@@ -143,17 +143,17 @@ class OnLattice:
         side_by_side(lambda part: kernel(runs, slots, of, out, ends[part], ends[part + 1]), self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         _put(self._box.cell, potential, self.volume, self._amount)
         self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
-        """Which nodes (n,) have another total than they would with all links to whole cells, m^d."""
+        """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
         full = self._slots.conductance.sum() * cell
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s."""
+        """Derivative (n, n) of the rates by the potentials, 1/s."""
         from scipy.sparse import coo_array  # here, as it takes long to import
 
         nodes, row = np.arange(len(self.volume)), np.full(self._box.size, -1)
@@ -167,7 +167,7 @@ class OnLattice:
         return coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
+        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         self._amount[self._box.cell] = share
         out = np.zeros(len(share))
         self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)

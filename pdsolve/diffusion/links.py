@@ -1,12 +1,12 @@
-"""Links: who exchanges with whom, and how readily.
+"""Links between nodes and their conductances.
 
 The conductance of a link is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
-diffusivity, Hu's beta (families reach half a spacing beyond the horizon), and the mean of both ends' horizons. Between
-two media D is the harmonic mean, which lets a flux through their interface pass as it is on both sides. Nodes in one
-row are a bar, as thick as its cells are long.
+diffusivity, Hu's beta (families extend half a spacing beyond the horizon), and the mean of both ends' horizons. Between
+two media, D is the harmonic mean, which makes the flux continuous across their interface. Nodes in one row are a bar,
+as thick as its cells are long.
 
-Constants after F. Bobaru, M. Duangpanya, Int. J. Heat Mass Transf. 53 (2010) 4047-4059, for q = 2; those of q = 0 and
-1 follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
+Constants after F. Bobaru, M. Duangpanya, Int. J. Heat Mass Transf. 53 (2010) 4047-4059, for q = 2; those of q = 0 and 1
+follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ ALIKE = 1e-12  # of a conductance: what is round-off
 
 
 def extended(model: Model) -> list[int]:
-    """The axes that nodes extend along; the first for a single node."""
+    """Axes along which nodes extend; the first for a single node."""
     return np.flatnonzero(np.ptp(model.grid.position, axis=0) > 0).tolist() or [0]
 
 
 def dimension_of(model: Model) -> int:
-    """1 for nodes in one row, else that of their places."""
+    """1 for nodes in one row, otherwise the dimension of their positions."""
     return len(extended(model))
 
 
 class Part(NamedTuple):
-    """Links of some nodes, and how many more a crack blocks."""
+    """Links of some nodes, and the number blocked by cracks."""
 
     pairs: Pairs
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
@@ -66,14 +66,14 @@ def volumes(model: Model) -> NDArray[np.float64]:
 def shape(
     length: NDArray[np.float64], reach: NDArray[np.float64], delta: NDArray[np.float64], dimension: int, power: int
 ) -> NDArray[np.float64]:
-    """Conductance (b,) for D = 1, not calibrated, of neighbours at `length` whose cells have the size `delta`; in m."""
+    """Uncalibrated conductance (b,) for D = 1 of neighbours at `length` with cells of size `delta`; in m."""
     k = CONSTANTS[dimension][power] / reach ** (dimension + 2 - power)
     return np.asarray(k * hu_beta(length, reach, delta) / length**power)
 
 
 @lru_cache
 def moment(order: int, ratio: float, dimension: int, power: int) -> float:
-    """Sum of conductance (D = 1, not calibrated) times length to this order over a family of a lattice of spacing 1."""
+    """Sum of uncalibrated conductance (D = 1) times length to the power `order` over a family of a unit lattice."""
     steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
     length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
     one = np.ones(len(length))
@@ -81,12 +81,12 @@ def moment(order: int, ratio: float, dimension: int, power: int) -> float:
 
 
 def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
-    """What a full lattice of this horizon over spacing has, over what it stands for."""
+    """Diffusivity of a full lattice of this horizon over spacing, relative to that of the continuum."""
     return moment(2, ratio, dimension, power) / (2 * dimension)
 
 
 class Linking:
-    """How the nodes of a model are linked. Raises GridError as `sight_of` does."""
+    """Links of the nodes of a model. Raises GridError for an invalid outline."""
 
     def __init__(self, model: Model) -> None:
         assert model.settings.medium is not None
@@ -101,11 +101,11 @@ class Linking:
         self._lattice = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
 
     def even(self, D: float) -> float:
-        """What conductances of D = 1, not calibrated, are multiplied by."""
+        """Factor on uncalibrated conductances of D = 1."""
         return D / self._lattice
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """The conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
+        """Conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
         i, j, length = pairs
         grid = self.model.grid
         delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
@@ -115,7 +115,7 @@ class Linking:
         return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
 
     def part(self, rows: NDArray[np.int64]) -> Part:
-        """The links of some rows, which increase."""
+        """Links of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
         pairs = chosen(pairs, self.sight.inside(pairs))
         conductance = self.conductance(pairs)
@@ -125,16 +125,16 @@ class Linking:
         return Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """The links (b,) of some rows, which increase, and their conductances (b,)."""
+        """Links (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
     def parts(self) -> Iterator[Part]:
-        """All links, some rows at a time."""
+        """All links, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
 
 
 class Links(NamedTuple):
-    """All b directed links of n nodes in one list, those of a node that are alike together, in one of g groups.
+    """All b directed links of n nodes in one list; equal links of a node are together, in one of g groups.
 
     The groups of node i are start[i]:start[i + 1], the links of group k are first[k]:first[k + 1].
     """
@@ -146,7 +146,7 @@ class Links(NamedTuple):
 
 
 def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64]]:
-    """All parts in one list, and how many links (n,) of each node a crack blocks."""
+    """All parts as one list, and the number (n,) of links of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
     for pairs, conductance, hidden in parts:

@@ -1,4 +1,4 @@
-"""Links in a list: for any nodes, and where what a link does depends on what is at both ends."""
+"""Links in a list, for any nodes, and for links that depend on both of their ends."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class BondList:
-    """Exchange along listed links of nodes with these `volume` (n,), m^d."""
+    """Exchange along listed links between nodes with these volumes `volume` (n,), m^d."""
 
     name = "listed"
 
@@ -32,7 +32,7 @@ class BondList:
         share(lambda first, last: kernel(self.links, of, out, first, last), len(self.volume), self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         self._share(_pull, (self.volume * potential, potential, self.total), out)
 
     def dissolve(
@@ -43,12 +43,15 @@ class BondList:
         k_diss: float,
         out: NDArray[np.float64],
     ) -> None:
-        """Add the rates (n,) of dissolution to `out`: links from solid to liquid count `k_diss` times, and only while
-        the liquid holds less than `C_sat`; links between solid nodes count nothing."""
+        """Add the rates (n,) of dissolution to `out`.
+
+        Links from solid to liquid have `k_diss` times their conductance, and only while the liquid is below `C_sat`;
+        links between solid nodes have none.
+        """
         self._share(_dissolve, (self.volume, concentration, solid, C_sat, k_diss), out)
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s."""
+        """Derivative (n, n) of the rates by the potentials, 1/s."""
         from scipy.sparse import csr_array  # here, as it takes long to import
 
         _, first, neighbour, conductance = self.links
@@ -60,7 +63,7 @@ class BondList:
         return csr_array((values, (row, column)), shape=(len(nodes), len(nodes)))
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
+        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         out = np.zeros(len(share))
         self._share(_differ, (self.volume, share), out)
         return float((out * self.volume).sum())

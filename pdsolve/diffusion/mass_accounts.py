@@ -1,4 +1,4 @@
-"""What a run of diffusion notes: the amounts of a substance, and where they have gone."""
+"""Accounts of a diffusion run: amounts of a substance, and where they have gone."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pdsolve.state import State
 
 
 class MassAccounts:
-    """The masses of one run; see `pdsolve.run.accounts.Accounts`."""
+    """The mass accounts of one run; see `pdsolve.run.accounts.Accounts`."""
 
     broken = 0  # links do not break
 
     def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
-        """`results` are those of a run that goes on after `step`, else None."""
+        """`results` are those of a resumed run after `step`, else None."""
         self._transport = transport
         start = None if results is None else results.masses()
         if start is not None and not len(start):
@@ -30,24 +30,24 @@ class MassAccounts:
 
     @property
     def balance(self) -> float:
-        """What has appeared from nowhere, over what there was or came."""
+        """Relative error of the mass balance: amount created, over the amount present or supplied."""
         return self.last.balance(self._start)
 
     def words(self, broken: int) -> str:
-        """How the books stand, for a watcher."""
+        """State of the accounts in words, for a progress display."""
         left = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
         return f"{left}balance {self.balance:+.1e}"
 
     def follow(self, system: object) -> None:
-        """Nodes stay."""
+        """Does nothing, as nodes do not change."""
 
     def settle(self, state: State, step: int, asked: object = None) -> None:
-        """Make the last entry that of this step."""
+        """Make this step the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
     def take(self, state: State, step: int, asked: object = None) -> None:
-        """Note the masses after this step. Raises UnstableError."""
+        """Record the masses after this step. Raises UnstableError."""
         content, transport = state.value[:, 0], self._transport
         if not np.isfinite(content).all():
             worst = int((~np.isfinite(content)).argmax())
@@ -59,16 +59,16 @@ class MassAccounts:
         self._rows.append(self.last)
 
     def entered(self, frame: Frame) -> Frame:
-        """The frame with what was noted since the last one."""
+        """The frame with the records since the last one."""
         rows, self._rows = self._rows, []
         return frame._replace(masses=rows)
 
     def meta(self) -> dict[str, Any]:
-        """What results say of the physics."""
+        """Metadata of the results about the physics."""
         return {"physics": "diffusion"}
 
     def summary(self) -> dict[str, Any]:
-        """What the run came to."""
+        """Results of the run for its summary."""
         links, start = int(self._transport.operator.count.sum()), self._start
         return {
             "physics": "diffusion",
@@ -80,4 +80,4 @@ class MassAccounts:
         }
 
     def close(self) -> None:
-        """Nothing is to be warned of."""
+        """Does nothing: there are no closing warnings."""

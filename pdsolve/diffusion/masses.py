@@ -1,4 +1,4 @@
-"""What there is of a substance, and where it has gone."""
+"""Amounts of a substance, and where they have gone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pdsolve.state import State
 
 
 class Masses(NamedTuple):
-    """The books of one step, a row of the table `mass`; of a plate, all per unit thickness."""
+    """Mass balance of one step, a row of the table `mass`; for a plate, per unit thickness."""
 
     step: int
     time: float  # s
@@ -21,14 +21,14 @@ class Masses(NamedTuple):
     surface: float  # m^(d - 1) of what is solid
 
     def balance(self, start: Masses) -> float:
-        """What has appeared from nowhere since the start, over what there was or was supplied; 0 of nothing."""
+        """Amount created since the start over the amount present or supplied; 0 without any."""
         missing = self.inside + self.through - self.supplied - start.inside
         scale = max(start.inside, abs(self.supplied), abs(self.through))
         return missing / scale if scale else 0.0
 
 
 def masses(transport: Transport, state: State, step: int, solid_at_start: float | None) -> Masses:
-    """The books after `step`; `solid_at_start` in m^d, None where this is the start."""
+    """Mass balance after `step`; `solid_at_start` in m^d, None at the start."""
     medium, operator, volume = transport.operator.medium, transport.operator, transport.operator.volume
     solid, surface = 0.0, 0.0
     if medium.C_solid is not None:

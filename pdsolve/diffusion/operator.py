@@ -1,4 +1,4 @@
-"""Fick's law as an operator: what comes to a node is what its links bring, whatever they are stored in."""
+"""Fick's law as an operator: the rate of a node is the sum over its links, however they are stored."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 class Exchange(Protocol):
-    """Links of n nodes: what they bring is linear in the potentials."""
+    """Links of n nodes; their fluxes are linear in the potentials."""
 
     @property
     def name(self) -> str:
-        """How links are stored: the name of the kernel, for the record."""
+        """Name of the storage of links, the kernel, for the record."""
 
     @property
     def volume(self) -> NDArray[np.float64]:
@@ -33,24 +33,24 @@ class Exchange(Protocol):
 
     @property
     def total(self) -> NDArray[np.float64]:
-        """(n,) 1/s: what leaves a node for each mol/m^3."""
+        """Total outflow coefficient (n,) of each node, 1/s."""
 
     @property
     def count(self) -> NDArray[np.int64]:
         """The number of links of each node, (n,)."""
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
 
     def tangent(self) -> csr_array:
-        """The rates (n, n) by the potentials, 1/s."""
+        """Derivative (n, n) of the rates by the potentials, 1/s."""
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of what the `share` (n,) differs by, conductances and both volumes counted, m^d/s."""
+        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
 
 
 class Dissolving(Exchange, Protocol):
-    """Links that ask both of their ends whether they are solid."""
+    """Links that depend on whether each of their ends is solid."""
 
     def dissolve(
         self,
@@ -64,16 +64,16 @@ class Dissolving(Exchange, Protocol):
 
 
 class Pull(Protocol):
-    """Gives links of some rows, which increase, with their conductances (b,)."""
+    """Provides the links of some increasing rows with their conductances (b,)."""
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """The links (b,) of these rows and their conductances (b,), 1/(s m^d)."""
+        """Links (b,) of these rows and their conductances (b,), 1/(s m^d)."""
 
 
 class Fick:
-    """The content of n nodes, mol/m^3, that links make even; see `pdsolve.operators.protocol.Operator`.
+    """Diffusion of the content of n nodes, mol/m^3, along links; see `pdsolve.operators.protocol.Operator`.
 
-    A node that dissolves kinetically remembers whether it is solid: until its content has fallen to C_sat.
+    A node in kinetic dissolution remembers that it is solid until its content has fallen to C_sat.
     """
 
     unknowns: tuple[Unknown, ...] = (Unknown("h", 1, 1),)
@@ -86,11 +86,11 @@ class Fick:
         self.solid = np.zeros(len(self.volume), dtype=np.uint8)  # (n,) whether a node is solid; kinetic alone
 
     def place(self, state: State) -> State:
-        """The state, which has the layout of this operator."""
+        """The state unchanged: it already has the layout of this operator."""
         return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add what comes to each node along links to `out` (n, 1), mol/(m^3 s)."""
+        """Add the fluxes into each node along links to `out` (n, 1), mol/(m^3 s)."""
         content = state.value[:, 0]
         if not self.kinetic:
             self.exchange.rates(potential(self.medium, content), out[:, 0])
@@ -101,21 +101,21 @@ class Fick:
         exchange.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
 
     def _solid(self, content: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Which nodes (n,) of this content are solid, of those that were."""
+        """Mask (n,) of the solid nodes that are still solid at this content."""
         return self.solid & (content > (self.medium.C_sat or 0.0)).astype(np.uint8)
 
     def share(self, state: State) -> NDArray[np.float64]:
-        """How much of each node (n,) is solid, from 0 to 1."""
+        """Solid share of each node (n,), from 0 to 1."""
         if self.kinetic:
             return self._solid(state.value[:, 0]).astype(float)
         return solid_share(self.medium, state.value[:, 0])
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Densities (n,), J/m^3: a content holds no energy, and links spend none."""
+        """Zero energy densities (n,), J/m^3: diffusion stores and dissipates no energy."""
         return np.zeros(len(self.volume)), np.zeros(len(self.volume))
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """What is dissolved and all there is, mol/m^3, and the share that is solid, (n,) each."""
+        """Concentration and content, mol/m^3, and solid share, (n,) each."""
         content = state.value[:, 0]
         return {"c": potential(self.medium, content), "h": content, "solid": self.share(state)}
 
@@ -143,18 +143,18 @@ class Fick:
         return pairs.source[order], pairs.target[order]
 
     def broken(self, after: int = 0) -> Broken:
-        """None: links do not break."""
+        """Empty: links do not break."""
         return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def keep(self) -> Kept:
-        """Which nodes are solid, of a kinetic dissolution."""
+        """The solid nodes of a kinetic dissolution, for a checkpoint."""
         return {"solid": self.solid.copy()} if self.kinetic else {}
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Go back to what was kept."""
+        """Restore a checkpoint."""
         if self.kinetic:
             self.solid = entry(kept, "solid", self.solid.shape, self.solid.dtype, 0, 1).copy()
 
     def bytes(self) -> int:
-        """Memory of the arrays of nodes; links know theirs."""
+        """Memory of the nodes' arrays, bytes, without that of links."""
         return sum(array.nbytes for array in (self.volume, self.count, self.exchange.total, self.solid))

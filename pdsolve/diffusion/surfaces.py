@@ -1,21 +1,21 @@
-"""Surface correction: what links near free surfaces and held layers are changed by, before a model marches.
+"""Surface correction: changes of links near free surfaces and prescribed layers, made before a model is solved.
 
-It changes conductances alone, so that any operator can take it. It needs the links of some rows and the conductance
-that a link of any length would have (`Links` below), and knows neither kernels nor lattices nor time. What comes out is
-a symmetric change of conductance, pair by pair: masses balance as before. No conductance of links falls below 0, so
-that forward Euler keeps within what is held and what was there, up to 1 / max of what leaves a node.
+Only conductances change, so that any operator can use it. It needs the links of some rows and the conductance of a link
+of any length (`Links` below), and is independent of kernels, lattices and time. The result is a symmetric change of
+conductance for each pair, so that masses balance as before. No conductance falls below 0. Forward Euler therefore stays
+within the range of prescribed and initial values, up to 1 / max of a node's outflow.
 
-**Free surfaces**, holes, cracks, cut cells, interfaces of spacings: a link in direction n is multiplied by
-n . (M_i + M_j) n / 2. The tensor M_i is that with which the links of node i alone hold the energy of a full lattice in
-every linear field: 1/2 sum(g V (n . M_i n) xi xi) = D I. Summed over a body this is exact, whatever its shape, but for
-the eigenvalues of M_i, which are kept from `LEAST` to `MOST`: a strip conducts D.
+**Free surfaces**, holes, cracks, cut cells, interfaces of spacings: a link in direction n is multiplied by n . (M_i +
+M_j) n / 2. The tensor M_i gives the links of node i alone the energy of a full lattice in every linear field: 1/2 sum(g
+V (n . M_i n) xi xi) = D I. Summed over a body of any shape this is exact, apart from the limits `LEAST` and `MOST` on
+the eigenvalues of M_i: a strip conducts D.
 
-**Held layers**: the value is held where the layer begins, not at its nodes. Beyond that wall the field is the odd
-mirror image of the one before it (method of images): two free nodes that are p and q away from the wall lose the
-conductance of a link of length sqrt(xi^2 + 4 p q), that to the image. A node is linked to the wall so that a field that
-is linear and has the held value there has no rate. A layer may be thinner than a horizon; what it parts is not linked
-across it. The wall is made of the faces between free and held cells: the one that a node is before is their mean, of
-those that face it.
+**Prescribed layers**: the value is prescribed where the layer begins, not at its nodes. Beyond that wall, the field is
+the odd mirror image of the field before it (method of images). Two free nodes at distances p and q from the wall lose
+the conductance of a link of length sqrt(xi^2 + 4 p q), the distance to the image. A node is linked to the wall so that
+a linear field with the prescribed value there has no rate. A layer may be thinner than a horizon; nodes on both sides
+of it are not linked. The wall consists of the faces between free and prescribed cells. The wall of a node is the mean
+of the faces that face it.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ NEAREST = 0.25  # of a spacing: the least distance from a node to the wall
 
 
 class Links(Protocol):
-    """The links of n nodes that are to be corrected."""
+    """The links of n nodes to correct."""
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(n, d) m, along the axes that the nodes extend along."""
+        """Positions (n, d), m, along the axes that the nodes extend along."""
 
     @property
     def delta(self) -> NDArray[np.float64]:
@@ -50,21 +50,21 @@ class Links(Protocol):
 
     @property
     def reach(self) -> NDArray[np.float64]:
-        """(n,) m: no neighbour is farther away."""
+        """Largest distance (n,) of a neighbour, m."""
 
     @property
     def diffusivity(self) -> NDArray[np.float64]:
         """The diffusivity of each node (n,), m^2/s."""
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """The links (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
+        """Links (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """What links (b,) of these lengths between these nodes would have."""
+        """Conductance that links (b,) of these lengths between these nodes would have."""
 
 
 class Change(NamedTuple):
-    """What conductances change by, directed, sorted by source."""
+    """Changes of conductances, directed, sorted by source."""
 
     source: NDArray[np.int64]  # (b,)
     target: NDArray[np.int64]  # (b,)
@@ -74,7 +74,7 @@ class Change(NamedTuple):
 
 
 class Faces(NamedTuple):
-    """Faces of free cells that are held, or beyond which cells are, f of them."""
+    """Faces of free cells with a prescribed value or next to prescribed cells, f of them."""
 
     middle: NDArray[np.float64]  # (f, d) m
     normal: NDArray[np.float64]  # (f, d) out of the free cell
@@ -87,7 +87,7 @@ class Faces(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Edges at which a value is held."""
+    """Edges with a prescribed value."""
 
     nodes: NDArray[np.bool_]  # (n,) held nodes that are on one
     faces: Faces  # of free cells at one
@@ -99,7 +99,7 @@ def nothing(dimension: int) -> Faces:
 
 
 class _Known(NamedTuple):
-    """What is found out node by node, n nodes."""
+    """Nodal data of n nodes."""
 
     volume: NDArray[np.float64]  # (n,) m^d
     free: NDArray[np.bool_]  # (n,) not held
@@ -113,9 +113,9 @@ class _Known(NamedTuple):
 def correction(
     links: Links, volume: NDArray[np.float64], free: NDArray[np.bool_], held: Held, lacking: NDArray[np.bool_]
 ) -> Change:
-    """The change for nodes with these volumes (n,), m^d, of which the `free` (n,) are not held, and edges that are.
+    """Changes for nodes with volumes (n,), m^d, of which the `free` (n,) are not prescribed, and for prescribed edges.
 
-    Links of those that are `lacking` (n,) may hold another energy than those of a full lattice; M of the others is I.
+    The links of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
     """
     n, d = links.position.shape
     edges = held.faces
@@ -147,7 +147,7 @@ def _parts(rows: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 
 
 def _beside(links: Links, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which nodes (n,) may be linked to one at these places (k, d)."""
+    """Mask (n,) of nodes that may be linked to one at these places (k, d)."""
     if not len(places):
         return np.zeros(len(links.position), dtype=bool)
     farthest = float(links.reach.max())
@@ -163,7 +163,7 @@ def _summed(rows: NDArray[np.int64], source: NDArray[np.int64], values: NDArray[
 
 
 def _faces(links: Links, known: _Known, edges: Faces, rows: NDArray[np.int64]) -> Faces:
-    """The edges that are held, and the faces between the free nodes of these rows and held cells beside them."""
+    """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
     found = [edges]
     for some in _parts(rows):
         i, j, length = links.linked(some)[0]
@@ -181,7 +181,7 @@ def _faces(links: Links, known: _Known, edges: Faces, rows: NDArray[np.int64]) -
 def _walls(
     links: Links, faces: Faces, free: NDArray[np.bool_], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Normals (r, d), distances (r,), m, and edges (r,) of the walls that nodes are before; infinite where none is."""
+    """Normals (r, d), distances (r,), m, and edges (r,) of the nodes' walls; infinite distance without a wall."""
     tree, farthest = tree_of(faces.middle), float(links.reach[rows].max())
     near = tree_of(links.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
     at, face, length = near["i"], near["j"], near["v"]
@@ -207,7 +207,7 @@ def _walls(
 def _images(
     links: Links, known: _Known, pairs: Pairs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Conductances (b,) of links to the images of their targets, and these links as seen from either end (b, d), m."""
+    """Conductances (b,) of links to the images of their targets, and these links seen from either end (b, d), m."""
     i, j, length = pairs
     xi = links.position[j] - links.position[i]
     one, other = known.normal[i], known.normal[j]
@@ -220,7 +220,7 @@ def _images(
 
 
 def _parted(links: Links, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
-    """Whether a held layer is between the two ends of pairs (b,): each is behind the other's wall."""
+    """Whether a prescribed layer separates the two ends of pairs (b,): each is behind the other's wall."""
     i, j, _ = pairs
     xi = links.position[j] - links.position[i]
     ahead = (known.normal[i] * xi).sum(axis=1) > known.depth[i]
@@ -228,7 +228,7 @@ def _parted(links: Links, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
 
 
 def _tensors(links: Links, known: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """M (r, d, d) of these nodes; of those before a wall by their links to free nodes and to the images of these."""
+    """M (r, d, d) of these nodes; of nodes before a wall from their links to free nodes and to the images of these."""
     pairs, g = links.linked(rows)
     walled = np.isfinite(known.depth)
     own = walled[pairs.source]
@@ -249,8 +249,10 @@ def _tensors(links: Links, known: _Known, rows: NDArray[np.int64]) -> NDArray[np
 def _solved(
     rows: NDArray[np.int64], source: NDArray[np.int64], n: NDArray[np.float64], energy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """M (r, d, d) for which sum(energy (n . M n) n n) = I over the links of each row, with eigenvalues from `LEAST` to
-    `MOST`; I where there is none."""
+    """M (r, d, d) with sum(energy (n . M n) n n) = I over the links of each row, eigenvalues from `LEAST` to `MOST`.
+
+    I for a row without links.
+    """
     d = n.shape[1]
     entries = list(combinations_with_replacement(range(d), 2))
     twice = np.array([1.0 if a == b else 2.0 for a, b in entries])
@@ -274,7 +276,7 @@ def _solved(
 def _weights(
     known: _Known, i: NDArray[np.int64], j: NDArray[np.int64], *ways: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """n . (M_i + M_j) n / 2 (b,) of links from i to j; `ways` (b, d) from the one and from the other end."""
+    """Factors n . (M_i + M_j) n / 2 (b,) of links from i to j; `ways` (b, d) are their vectors from either end."""
     halves = []
     for end, way in zip((i, j), ways, strict=True):
         square = (way**2).sum(axis=1)
@@ -285,8 +287,7 @@ def _weights(
 def _changes(
     links: Links, known: _Known, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """The changed links of these free nodes: source, target, what is added to their conductance; what they are linked
-    to edges with (r,), 1/s."""
+    """Changed links of these free nodes: source, target, change of conductance; and conductances to edges (r,), 1/s."""
     pairs, g = links.linked(rows)
     i, j, _ = pairs
     xi, free = links.position[j] - links.position[i], known.free[j]

@@ -1,4 +1,4 @@
-"""The links, conditions and steps of a model of diffusion."""
+"""Links, conditions and steps of a model of diffusion."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SLACK = 1e-9  # of a step: what is typed
 
 
 class Stepper(Protocol):
-    """A time integration of the contents of nodes."""
+    """A time integration of nodal contents."""
 
     @property
     def name(self) -> str:
@@ -43,7 +43,7 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True)
 class Transport:
-    """What carries a substance through a model; n nodes."""
+    """The transport of a substance through a model; n nodes."""
 
     model: Model
     operator: Fick
@@ -57,7 +57,7 @@ class Transport:
 
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
-    """A model's links and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    """A model's links and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
     check(model)
     _refuse(model)
     medium, run = model.settings.medium, model.settings.run
@@ -82,7 +82,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
 
 
 def expect_usual(model: Model, options: Options) -> None:
-    """Raises ModelError for options that a model of diffusion would not listen to."""
+    """Raise ModelError for options that diffusion does not use."""
     rest = options._replace(threads=None, kernel=None)
     if rest != Options() or options.kernel not in (None, "listed"):
         found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
@@ -99,7 +99,7 @@ def _exchange(
     threads: int,
     listed: bool = False,
 ) -> tuple[Exchange, NDArray[np.int64]]:
-    """The links of a model, and how many (n,) of each node a crack blocks; `listed` where slots are not to be."""
+    """Links of a model, and the number (n,) of each node's links blocked by a crack; `listed` excludes slots."""
     medium, blocked = model.settings.medium, np.zeros(len(volume), dtype=np.int64)
     assert medium is not None
     near: surfaces.Links = linking
@@ -122,7 +122,7 @@ def _exchange(
 
 
 def _step(model: Model, most: float) -> float:
-    """The time step of a run, s; `most` is up to which it is surely stable. Raises ModelError for one above."""
+    """Time step of a run, s; `most` is the surely stable one. Raises ModelError for a longer one."""
     run = model.settings.run
     if run.solver == "implicit":
         if run.time_step is None:
@@ -141,7 +141,7 @@ def _step(model: Model, most: float) -> float:
 
 
 def _refuse(model: Model) -> None:
-    """Raises ModelError for settings that ask for what a model of diffusion does not do."""
+    """Raise ModelError for settings that diffusion does not support."""
     run, usual = model.settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
         found, expected = getattr(run, name), getattr(usual, name)
@@ -158,7 +158,7 @@ def _refuse(model: Model) -> None:
 
 
 def _refuse_ways(model: Model) -> None:
-    """Raises ModelError for ways to solve that a model of diffusion cannot be solved in."""
+    """Raise ModelError for solvers that diffusion does not support."""
     run, medium = model.settings.run, model.settings.medium
     kinetic = medium is not None and medium.dissolution == "kinetic"
     if run.solver == "static":

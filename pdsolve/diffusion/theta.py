@@ -1,8 +1,8 @@
-"""An implicit step: theta of what comes to a node at the end of the step, the rest at its beginning.
+"""An implicit step: theta of the flux at the end of the step, the rest at its beginning.
 
-Where a solid dissolves by enthalpy the potential min(H, C_sat) has a kink, and Newton's method goes on until it finds
-which nodes are below it. What is then put into the books is what has gone along the links, so that they balance to
-round-off however well the equations are solved.
+With dissolution by enthalpy, the potential min(H, C_sat) has a kink; Newton's method iterates until it has found the
+nodes below it. The amounts booked are those that flowed along the links, so that masses balance to round-off regardless
+of the tolerance of the equations.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Theta:
-    """Steps of `time_step` (s), theta of their ends and 1 - theta of their beginnings."""
+    """Steps of `time_step` (s), with weight theta on their ends and 1 - theta on their beginnings."""
 
     def __init__(self, operator: Fick, done: BoundaryConditions, time_step: float, theta: float) -> None:
         self._operator, self._done, self._medium = operator.exchange, done, operator.medium
@@ -36,7 +36,7 @@ class Theta:
         self._rate, self._supply = (np.zeros(len(operator.volume)) for _ in range(2))
 
     def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place. Raises UnstableError where the equations find no end."""
+        """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
         done, dt, theta, C = self._done, self._dt, self._theta, state.value[:, 0]
         for step in range(first, last):
             rate, before = self._gone(C), C.copy()
@@ -57,11 +57,11 @@ class Theta:
         return potential(self._medium, content)
 
     def _gone(self, content: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What comes along links (n,) at these contents or potentials."""
+        """Fluxes along links (n,) at these contents or potentials."""
         return self._comes(self._potential(content)).copy()
 
     def _comes(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What comes along links (n,) at these potentials (n,), until it is asked again."""
+        """Fluxes along links (n,) at these potentials (n,), valid until the next call."""
         self._rate[:] = 0
         self._operator.rates(value, self._rate)
         return self._rate
@@ -69,7 +69,7 @@ class Theta:
     def _book(
         self, state: State, rate: NDArray[np.float64], share: float, content: NDArray[np.float64], time: float
     ) -> None:
-        """Put a share of the step's exchange into the books; leaves what is supplied at `time` in its place."""
+        """Book a share of the step's exchange, and leave the sources at `time` in its place."""
         done = self._done
         done.supply(time, self._supply)
         given = self._supply - done.exchange * self._potential(content)
@@ -77,7 +77,7 @@ class Theta:
         state.work[:] += np.where(done.free, self._dt * share * given, 0.0)
 
     def _newton(self, fixed: NDArray[np.float64], guess: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-        """The contents (n,) at the end of a step that solve H - theta dt (even potential of H) = `fixed`."""
+        """Contents (n,) at the end of a step that solve H - theta dt (flux at the potential of H) = `fixed`."""
         free, weight = self._done.free, self._dt * self._theta
         content, most = guess, self._medium.C_sat if self._medium.dissolution == "enthalpy" else None
         for _ in range(ITERATIONS):
@@ -100,11 +100,11 @@ class Theta:
         )
 
     def _even(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What comes to each node (n,) along links and from outside at these potentials (n,)."""
+        """Flux into each node (n,) along links and from outside at these potentials (n,)."""
         return np.asarray(self._comes(value) - self._done.exchange * value)
 
     def _solve(self, liquid: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The change (n,) of the nodes that are liquid, 0 elsewhere, that `right` (n,) asks for."""
+        """Change (n,) of the liquid nodes for the right-hand side `right` (n,), 0 elsewhere."""
         if (
             self._medium.C_sat is None and self._operator.count.sum() <= FACTORED
         ):  # the same nodes are free in all steps
@@ -119,7 +119,7 @@ class Theta:
         return gradients(product, np.where(liquid, volume * right, 0.0), diagonal)
 
     def _factored(self, liquid: NDArray[np.bool_]) -> Solve:
-        """How to solve for the nodes (n,) that are liquid, in few steps many times."""
+        """A solver for the liquid nodes (n,), reused for several steps."""
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import splu
 
@@ -132,10 +132,10 @@ class Theta:
 
 
 def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What a symmetric positive `product` makes `right` (n,) of, by conjugate gradients; `diagonal` (n,) is its own.
+    """Solution of `product` x = `right` (n,) by conjugate gradients, for a symmetric positive definite `product`.
 
-    Sums are numpy's, not those of a library with threads, so that the bits are the same each time. Raises
-    UnstableError.
+    `diagonal` (n,) is its diagonal. Sums are numpy's, not those of a threaded library, so that results are reproducible
+    to the bit. Raises UnstableError.
     """
     found, left = np.zeros_like(right), right.copy()
     ahead = left / diagonal

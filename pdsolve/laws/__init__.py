@@ -1,4 +1,4 @@
-"""What one bond does, a law a file; the names users give them in two tables."""
+"""Bond laws, one a file, and two tables of their names for users."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ MIXED = (brittle.LAW, bilinear.LAW)  # in one plate: a bilinear bond whose peak 
 
 
 def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
-    """Stretches at which a material's bonds change, by its law, given those they would break at if brittle."""
+    """Stretches at which a material's bonds change, by its law, from the stretches at which brittle bonds would
+    break."""
     pair = LAWS[material.law].pair
     assert pair is not None
     return pair.limits(material, critical)
@@ -43,8 +44,8 @@ def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
 def law_of(model: Model) -> Law:
     """The law of a model's bonds.
 
-    Raises ModelError for one that is not known or cannot be, and for several that do not mix; warns where a material
-    was measured to have a Poisson's ratio that its law does not have.
+    Raises ModelError for an unknown or impossible law, and for laws that cannot be combined. Warns if a material has a
+    measured Poisson's ratio that differs from that of its law.
     """
     laws: dict[str, Law] = {}
     for number, material in enumerate(model.materials):
@@ -67,7 +68,7 @@ def law_of(model: Model) -> Law:
 
 
 def law_named(material: Material, place: str) -> tuple[str, Law]:
-    """The law of a material's bonds and its name. Raises ModelError for one that is not known."""
+    """The law of a material's bonds and its name. Raises ModelError for an unknown one."""
     if material.model != "bond":
         if material.control == "breitzman-dayal":
             return f"{material.model} with {material.control}", breitzman_dayal.LAW

@@ -1,14 +1,14 @@
-"""The bilinear law: linear to the peak, then softening to nothing, irreversible; brittle where peak = limit.
+r"""The bilinear law: linear to the peak, then softening to zero, irreversible; brittle if peak = limit.
 
     force / stiffness                 peak    s_p, stretch of the largest force
-        /\\                           limit   s_0, stretch at which the bond is gone
-       /  \\                          worst   the largest stretch the bond has had, 0 if never above the peak
-      /    \\
-     /------\\---> stretch            kr = s_0 / s_p
+        /\                           limit   s_0, stretch at which the bond is gone
+       /  \                          worst   the largest stretch the bond has had, 0 if never above the peak
+      /    \
+     /------\---> stretch            kr = s_0 / s_p
            s_p  s_0
 
-Thesis, figures 40 and 58; unloading goes straight to the origin and compression follows the same line, as the damage
-of a bond is one number. A bond that was softened to nothing has spent c xi s_p s_0 / 2.
+Thesis, figures 40 and 58. Unloading goes straight to the origin, and compression follows the same line, as the damage
+of a bond is one number. A fully softened bond has dissipated c xi s_p s_0 / 2.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class Bilinear(PairColumns):
 
 
 def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
-    """Stretches at the peak and at failure. A bond spends c xi s_p s_0 / 2, so s_p = s_c / sqrt(kr) and s_0 = s_c
-    sqrt(kr) keep G0.
+    """Stretches at the peak and at failure.
 
-    Without `keep_G0` they are the thesis's s_p = s_c / kr and s_0 = s_c, which spend G0 / kr.
+    A bond dissipates c xi s_p s_0 / 2, so that s_p = s_c / sqrt(kr) and s_0 = s_c sqrt(kr) keep G0. Without `keep_G0`
+    they are the thesis's s_p = s_c / kr and s_0 = s_c, which dissipate G0 / kr.
     """
     if material.keep_G0:
         return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
@@ -54,13 +54,13 @@ def total(law, c, peak, limit):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
-    """Share of its stiffness a bond has kept that was stretched to `worst`, between peak and limit."""
+    """Remaining share of a bond's stiffness after the stretch `worst`, between peak and limit."""
     return secant(None, worst, worst, peak, limit)
 
 
 @njit(**INNER)
 def spent_share(worst: float, peak: float, limit: float) -> float:
-    """Share of its energy c xi s_p s_0 / 2 a bond has spent that was stretched to `worst`."""
+    """Dissipated share of a bond's energy c xi s_p s_0 / 2 after the stretch `worst`."""
     return (worst - peak) / (limit - peak)
 
 

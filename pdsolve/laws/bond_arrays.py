@@ -1,4 +1,4 @@
-"""Bonds in a list and the state at a step, as loops read them, and one deformed bond."""
+"""Arrays of listed bonds and of the state for compiled loops, and one deformed bond."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INLINE = INNER | {
 
 
 class List(NamedTuple):
-    """Bonds as loops read them, those of node i at start[i]:start[i + 1]; b of them, in d dimensions."""
+    """Bonds for compiled loops, those of node i at start[i]:start[i + 1]; b of them, in d dimensions."""
 
     start: NDArray[np.int64]  # (n + 1,)
     neighbour: NDArray[np.int32]  # (b,)
@@ -41,13 +41,13 @@ AnyList = List | SwollenList
 
 
 def list_of(bonds: Bonds) -> List:
-    """Bonds (b,) as loops read them."""
+    """Bonds (b,) for compiled loops."""
     length = np.sqrt((bonds.xi**2).sum(axis=1))
     return List(bonds.start, bonds.neighbour, tuple(np.ascontiguousarray(x) for x in bonds.xi.T), length)
 
 
 class Left(NamedTuple):
-    """The bonds (b,) of k nodes, and what those that are left of them weigh."""
+    """The bonds (b,) of k nodes, and the weights of those that are intact."""
 
     own: NDArray[np.int64]  # (b,) which of the k nodes
     which: NDArray[np.int64]  # (b,)
@@ -55,7 +55,7 @@ class Left(NamedTuple):
 
 
 def left(bonds: AnyList, weight: NDArray[np.floating], broken: NDArray[np.int32], rows: NDArray[np.int64]) -> Left:
-    """What is left of these nodes' (k,) bonds."""
+    """The intact bonds of these nodes (k,)."""
     counts = bonds.start[rows + 1] - bonds.start[rows]
     which = (
         np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
@@ -65,7 +65,7 @@ def left(bonds: AnyList, weight: NDArray[np.floating], broken: NDArray[np.int32]
 
 
 def shapes(bonds: AnyList, some: Left, nodes: int) -> NDArray[np.float64]:
-    """K (k, d, d) of so many nodes, from the bonds that are left."""
+    """Shape tensors K (k, d, d) of so many nodes, from the intact bonds."""
     d, xi = len(bonds.xi), [x[some.which].astype(float) for x in bonds.xi]
     K = np.empty((nodes, d, d))
     for a in range(d):
@@ -75,7 +75,7 @@ def shapes(bonds: AnyList, some: Left, nodes: int) -> NDArray[np.float64]:
 
 
 class Tabled(NamedTuple):
-    """What blocks want of b bonds."""
+    """Data of b bonds for the block kernels."""
 
     columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `nears` wants more
     alike: tuple[int, ...]  # columns of one number here are quantities of one kind: bonds have each other's
@@ -84,7 +84,7 @@ class Tabled(NamedTuple):
 
 
 class Now(NamedTuple):
-    """The state at a step as loops read it; n nodes, w components of all unknowns."""
+    """The state at a step for compiled loops; n nodes, w components of all unknowns."""
 
     value: NDArray[Any]  # (n, w)
     rate: NDArray[Any]  # (n, w) per s; within a step the mean since the last one

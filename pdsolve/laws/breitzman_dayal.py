@@ -1,16 +1,15 @@
-"""Correspondence with a gradient for each bond, which sees every mode of its own.
+"""Correspondence with a gradient for each bond, which controls all zero-energy modes.
 
 T. Breitzman, K. Dayal, J. Mech. Phys. Solids 110 (2018) 409-425.
 
 With H_m the mean of the gradients of both ends (see `pdsolve.laws.correspondence`), that of a bond is
 
-    H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w of the bonds that are left
+    H = H_m + (eta - H_m xi) xi^T / |xi|^2        W_i = sum w / w_i W(H)        w_i = sum w of the intact bonds
 
-and forces are the exact derivative of that: with P = W'(H), C = w (P_i / w_i + P_j / w_j), B_i = sum C (I - n n^T) / 2
-and A_i = B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. Where one end
-has no gradient, the other's alone is the mean. A bond that fails by stress does so as in `correspondence`, by the mean
-of its ends' stresses, which are those of their gradients. There is no history: materials that flow, and rates, have
-other laws.
+and forces are its exact derivative: with P = W'(H), C = w (P_i / w_i + P_j / w_j), B_i = sum C (I - n n^T) / 2 and A_i
+= B_i K_i^-1, the force density on i is the sum over bonds of C xi / |xi|^2 + w (A_i + A_j) xi. If one end has no
+gradient, the other's is used. A bond fails by stress as in `correspondence`, by the mean of its ends' stresses, which
+are those of their gradients. There is no history: plasticity and rates need other laws.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ class Columns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
-    """The law of these bonds (b,) and their nodes."""
+    """Columns of these bonds (b,) and their nodes."""
     nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
     own = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(own, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
@@ -55,25 +54,24 @@ def columns(model: Model, bonds: Bonds) -> Columns:
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """K^-1 and w of these nodes (k,) from the bonds that are left."""
+    """Recompute K^-1 and w of these nodes (k,) from the intact bonds."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
     some = left(bonds, law.weight, law.broken, rows)
     law.total[rows] = np.bincount(some.own, some.weight, minlength=len(rows))
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     return correspondence.scale(law, bonds)  # type: ignore[arg-type]
 
 
 def rows(law: Columns, dimension: int) -> int:
-    """A, H, sigma, J, as in `correspondence`."""
+    """Width of `m`: A, H, sigma, J, as in `correspondence`."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
 def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
-    remembers."""
+    """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, law.d * law.d)
 
 
@@ -121,7 +119,7 @@ def close_again(law, i, m, more):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def _share(law, i, j):  # type: ignore[no-untyped-def]
-    """How much of the mean gradient is node i's."""
+    """Share of node i in the mean gradient."""
     if law.inverse[i, 0] == 0:
         return 0.0
     return 0.5 if law.inverse[j, 0] != 0 else 1.0
@@ -129,7 +127,7 @@ def _share(law, i, j):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
-    """H of a bond, nine."""
+    """H of a bond, nine components."""
     d, s, t = len(bond.xi), _share(law, i, j), _share(law, j, i)
     squared, none = bond.length * bond.length, m[i, 0] * 0
     r0, r1, r2 = bond.eta[0] + none, bond.eta[1] + none, bond.eta[d - 1] + none
@@ -159,7 +157,7 @@ def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
-    """P_i / w_i + P_j / w_j, nine."""
+    """P_i / w_i + P_j / w_j, nine components."""
     h = _gradient(law, bond, m, i, j)
     p, q = respond(law.solid, i, h).P, respond(law.solid, j, h).P
     a = 1 / law.total[i] if law.inverse[i, 0] != 0 or law.inverse[j, 0] != 0 else law.total[i] * 0

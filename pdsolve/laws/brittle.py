@@ -1,8 +1,8 @@
-"""The brittle law: linear until a bond is stretched to its limit, then nothing, for ever.
+"""The brittle law: linear up to the limit, then broken for ever.
 
-S. A. Silling, E. Askari, Comput. Struct. 83 (2005) 1526-1535. Where a bond breaks, Verlet takes exactly c xi s_n
-s_(n+1) / 2 out of the motion at that moment (s_n of the last intact step, s_(n+1) at detection), so that is what is
-booked as spent; half of it belongs to each node.
+S. A. Silling, E. Askari, Comput. Struct. 83 (2005) 1526-1535. When a bond breaks, Verlet takes exactly c xi s_n s_(n+1)
+/ 2 out of the motion (s_n of the last intact step, s_(n+1) at detection). This energy is booked as dissipated, half of
+it at each node.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Brittle(PairColumns):
 
 
 def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
-    """The critical stretch is both: a bond spends c xi s_c^2 / 2."""
+    """Both stretches are the critical one: a bond dissipates c xi s_c^2 / 2."""
     return Limits(critical, critical)
 
 

@@ -1,6 +1,6 @@
-"""What loops call of a law, bound to the type of its columns: `pdsolve.laws.law` says what each function is.
+"""The functions of a law as compiled loops call them, bound to the type of its columns; see `pdsolve.laws.law`.
 
-What Python itself calls, where nothing is compiled, is looked up by the same types.
+Calls from Python, without compilation, are dispatched by the same types.
 """
 
 from __future__ import annotations
@@ -15,55 +15,55 @@ from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Pa
 
 
 def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
-    """Add to m[i] what bond k says of node i's family."""
+    """Add the contribution of bond k to the family sums m[i] of node i."""
     _bound[type(law)]["gather"](law, bond, now, i, j, k, m)
 
 
 def numbers(law: Any, i: Any, j: Any, k: Any) -> tuple[Any, ...]:
-    """What the columns have of bond k."""
+    """The numbers of bond k in the columns."""
     return tuple(_bound[type(law)]["numbers"](law, i, j, k))
 
 
 def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
-    """What sums begin with; `none` is the 0 they are made of."""
+    """Initial sums; `none` is the zero they consist of."""
     return tuple(_bound[type(law)]["nothing"](law, xi, none))
 
 
 def say(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The sums and what a bond with the numbers c says of its node's family."""
+    """The sums plus the contribution of a bond with the numbers c."""
     return tuple(_bound[type(law)]["say"](law, bond, c, sums))
 
 
 def shows(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
-    """What neighbours see of node i."""
+    """The numbers of node i that its neighbours need."""
     return tuple(_bound[type(law)]["shows"](law, xi, m, i))
 
 
 def exchange(
     law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
 ) -> tuple[Any, ...]:
-    """The force density of a bond with the numbers c on its node, N/m^3, from what both ends show."""
+    """Force density of a bond with the numbers c on its node, N/m^3, from the numbers of both ends."""
     return tuple(_bound[type(law)]["exchange"](law, bond, c, here, there))
 
 
 def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
-    """What nodes have between the passes."""
+    """Nodal numbers between the passes, from the sums."""
     return tuple(_bound[type(law)]["finish"](law, sums, own))
 
 
 def nears(law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]) -> tuple[Any, Any]:
-    """What of a bond must not be above what."""
+    """A quantity of a bond and its limit, for failure."""
     found, limit = _bound[type(law)]["nears"](law, bond, c, here, there)
     return found, limit
 
 
 def close(law: Any, i: int, m: NDArray[Any]) -> None:
-    """Turn m[i] into what the second pass wants."""
+    """Convert the sums m[i] to the numbers of the second pass."""
     _bound[type(law)]["close"](law, i, m)
 
 
 def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
-    """Let bond k remember what it has been through; returns what node i spends on it, J/m^3."""
+    """Update the history of bond k; returns the energy dissipated at node i, J/m^3."""
     return float(_bound[type(law)]["age"](law, bond, now, m, i, j, k))
 
 
@@ -73,18 +73,18 @@ def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int
 
 
 def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> tuple[float, float]:
-    """What bond k adds to the energy density of node i, J/m^3: held, and spent on softening so far."""
+    """Contribution of bond k to the energy densities of node i, J/m^3: stored, and dissipated by softening so far."""
     own, gone = _bound[type(law)]["energy"](law, bond, now, m, i, j, k)
     return own, gone
 
 
 def gather_again(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any], more: NDArray[Any]) -> None:
-    """Add to more[i] what bond k says now that both its nodes are closed."""
+    """Add to more[i] the contribution of bond k after the first pass of both its nodes."""
     _bound[type(law)]["gather_again"](law, bond, now, i, j, k, m, more)
 
 
 def close_again(law: Any, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
-    """Turn m[i] and more[i] into what the last pass wants, in m[i]."""
+    """Convert m[i] and more[i] to the numbers of the last pass, in m[i]."""
     _bound[type(law)]["close_again"](law, i, m, more)
 
 
@@ -94,17 +94,17 @@ def alert(law: Any, i: int, m: NDArray[Any]) -> bool:
 
 
 def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> bool:
-    """Whether bond k fails; the same from both its ends."""
+    """Whether bond k fails; equal from both its ends."""
     return bool(_bound[type(law)]["fails"](law, bond, now, m, i, j, k))
 
 
 def remember(law: Any, now: Now, i: int, m: NDArray[Any]) -> None:
-    """Let node i remember what it has been through."""
+    """Update the history of node i."""
     _bound[type(law)]["remember"](law, now, i, m)
 
 
 def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
-    """What node i itself adds to its energy density, J/m^3: held, and spent so far."""
+    """Energy densities of node i itself, J/m^3: stored, and dissipated so far."""
     own, gone = _bound[type(law)]["hold"](law, i, m)
     return own, gone
 
@@ -115,22 +115,22 @@ def secant(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
 
 
 def held(law: Any, c: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
-    """What a bond holds, J/m^3."""
+    """Stored energy of a bond, J/m^3."""
     return _bound[type(law)]["held"](law, c, stretch, worst, peak, limit)
 
 
 def spent(law: Any, c: Any, worst: Any, peak: Any, limit: Any) -> Any:
-    """What a bond that was stretched to `worst` has spent on softening, J/m^3."""
+    """Energy dissipated by softening of a bond that was stretched to `worst`, J/m^3."""
     return _bound[type(law)]["spent"](law, c, worst, peak, limit)
 
 
 def total(law: Any, c: Any, peak: Any, limit: Any) -> Any:
-    """What a bond that was softened to nothing has spent, J/m^3."""
+    """Energy dissipated by a fully softened bond, J/m^3."""
     return _bound[type(law)]["total"](law, c, peak, limit)
 
 
 def released(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
-    """What a bond spends in all that is found gone at a stretch, J/m^3; it last pulled at the one `before`."""
+    """Total energy dissipated by a bond that is found broken at a stretch and last pulled at `before`, J/m^3."""
     return _bound[type(law)]["released"](law, c, stretch, before, peak, limit)
 
 
@@ -176,12 +176,12 @@ _pairs: dict[type, Pair] = {}
 
 
 def pair_of(law: Any) -> Pair:
-    """The pair law of columns, or of numba's type of them."""
+    """The pair law of columns, or of their numba type."""
     return _pairs[getattr(law, "instance_class", type(law))]
 
 
 def bind(law: Law) -> None:
-    """Let the loops know what a law says; numba keeps it for the life of the process."""
+    """Bind the functions of a law to its columns' type; numba keeps them for the life of the process."""
     kind = law.Columns
     if kind in _bound:
         return
@@ -201,7 +201,7 @@ def bind(law: Law) -> None:
 
 
 def _functions(law: Law) -> dict[str, Function]:
-    """What a law says, and what is said of it where it says nothing."""
+    """The functions of a law, with defaults for those it does not have."""
     passes = law.passes
     found: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
     if isinstance(passes, Passes):
@@ -221,7 +221,7 @@ def _functions(law: Law) -> dict[str, Function]:
 
 
 def _of_pair(pair: Pair) -> dict[str, Function]:
-    """What a pair law says of a stretched bond."""
+    """The functions of a pair law."""
     softens = pair.softening is not None
     straight = _held_by_secant if softens else _held_by_line
     found: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
@@ -278,7 +278,7 @@ def _chosen(found: Any, kind: type, function: Function) -> Function | None:
 
 
 def _bind_bonds(kind: type, said: dict[str, Function]) -> None:
-    """What all laws may say."""
+    """Bind functions that every law may have."""
 
     @overload(gather, jit_options=INLINE)
     def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -302,7 +302,7 @@ def _bind_bonds(kind: type, said: dict[str, Function]) -> None:
 
 
 def _bind_families(kind: type, said: dict[str, Function]) -> None:
-    """What only those with a first pass may."""
+    """Bind functions of laws with a first pass."""
 
     @overload(gather_again, jit_options=INLINE)
     def _gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
@@ -330,7 +330,7 @@ def _bind_families(kind: type, said: dict[str, Function]) -> None:
 
 
 def _bind_pair(kind: type, said: dict[str, Function]) -> None:
-    """What pair laws do."""
+    """Bind functions of pair laws."""
 
     @overload(secant, jit_options=INLINE)
     def _secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -354,7 +354,7 @@ def _bind_pair(kind: type, said: dict[str, Function]) -> None:
 
 
 def _bind_sums(kind: type, said: dict[str, Function]) -> None:
-    """What those do whose passes are sums."""
+    """Bind functions of laws whose passes are sums."""
 
     @overload(numbers, jit_options=INLINE)
     def _numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -378,7 +378,7 @@ def _bind_sums(kind: type, said: dict[str, Function]) -> None:
 
 
 def _bind_lanes(kind: type, said: dict[str, Function]) -> None:
-    """What those that are summed in blocks do."""
+    """Bind functions of laws that are summed in blocks."""
 
     @overload(finish, jit_options=INLINE)
     def _finish(law, sums, own):  # type: ignore[no-untyped-def]

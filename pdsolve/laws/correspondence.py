@@ -1,4 +1,4 @@
-"""Correspondence: a node's stress follows the gradient that its family shows, whatever the material.
+"""Correspondence: a node's stress follows from the gradient fitted to its family, for any material.
 
 S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, section 18. With w the neighbour's
 cell times its influence, K = sum w xi xi^T and the gradient of the displacement H = (sum w eta xi^T) K^-1, the force
@@ -6,8 +6,8 @@ density is the sum over bonds of
 
     w [(A_i + A_j) xi + (Z_i + Z_j) eta]        A = P K^-1 - Z H
 
-with P the stress, and Z what the deviation eta - H xi of a bond is held back with: modes that H does not see, as those
-in which neighbours move against each other, have no energy without it.
+with the stress P and the stiffness Z against the deviation eta - H xi of a bond. Without Z, modes that H does not see
+have no energy, such as neighbours that move against each other.
 
     silling   G c pi / (horizon sum w) in the plane, c = 9 E / pi horizon^3; in space G c 4 pi / 3 sum w, c = 12 E / pi
               horizon^4, times I (S. A. Silling, Comput. Methods Appl. Mech. Eng. 322 (2017) 42-57), by the lattice's
@@ -15,8 +15,8 @@ in which neighbours move against each other, have no energy without it.
     none      nothing
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
-its force times its elongation. A node whose bonds left nearly lie on a line, or are gone, has no stress of its own:
-what holds back deviations is all that is left there.
+its force times its elongation. A node whose intact bonds nearly lie on a line, or are gone, has no stress of its own;
+only the control of deviations remains there.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Columns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
-    """The law of these bonds (b,) and their nodes."""
+    """Columns of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     own = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(own, bonds.weight, minlength=nodes).astype(float)
@@ -95,7 +95,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
 
 
 def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.float64]:
-    """Z (n,) of nodes whose weights have this `total` (n,)."""
+    """Z (n,) of nodes with these total weights (n,)."""
     horizon = np.broadcast_to(model.horizons, total.shape)
     E, G = (
         np.array([getattr(m, name) for m in model.materials])[model.material_of] for name in ("E", "control_factor")
@@ -105,7 +105,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """K^-1 of these nodes (k,) from the bonds that are left."""
+    """Recompute K^-1 of these nodes (k,) from the intact bonds."""
     K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
     values = np.linalg.eigvalsh(K)
     sound = values[:, 0] > FLAT * values.sum(axis=1)
@@ -114,7 +114,7 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     trace = law.inverse[:, :: law.d + 1].sum(axis=1)
     own = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
     total = np.bincount(own, law.weight, minlength=len(trace))
@@ -123,18 +123,17 @@ def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
 
 
 def rows(law: Columns, dimension: int) -> int:
-    """A, H, sigma (in the plane xx, yy, zz, xy), J."""
+    """Width of `m`: A, H, sigma (in the plane xx, yy, zz, xy), J."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
 def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
-    remembers."""
+    """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return shown(law.d, law.solid, m, law.d * law.d)
 
 
 def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
-    """Fields (n,) of nodes whose gradients are in m from `at` on: stress, rotation in the plane, J, alpha."""
+    """Fields (n,) of nodes with gradients in m from `at` on: stress, rotation in the plane, J, alpha."""
     H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
     found = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
     if d == 3:
@@ -171,7 +170,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
-    """From the sums of node i its gradient, which goes to m[i] from `at` on, stress and J behind it; and P."""
+    """Compute the gradient of node i from its sums; stores it in m[i] from `at` on, then stress and J; returns P."""
     d = law.d
     for a in range(d):
         for b in range(d):
@@ -184,7 +183,7 @@ def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def answer(law, i, m, at):  # type: ignore[no-untyped-def]
-    """P, nine, of the gradient in m[i] from `at` on; puts stress and J behind it."""
+    """P, nine components, of the gradient in m[i] from `at` on; stores stress and J behind it."""
     d = law.d
     found = respond(law.solid, i, lifted(m, i, at, d))
     last = at + d * d
@@ -199,7 +198,7 @@ def answer(law, i, m, at):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
-    """The gradient in m[i] from `at` on, nine."""
+    """The gradient in m[i] from `at` on, nine components."""
     none = m[i, at] * 0
     if d == 2:
         xx, xy, yx, yy = square(m, i, at, (none, none))
@@ -208,13 +207,13 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
 
 
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
-    """What blocks want of bonds (b,)."""
+    """Data of bonds (b,) for the block kernels."""
     own = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
     return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), shown=4)
 
 
 def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
-    """These columns, and limits of what is looked at bond by bond."""
+    """These columns, with the limits for failure of single bonds."""
     if law.failure in (NEVER, STRESS):
         return Tabled(columns, tuple(range(len(columns))), shown, False)
     limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
@@ -227,7 +226,7 @@ def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    """What must not exceed what for a bond to last: its stretch or its energy, and the limit; see `nears`."""
+    """The stretch or energy of a bond and its limit; see `nears`."""
     f = force_of(law, bond, c, here, there)
     along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
     found = along * bond.elongation * bond.inverse
@@ -237,12 +236,12 @@ def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """What `finish` wants of nodes: K^-1, lambda, mu, Z."""
+    """Nodal constants for `finish`: K^-1, lambda, mu, Z."""
     return np.vstack([law.inverse[rows].T, law.solid.first[rows], law.solid.shear[rows], law.control[rows]])
 
 
 def by_lanes(law: Columns) -> bool:
-    """Where all nodes are of one solid without a history."""
+    """Whether nodes can be finished in lanes: all of one solid without a history."""
     kind = law.solid.kind
     return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
 
@@ -260,7 +259,7 @@ def finish(law, sums, own):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def closed(law, sums, own):  # type: ignore[no-untyped-def]
-    """The gradient of a node, four, and its response, from its sums and what stands."""
+    """Gradient of a node, four components, and its response, from its sums and constants."""
     H, none = product(sums, own[:4]), sums[0] * 0.0
     h = (H[0], H[1], none, H[2], H[3], none, none, none, none)
     return H, elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
@@ -280,7 +279,7 @@ def alert(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def may_fail(law, i, m, at):  # type: ignore[no-untyped-def]
-    """Whether a bond of node i may fail, whose stress is in m from `at` on."""
+    """Whether a bond of node i may fail, given its stress in m from `at` on."""
     if law.failure == STRESS:  # the largest principal value is convex: of a mean, one end has no less
         return principal(law, m, i, i, at) > law.least
     return law.failure != NEVER
@@ -292,7 +291,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
-    """Whether a bond fails; stresses are in m from `at` on."""
+    """Whether a bond fails, given the stresses in m from `at` on."""
     if law.broken[k] != 0:
         return False
     if law.failure == STRESS:
@@ -328,7 +327,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def deviation(bond, m, i, at, a):  # type: ignore[no-untyped-def]
-    """A component of eta - H xi, H in m[i] from `at` on."""
+    """A component of eta - H xi, with H in m[i] from `at` on."""
     rest = bond.eta[a]
     for b in range(len(bond.xi)):
         rest -= m[i, at + len(bond.xi) * a + b] * bond.xi[b]

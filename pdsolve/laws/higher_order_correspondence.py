@@ -1,16 +1,16 @@
-"""Correspondence with gradients of higher order: that of the polynomial which fits a node's family best.
+"""Correspondence with gradients of higher order: those of the polynomial fitted to a node's family.
 
-With w the neighbour's cell times its influence and p monomials of xi up to some degree, over the horizon, the fit is
-c = argmin sum w |eta - c p(xi)|^2, by QR: sqrt(w) p = Q R. With the constant term the node itself is one of its
-family, with as much weight as it has for its nearest neighbour, and the polynomial does not have to pass through it.
-The gradient H is linear in eta, H = sum_r a_r t_r^T with the components
-a_r = sum sqrt(w) Q_r eta of the displacement and t_r from R^-1; so the force that goes with a stress P is
+With w the neighbour's cell times its influence and p monomials of xi up to some degree, over the horizon, the fit is c
+= argmin sum w |eta - c p(xi)|^2, by QR: sqrt(w) p = Q R. With the constant term, the node itself is part of its family,
+with the weight of its nearest neighbour, and the polynomial need not pass through it. The gradient H is linear in eta,
+H = sum_r a_r t_r^T with the components a_r = sum sqrt(w) Q_r eta of the displacement and t_r from R^-1. The force from
+a stress P is
 
     T_ij = sqrt(w) sum_r (P t_r - Z a_r) Q_r + Z w eta        f = sum T_ij - V_j / V_i T_ji
 
-where Z (`pdsolve.laws.correspondence`) holds back what the polynomial does not fit. Of first order and without the
-constant term it is the law of that file. A family that does not carry the order, as beside a crack, has the highest one
-that it carries.
+where Z (`pdsolve.laws.correspondence`) controls the part that the polynomial does not fit. First order without the
+constant term is the law of that file. A family that cannot determine the order, as beside a crack, has the highest
+possible one.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Columns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
-    """The law of these bonds (b,) and their nodes. Raises ModelError for an order that no family carries."""
+    """Columns of these bonds (b,) and their nodes. Raises ModelError for an order that no family can determine."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
     total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
@@ -99,7 +99,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
 
 
 def powers(order: int, d: int) -> NDArray[np.int64]:
-    """Exponents (p, d) of all monomials up to an order but the constant one, in the order of their degrees."""
+    """Exponents (p, d) of all monomials up to an order, without the constant one, by degree."""
     every = np.stack(np.meshgrid(*[np.arange(order + 1)] * d, indexing="ij"), axis=-1).reshape(-1, d)
     degree = every.sum(axis=1)
     kept = np.flatnonzero((degree > 0) & (degree <= order))
@@ -109,7 +109,7 @@ def powers(order: int, d: int) -> NDArray[np.int64]:
 def fit(
     xi: NDArray[np.float64], root: NDArray[np.float64], order: int, itself: float, horizon: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Q (k, p) and t (p, d) of a family with bonds `xi` (k, d) and roots of weights (k,), and the order it carries.
+    """Q (k, p) and t (p, d) of a family with bonds `xi` (k, d) and roots of weights (k,), and its possible order.
 
     With a weight of the node `itself`, Q has its row last, and the constant term is the first of the components.
     """
@@ -135,7 +135,7 @@ def fit(
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """The fits of these nodes (k,) to the bonds that are left."""
+    """Refit these nodes (k,) to the intact bonds."""
     for i in rows.tolist():
         own = slice(bonds.start[i], bonds.start[i + 1])
         intact = law.broken[own] == 0
@@ -150,18 +150,17 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     return np.asarray((law.solid.first + 2 * law.solid.shear) / law.horizon**2)
 
 
 def rows(law: Columns, dimension: int) -> int:
-    """What pulls, a_r, H, sigma, J."""
+    """Width of `m`: force components, a_r, H, sigma, J."""
     return 2 * dimension * int(law.q.shape[1]) + dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
 def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
-    remembers."""
+    """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
 
 
@@ -235,7 +234,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _stresses(law):  # type: ignore[no-untyped-def]
-    """Where stresses are between the passes."""
+    """Position of stresses in `m`."""
     return 2 * law.d * law.q.shape[1] + law.d * law.d
 
 
@@ -254,7 +253,7 @@ def hold(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _missed(law, m, i, q, root, eta, a):  # type: ignore[no-untyped-def]
-    """sqrt(w) times a component of what the polynomial of node i misses."""
+    """sqrt(w) times a component of the residual of node i's polynomial."""
     d, p = law.d, law.q.shape[1]
     rest = root * eta
     for r in range(p):

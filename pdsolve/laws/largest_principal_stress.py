@@ -1,4 +1,4 @@
-"""The largest principal stress of a bond, whose ends have one each."""
+"""The largest principal stress of a bond, from the stresses of its ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pdsolve.laws.law import INNER
 
 @njit(**INNER)
 def principal(law, m, i, j, at):  # type: ignore[no-untyped-def]
-    """The largest principal value of the mean of two nodes' stresses, which are in m from `at` on."""
+    """The largest principal value of the mean of two nodes' stresses, given in m from `at` on."""
     if law.d == 2:
         none = m[i, at] * 0
         s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], none, none)
@@ -23,7 +23,7 @@ def principal(law, m, i, j, at):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def largest(d, s, t):  # type: ignore[no-untyped-def]
-    """The largest principal value of the mean of two stresses, six each; in the plane, of those in it."""
+    """The largest principal value of the mean of two stresses, six components each; in the plane, of in-plane ones."""
     xx, yy, zz, xy = (s[0] + t[0]) / 2, (s[1] + t[1]) / 2, (s[2] + t[2]) / 2, (s[3] + t[3]) / 2
     if d == 2:
         return (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)

@@ -43,7 +43,7 @@ Array = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Softening:
-    """What a bond spends as it softens, J/m^3; symbols as in `Pair`."""
+    """Energy dissipated by softening of a bond, J/m^3; symbols as in `Pair`."""
 
     spent: Function  # (law, c, worst, peak, limit) once it was stretched to `worst`, which is above the peak
     total: Function  # (law, c, peak, limit) once it is gone
@@ -51,15 +51,15 @@ class Softening:
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """A law of bonds that know nothing of others: the shape that every operator takes, the fast kernel too.
+    """A law of independent bonds: the form that every operator supports, including the fast kernel.
 
-    A bond pulls with stiffness * stretch * secant until its stretch is over `limit`; then it is gone. The functions
-    add, subtract, multiply, divide and take roots, and do not branch: they are given numbers, arrays and lanes.
+    A bond pulls with stiffness * stretch * secant until its stretch exceeds `limit`; then it is broken. The functions
+    add, subtract, multiply, divide and take roots, and do not branch: they receive numbers, arrays and lanes.
 
-        law       the columns, for their type              peak, limit  of the bond, from `limits`; both infinite where
-        stretch   of the bond now                                       it must not break
-        worst     the largest it has had above the peak,   c            stiffness |xi| / 4, J/m^3: what its node would
-                  0 until then, or if nothing softens                   hold of it at unit stretch, were it linear
+        law       the columns, for their type              peak, limit  of the bond, from `limits`; both infinite if
+        stretch   of the bond now                                       unbreakable
+        worst     the largest it has had above the peak,   c            stiffness |xi| / 4, J/m^3: energy at the node
+                  0 until then, or without softening                    at unit stretch, if it were linear
     """
 
     limits: Callable[[Material, NDArray[np.float64]], Limits]  # by the critical stretch (b,) of brittle bonds
@@ -71,7 +71,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Passes:
-    """The passes of a law by the numbers of bonds and nodes."""
+    """The passes of a law in terms of bond and node indices."""
 
     pull: Function  # (law, bond, now, m, i, j, k, f) adds the force density on node i to f (w,)
     gather: Function | None = None  # (law, bond, now, i, j, k, m) adds to m[i] what bond k says of node i's family
@@ -80,7 +80,7 @@ class Passes:
 
 @dataclass(frozen=True)
 class Sums:
-    """The passes of a law without numbers of bonds and nodes, in tuples that stay in registers."""
+    """The passes of a law without indices, on tuples that stay in registers."""
 
     numbers: Function  # (law, i, j, k) what the columns have of bond k
     nothing: Function  # (law, xi, none) what a node's sums begin with; `none` is the 0 they are made of
@@ -92,7 +92,7 @@ class Sums:
 
 @dataclass(frozen=True)
 class Again:
-    """A pass between the first and the last one, with what the first has made of both ends."""
+    """An intermediate pass, which uses the results of the first pass at both ends."""
 
     gather: Function  # (law, bond, now, i, j, k, m, more) adds to more[i]
     close: Function  # (law, i, m, more) puts into m[i] what the last pass wants
@@ -100,7 +100,7 @@ class Again:
 
 @dataclass(frozen=True)
 class Failure:
-    """Which bonds fail, of laws with a first pass: all of a step do so before any pulls."""
+    """Failure of bonds, for laws with a first pass: all bonds that fail in a step do so before any pulls."""
 
     alert: Function  # (law, i, m) whether a bond of node i may fail; one of which neither end is alert does not
     fails: Function  # (law, bond, now, m, i, j, k) whether bond k does; the same from both its ends
@@ -108,7 +108,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class NodeMemory:
-    """What nodes remember."""
+    """History of nodes."""
 
     columns: tuple[str, ...]  # that `remember` changes; those without an entry are not there
     remember: Function  # (law, now, i, m)
@@ -117,7 +117,7 @@ class NodeMemory:
 
 @dataclass(frozen=True)
 class Lanes:
-    """What a law of `Sums` says besides so that it is summed in blocks, where a number is that of many lanes."""
+    """Additional functions of a law of `Sums` for blocks, where a number stands for many lanes."""
 
     finish: Function  # (law, sums, own) what a node has between the passes, as `close`, from what `standing` has of it
     nears: Function  # (law, bond, c, here, there) what of a bond must not be above what
@@ -127,13 +127,13 @@ class Lanes:
 
 
 def displacement(dimension: int) -> tuple[Unknown, ...]:
-    """The unknown of laws that have no other."""
+    """The unknown of laws without others: the displacement."""
     return (Unknown("u", dimension, 2),)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """A law as operators ask it; of `Columns` those called `broken` (b,) are steps in which bonds broke, or 0."""
+    """A law as operators use it. Columns in `Columns` named `broken` (b,) are steps in which bonds broke, or 0."""
 
     Columns: type[Any]  # a NamedTuple of its own
     columns: Callable[[Model, Bonds], Any]

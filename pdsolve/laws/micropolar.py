@@ -1,16 +1,16 @@
 """Micropolar bonds in the plane: beams that resist stretching, shearing and bending, with a rotation at each node.
 
-W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258. Bond k from i to j has, for small motions, with
-the direction n, the one across t, the elongation e, and w = t . eta the way across,
+W. Gerstle, N. Sau, S. Silling, Nucl. Eng. Des. 237 (2007) 1250-1258. For small motions, bond k from i to j with the
+direction n, the normal t, the elongation e, and the transverse displacement w = t . eta has
 
     energy    c e^2 / 2 |xi| + 6 d (w - |xi| (phi_i + phi_j) / 2)^2 / |xi|^3 + d (phi_j - phi_i)^2 / 2 |xi|
 
     plane stress    c = 6 E / pi horizon^3 (1 - nu)                  d = E (1 - 3 nu) / 6 pi horizon (1 - nu^2)
     plane strain    c = 6 E / pi horizon^3 (1 + nu) (1 - 2 nu)       d = E (1 - 4 nu) / 6 pi horizon (1 + nu) (1 - 2 nu)
 
-so that Poisson's ratio is free up to that of bonds, beyond which d would be less than nothing. The third unknown is the
-rotation times the node's horizon, a length with the inertia of the others. A bond is a beam along its first direction:
-small rotations only. It fails where its stretch is over its limit, and is not corrected for at surfaces.
+so that Poisson's ratio is free up to that of bonds, above which d would be negative. The third unknown is the rotation
+times the node's horizon, a length with the inertia of the others. A bond is a beam along its initial direction: only
+small rotations are possible. It fails if its stretch exceeds the limit. Surfaces are not corrected.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Columns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
-    """The law of these bonds (b,). Raises ModelError in space."""
+    """Columns of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
         raise ModelError(f"{model.place_of(0)}.model: found 'micropolar' in space, expected it in the plane")
     own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
@@ -68,18 +68,18 @@ def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
 
 
 def unknowns(dimension: int) -> tuple[Unknown, ...]:
-    """Displacement, and rotation times horizon."""
+    """The unknowns: displacement, and rotation times horizon."""
     return Unknown("u", 2, 2), Unknown("rotation", 1, 2)
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     return np.bincount(own, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
 def rows(law: Columns, dimension: int) -> int:
-    """Nothing is gathered; bonds fail all at once, and forces are sums over them."""
+    """Width of `m`: 1, unused, as nothing is gathered."""
     return 1
 
 
@@ -90,7 +90,7 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
 
 @njit(**INLINE)
 def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
-    """Direction, e, w less what the ends' rotations make of it, and the mean and the difference of rotations."""
+    """Direction, e, w minus the effect of the ends' rotations, and the mean and the difference of rotations."""
     x, y = bond.xi[0] / bond.length, bond.xi[1] / bond.length
     one, other = law.turn[i] * now.value[i, 2], law.turn[j] * now.value[j, 2]
     e = x * bond.eta[0] + y * bond.eta[1]

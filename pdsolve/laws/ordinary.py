@@ -1,27 +1,27 @@
 """A linear ordinary state-based solid of any Poisson's ratio.
 
-S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, section 15, with weights of bonds
-that make it exact where families are not full, in the way of J. A. Mitchell, S. A. Silling, D. J. Littlewood, J. Mech.
-Mater. Struct. 10 (2015) 539-557 (position-aware linear solid). In d dimensions, per unit thickness in the plane, the
-energy density of node i is
+S. A. Silling, M. Epton, O. Weckner, J. Xu, E. Askari, J. Elast. 88 (2007) 151-184, section 15, with bond weights that
+make it exact for incomplete families, in the way of J. A. Mitchell, S. A. Silling, D. J. Littlewood, J. Mech. Mater.
+Struct. 10 (2015) 539-557 (position-aware linear solid). In d dimensions, per unit thickness in the plane, the energy
+density of node i is
 
     W = K theta^2 / 2 + mu sum S_ij (e - theta |xi| / d)^2        theta = sum D_ij e        e = |xi + eta| - |xi|
 
-with K the bulk modulus (in the plane E / 2 (1 - nu) for plane stress and lambda + mu for plane strain) and mu the
-shear modulus. With w the neighbour's cell times its influence and n = xi / |xi|, the weights are
+with the bulk modulus K (in the plane E / 2 (1 - nu) for plane stress and lambda + mu for plane strain) and the shear
+modulus mu. With w the neighbour's cell times its influence and n = xi / |xi|, the weights are
 
     D_ij = w |xi| (n . B n)        such that theta is the trace of any uniform strain
     S_ij = w sum A_ab y_a y_b      such that the rest of W is mu times the square of any traceless one
 
-where y are the components of n n^T in a basis of traceless tensors, and B, A the least that do it. A bond keeps a tenth
-of the mean S at least; where that raises some, as at edges and corners of bodies, where none above 0 are exact, all of
-the node are lowered such that W is right in the mean of all traceless strains. In a full family
-they are d w |xi| / m and d (d + 2) w / 2 m, m = sum w |xi|^2, but for what a lattice is stiffer along some ways than
-along others; bonds that pre-cracks cut are none. Bonds that fail in a run are not corrected for.
+where y are the components of n n^T in a basis of traceless tensors, and B, A the smallest that satisfy it. The S of a
+bond is at least a tenth of the mean. Where this raises some, all of the node are scaled down so that W is right in the
+mean of all traceless strains. This happens at edges and corners of bodies, where no positive weights are exact. In a
+full family the weights are d w |xi| / m and d (d + 2) w / 2 m, m = sum w |xi|^2, apart from the anisotropy of the
+lattice. Bonds cut by pre-cracks have no weight. Bonds that fail in a run are not corrected for.
 
 The force density is the sum over bonds of (t_i + t_j) along the deformed bond, t_i = D p + 2 mu S (e - theta |xi| / d),
-p = K theta - 2 mu / d sum S |xi| (e - theta |xi| / d). A bond fails where its stretch is over its limit, or its energy
-(t_i + t_j) e / 2 w is.
+p = K theta - 2 mu / d sum S |xi| (e - theta |xi| / d). A bond fails if its stretch or its energy (t_i + t_j) e / 2 w
+exceeds the limit.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Columns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Columns:
-    """The law of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
+    """Columns of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
     bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
     dilating, shearing = (_weights if corrected else _plain_weights)(exact)
@@ -102,7 +102,7 @@ def rows(law: Columns, dimension: int) -> int:
 
 
 def _plain_weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """D and S (b,) of full families, whatever they are."""
+    """D and S (b,) as if all families were full."""
     own, d = _sources(bonds), bonds.xi.shape[1]
     squared = (bonds.xi**2).sum(axis=1)
     m = np.bincount(own, bonds.weight * squared, minlength=len(bonds.start) - 1)[own]
@@ -110,7 +110,7 @@ def _plain_weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float6
 
 
 def _weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """D and S (b,) of families as they are."""
+    """D and S (b,) of the actual families."""
     own, d, nodes = _sources(bonds), bonds.xi.shape[1], len(bonds.start) - 1
     length = np.sqrt((bonds.xi**2).sum(axis=1))
     nn, y = _dyads(bonds.xi / length[:, None])
@@ -131,8 +131,10 @@ def _weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Components of n n^T (b, d (d + 1) / 2), those off the diagonal doubled, and of its traceless part in an
-    orthonormal basis (b, d (d + 1) / 2 - 1)."""
+    """Components of n n^T (b, d (d + 1) / 2), off-diagonal ones doubled, and of its traceless part.
+
+    The latter are in an orthonormal basis (b, d (d + 1) / 2 - 1).
+    """
     d = n.shape[1]
     off = [n[:, a] * n[:, b] for a in range(d) for b in range(a + 1, d)]
     traceless = [(n[:, 0] ** 2 - n[:, 1] ** 2) / np.sqrt(2)]
@@ -155,7 +157,7 @@ def _moments(
 
 
 def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The least x (n, k) with moments (n, k, k) x = wanted (n, k), as far as there is one."""
+    """The smallest x (n, k) with moments (n, k, k) x = wanted (n, k), as far as it exists."""
     values, vectors = np.linalg.eigh(moments)
     known = values > KNOWN * values[:, -1:]
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=known & (values > 0))
@@ -163,7 +165,7 @@ def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     own, nodes = _sources(bonds), len(bonds.start) - 1
     squared = np.bincount(own, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
     weight = np.bincount(own, law.weight, minlength=nodes)
@@ -203,7 +205,7 @@ def pressure(bulk, d, theta, sheared, moment):  # type: ignore[no-untyped-def]
 
 
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
-    """What blocks want of bonds (b,)."""
+    """Data of bonds (b,) for the block kernels."""
     columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
     if law.failure == NEVER:
         return Tabled(columns, (0, 0, 1, 1), shown=2, watched=False)
@@ -212,12 +214,12 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """What `finish` wants of nodes: K."""
+    """Nodal constants for `finish`: K."""
     return law.bulk[None, rows]
 
 
 def by_lanes(law: Columns) -> bool:
-    """True: nodes can be finished in lanes, whatever they are."""
+    """True: nodes can always be finished in lanes."""
     return True
 
 

@@ -1,4 +1,4 @@
-"""Laws of bonds that know nothing of others: their columns, and what bonds do by what their law says (`Pair`)."""
+"""Pair laws, whose bonds are independent: their columns, and their bonds' behaviour from the functions in `Pair`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pdsolve.model import Model
 
 
 class PairColumns(NamedTuple):
-    """Columns of b bonds; each law has a class of its own below this one, by which kernels are compiled for it."""
+    """Columns of b bonds; each law has a subclass of its own, by which kernels are compiled for it."""
 
     stiffness: NDArray[np.floating]  # (b,) force density on i for a unit stretch, N/m^3
     peak: NDArray[np.floating]  # (b,) stretch above which the bond softens
@@ -25,7 +25,7 @@ class PairColumns(NamedTuple):
 
 
 def no_bonds(law: Law) -> PairColumns:
-    """Columns of no bonds, whose type says to kernels which law it is."""
+    """Columns without bonds, whose type tells kernels the law."""
     assert issubclass(law.Columns, PairColumns)
     none = np.zeros(0)
     columns: PairColumns = law.Columns(none, none, none, none, np.zeros(0, np.int32))
@@ -33,11 +33,11 @@ def no_bonds(law: Law) -> PairColumns:
 
 
 def pair_law(kind: type[Any], pair: Pair) -> Law:
-    """The law of `pair` whose columns are of the type `kind`, a `PairColumns`."""
+    """The law of `pair` with columns of the type `kind`, a `PairColumns`."""
     linear, softens = pair.secant is None, pair.softening is not None
 
     def columns(model: Model, bonds: Bonds) -> Any:
-        """The law of these bonds (b,)."""
+        """Columns of these bonds (b,)."""
         count, precision = len(bonds.limit), bonds.limit.dtype
         worst = np.zeros(0 if linear else count, precision)
         return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, np.zeros(count, np.int32))

@@ -1,6 +1,6 @@
-"""Vectors and matrices of two or three dimensions as tuples, row by row: what compilers keep in registers.
+"""Vectors and matrices of two or three dimensions as tuples, row by row, which compilers keep in registers.
 
-Their components are numbers of any kind, or lanes of many bonds (`pdsolve.operators.simd_lattice`).
+Components are numbers of any kind, or lanes of many bonds (`pdsolve.operators.simd_lattice`).
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ def with_dyad(A: Any, w: Any, a: Any, b: Any) -> Any:
 
 
 def with_square(sums: Any, w: Any, a: Any) -> tuple[Any, Any]:
-    """Add w a a^T to the symmetric matrix (xx, xy, yy or xx, yy, zz, xy, xz, yz) behind a matrix; returns both."""
+    """Add w a a^T to the symmetric matrix (xx, xy, yy or xx, yy, zz, xy, xz, yz) that follows a matrix; returns
+    both."""
     d = len(a)
     pairs = [(0, 0), (0, 1), (1, 1)] if d == 2 else [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
     return sums[: d * d], tuple(s + (w * a[r]) * a[c] for s, (r, c) in zip(sums[d * d :], pairs, strict=True))
 
 
 def summed(A: Any, B: Any) -> Any:
-    """A + B, four or nine each."""
+    """A + B, four or nine components each."""
     return tuple(a + b for a, b in zip(A, B, strict=True))
 
 
 def product(A: Any, B: Any) -> Any:
-    """A B, four or nine each."""
+    """A B, four or nine components each."""
     d = 2 if len(A) == 4 else 3
     return tuple(sum(A[d * r + k] * B[d * k + c] for k in range(d)) for r in range(d) for c in range(d))
 
 
 def mapped(w: Any, A: Any, x: Any, z: Any, y: Any) -> Any:
-    """w (A x + z y), z a number."""
+    """w (A x + z y), with a number z."""
     d = len(x)
     return tuple(w * (sum(A[d * r + c] * x[c] for c in range(d)) + z * y[r]) for r in range(d))
 
@@ -49,12 +50,12 @@ def mapped_both(w: Any, A: Any, x: Any, B: Any, y: Any) -> Any:
 
 
 def halves(both: Any) -> Any:
-    """Two matrices that are one after the other."""
+    """The two consecutive matrices in a tuple."""
     return both[: len(both) // 2], both[len(both) // 2 :]
 
 
 def squares(m: Any, i: Any, like: Any) -> Any:
-    """The two matrices that a row of m begins with, one after the other."""
+    """The two consecutive matrices at the beginning of row i of m."""
     return tuple(m[i, : 2 * len(like) ** 2])
 
 

@@ -1,14 +1,13 @@
-"""Correspondence with a control after a solid's own elasticity, which wants no factor.
+"""Correspondence with a control derived from the solid's own elasticity, without a factor to choose.
 
-J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034: with C the tensor of elasticity the force density
-of `pdsolve.laws.correspondence` has Z = C : K^-1. Where a family is not the same all around, Z has directions.
-With a solid that is for large rotations (svk, neo hooke, rates) they turn with the node: with F = I + H = R U, and M
-the sum of w z z^T, z = eta - H xi,
+J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034: with the elasticity tensor C, the force density of
+`pdsolve.laws.correspondence` has Z = C : K^-1. Z is anisotropic if a family is. With a solid for large rotations (svk,
+neo hooke, rates), Z rotates with the node: with F = I + H = R U, and M the sum of w z z^T, z = eta - H xi,
 
     R Z R^T in place of Z        P + R [g] in place of P        (tr U I - U) g = axial vector of Z R^T M R
 
-where [g] is the cross product with g. The second is the derivative of the energy w z . R Z R^T z / 2 by way of R:
-forces are an energy's slope, and angular momentum is kept.
+where [g] is the cross product with g. The second is the derivative of the energy w z . R Z R^T z / 2 through R: forces
+are derived from an energy, and angular momentum is conserved.
 """
 
 from __future__ import annotations
@@ -48,32 +47,31 @@ from pdsolve.model import Model
 
 
 class Columns(correspondence.Columns):
-    """Columns of n nodes and b bonds, in d dimensions; those of the control are of no use."""
+    """Columns of n nodes and b bonds, in d dimensions; the inherited columns of the control are unused."""
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
-    """The law of these bonds (b,) and their nodes."""
+    """Columns of these bonds (b,) and their nodes."""
     return Columns(*correspondence.columns(model, bonds))
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """K^-1 of these nodes (k,) from the bonds that are left."""
+    """Recompute K^-1 of these nodes (k,) from the intact bonds."""
     correspondence.mend(law, bonds, rows)
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """How the resistance of nodes (n,) compares, N/m^4."""
+    """Relative stiffness of nodes (n,), N/m^4."""
     return correspondence.scale(law, bonds)
 
 
 def rows(law: Columns, dimension: int) -> int:
-    """A, Z, and H, sigma, J as in `correspondence`."""
+    """Width of `m`: A, Z, and H, sigma, J as in `correspondence`."""
     return 3 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
 def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
-    """The fields (n,) of nodes by the names of result columns: stress, rotation, volume and what the solid
-    remembers."""
+    """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.d)
 
 
@@ -110,7 +108,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _control(law, i, m):  # type: ignore[no-untyped-def]
-    """C : K^-1 of a node, nine, of the same kind of numbers as m."""
+    """C : K^-1 of a node, nine components, of the number type of m."""
     d, none = law.d, m[i, 0] * 0
     twice, first, trace = 2 * law.solid.shear[i], law.solid.first[i], none
     if law.solid.plane_stress:
@@ -128,7 +126,7 @@ def _control(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _turned(law, i, m, P, Z):  # type: ignore[no-untyped-def]
-    """P and Z of a node, nine each, as it is turned, from its sums and the gradient behind them."""
+    """P and Z of a rotated node, nine components each, from its sums and the gradient behind them."""
     d, none = law.d, m[i, 0] * 0
     g = d * d
     h = lifted(m, i, 2 * g, d)
@@ -155,7 +153,7 @@ def _turned(law, i, m, P, Z):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
-    """P and Z of a node in the plane, four components each, as it is turned."""
+    """P and Z of a rotated node in the plane, four components each."""
     c, s = 2.0 + H[0] + H[3], H[2] - H[1]
     once = 1.0 / np.sqrt(c * c + s * s)  # 1 / tr U
     c, s = c * once, s * once
@@ -169,12 +167,12 @@ def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
 
 
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
-    """What blocks want of bonds (b,)."""
+    """Data of bonds (b,) for the block kernels."""
     return correspondence.watched(law, (law.weight,), shown=8)
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """What `finish` wants of nodes: K^-1, lambda, mu, and Z, four."""
+    """Nodal constants for `finish`: K^-1, lambda, mu, and Z, four components."""
     first, shear, K = law.solid.first[rows], law.solid.shear[rows], law.inverse[rows].T
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
     trace, double = flat * (K[0] + K[3]), 2 * shear

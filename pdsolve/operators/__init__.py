@@ -1,1 +1,1 @@
-"""What neighbours do to a node: the only loops over bonds."""
+"""Operators: the forces of neighbours on a node. Only these modules loop over bonds."""

@@ -1,4 +1,4 @@
-"""Any law over a list of bonds, one by one: the reference, in the plane and in space, in one pass or more."""
+"""Any law over a list of bonds, one by one, in the plane and in space: the reference operator."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class BondList:
         precision: str = "float64",
         threads: int = 1,
     ) -> None:
-        """The law of the model for bonds in double precision, to be summed in this `precision`."""
+        """The model's law for bonds in double precision, to be summed in this `precision`."""
         bind(law)
         sums = isinstance(law.passes, Sums)
         self._loops = (loops.say_rows, loops.exchange_rows) if sums else (loops.gather_rows, loops.pull_rows)
@@ -52,12 +52,12 @@ class BondList:
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
-        """Go on with these columns of these bonds."""
+        """Replace the columns and the bonds."""
         self.columns = columns
         self._list: AnyList = list_of(bonds)
 
     def _bound(self, law: Law, model: Model, exact: Bonds) -> NDArray[np.float64]:
-        """What resists each node's motion at rest, bonds in double precision."""
+        """Bound of each node's stiffness at rest, N/m^4, from bonds in double precision."""
         columns = law.columns(model, exact)
         if law.scale is None:
             return stiffness_bound(exact, columns.stiffness, self.symmetric)
@@ -94,14 +94,14 @@ class BondList:
             out += pulls
 
     def _torn(self, now: Now, between: NDArray[Any]) -> NDArray[np.int64] | None:
-        """The nodes (k,) whose bonds fail now, if any; the bonds are marked."""
+        """Nodes (k,) with a bond that fails now, None without any; the bonds are marked."""
         near, torn = self._near(now, between), np.zeros(self._nodes, dtype=np.bool_)
         if near.any():
             self._share(loops.fail_rows, now, between, near, self._failing, torn)
         return np.flatnonzero(torn) if torn.any() else None
 
     def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
-        """The nodes (n,) whose bonds have to be looked at."""
+        """Mask (n,) of nodes whose bonds must be checked."""
         near = np.zeros(self._nodes, dtype=np.bool_)
         self._share(loops.alert_rows, between, near)
         return near
@@ -109,8 +109,7 @@ class BondList:
     def _fail(
         self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
     ) -> NDArray[Any]:
-        """Let the marked bonds of these nodes (k,) fail, and book what nodes do not hold any more; what is then between
-        the passes."""
+        """Let the marked bonds of these nodes (k,) fail, and book the energy lost; returns the new nodal numbers."""
         start, touched = self._list.start, rows
         bonds = np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
         if self.law.again is not None:
@@ -133,19 +132,19 @@ class BondList:
         return between
 
     def remember(self, state: State) -> None:
-        """Let nodes remember a state at rest as one they went through; no bond breaks."""
+        """Update the history of nodes at an equilibrium; no bond breaks."""
         if self._remembered_by_nodes():
             now = Now(state.value, state.rate, 0, 0.0)
             self._share(loops.remember_rows, now, self._between(now))
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
+        """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
         now, held, spent = Now(state.value, state.rate, 0, 0.0), np.empty(self._nodes), np.empty(self._nodes)
         self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
         return held, spent
 
     def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
-        """The stored fields (n,) of nodes beside the displacements, by the names of result columns, in SI units."""
+        """Stored fields (n,) besides displacements, by result column, in SI units."""
         if self.law.fields is None:
             return {}
         return self.law.fields(self.columns, state.value, self._between(Now(state.value, state.rate, 0, 0.0)))
@@ -155,7 +154,7 @@ class BondList:
         self._list = SwollenList(*self._list[:4], strain.astype(self._list.length.dtype))
 
     def stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
+        """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffest
 
     def tangent(self, state: State) -> csr_array:
@@ -175,19 +174,19 @@ class BondList:
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         begin, end = self._list.start[[first, self._nodes if last is None else last]]
         return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | start))
 
     def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step: step, source and target row of each."""
+        """Bonds broken after a step: step, source row and target row of each."""
         step = self._steps()
         which = np.flatnonzero(step > after)
         return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
 
     def keep(self) -> Kept:
-        """The memory of bonds for a checkpoint, keyed by the rows of their nodes."""
+        """History of bonds for a checkpoint, by the rows of their nodes."""
         kept: dict[str, NDArray[Any]] = {}
         for name in self._remembered():
             column = getattr(self.columns, name)
@@ -197,7 +196,7 @@ class BondList:
         return kept | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
         memory = {name: self._memory(kept, name) for name in self._remembered()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
@@ -209,7 +208,7 @@ class BondList:
         self._lose(np.flatnonzero(self._steps()), self._every)
 
     def _memory(self, kept: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
-        """What bonds (k,) of a checkpoint remember, and the rows of their sources and targets."""
+        """History of bonds (k,) in a checkpoint, and the rows of their sources and targets."""
         values = entry(kept, name, (None,), getattr(self.columns, name).dtype)
         source, target = (
             entry(kept, f"{name}_{end}", values.shape, np.int64, 0, self._nodes - 1) for end in ("source", "target")
@@ -217,8 +216,7 @@ class BondList:
         return values, source, target
 
     def reweigh(self, share: NDArray[np.float64]) -> None:
-        """Go on with a share (b,) of what each bond weighed at the start, or of its stiffness; who has broken and what
-        else is remembered stays."""
+        """Set each bond to a share (b,) of its initial weight, or stiffness; broken bonds and other history stay."""
         names = *self._remembered(), *self._remembered_by_nodes(), "broken"
         kept = {name: getattr(self.columns, name).copy() for name in names}
         share = share.astype(self._bonds.xi.dtype)
@@ -229,20 +227,20 @@ class BondList:
         self._lose(np.flatnonzero(self._steps()), self._every)
 
     def bytes(self) -> int:
-        """The memory of all arrays, bytes."""
+        """Memory of all arrays, bytes."""
         arrays = *self._bonds, *self._list.xi, self._list.length, *self.columns
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def place(self, state: State) -> State:
-        """The state in arrays of this operator's own layout, to go on with."""
+        """The state in this operator's own array layout."""
         return state
 
     def _remembered(self) -> tuple[str, ...]:
-        """Names of the columns that change, but for who is broken."""
+        """Names of the columns that change, except `broken`."""
         return self.law.memory
 
     def _remembered_by_nodes(self) -> tuple[str, ...]:
-        """The names of the columns of nodes that the law changes, and that are there."""
+        """Names of the existing nodal columns that the law changes."""
         names = self.law.nodes.columns if self.law.nodes is not None else ()
         return tuple(name for name in names if getattr(self.columns, name).size)
 
@@ -252,7 +250,7 @@ class BondList:
         return steps
 
     def _between(self, now: Now) -> NDArray[Any]:
-        """What nodes have between the passes."""
+        """Nodal numbers between the passes."""
         law, dimension = self.law, len(self._list.xi)
         wide = law.width(self.columns, dimension) if law.width is not None else 0
         between = np.empty((self._nodes, wide), dtype=now.value.dtype)
@@ -265,11 +263,11 @@ class BondList:
         return between
 
     def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
-        """Add what bonds pull with, by what nodes have between the passes."""
+        """Add the forces of bonds, given the nodal numbers between the passes."""
         self._share(self._loops[1], now, between, out)
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
-        """Go on without these bonds (b,), which are those of the nodes (k,) that have failed."""
+        """Remove these bonds (b,), which belong to the nodes (k,) that have failed."""
         if self.law.mend is not None:
             self.law.mend(self.columns, self._list, rows)
 

@@ -1,6 +1,6 @@
-"""The loops over bonds of `BondList`: rows of nodes, one after the other, for any law.
+"""The loops over bonds of `BondList`, row by row, for any law.
 
-A row is summed by one thread in the order of its neighbours: the result does not depend on the number of threads.
+One thread sums a row in the order of its neighbours, so that the result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 @cached_njit(**KERNEL)
 def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
-    """Fill some rows of m."""
+    """Compute some rows of m."""
     for at in range(first, last):
         i = rows[at]
         m[i] = 0
@@ -48,7 +48,7 @@ def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyp
 
 @cached_njit(**KERNEL)
 def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
-    """Fill some rows of m, for a law that says its passes in tuples."""
+    """Compute some rows of m, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
     for at in range(first, last):
@@ -67,14 +67,14 @@ def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-
 
 @cached_njit(**KERNEL)
 def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
-    """Close rows whose sums are in m."""
+    """Finish rows whose sums are in m."""
     for i in range(first, last):
         close(law, i, m)
 
 
 @cached_njit(**KERNEL)
 def exchange_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
-    """Add what bonds pull with to the rows of `out`, for a law that says its passes in tuples."""
+    """Add the forces of bonds to the rows of `out`, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
     for row in range(first, last):
@@ -92,7 +92,7 @@ def exchange_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-unty
 
 @cached_njit(**KERNEL)
 def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
-    """Fill the rows `first` to `last` - 1 of `more`, once those of m are filled."""
+    """Compute the rows `first` to `last` - 1 of `more`, given those of m."""
     for i in range(first, last):
         more[i] = 0
         for k in range(bonds.start[i], bonds.start[i + 1]):
@@ -102,14 +102,14 @@ def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no
 
 @cached_njit(**KERNEL)
 def close_rows_again(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
-    """Close the rows for the last pass."""
+    """Finish the rows for the last pass."""
     for i in range(first, last):
         close_again(law, i, m, more)
 
 
 @cached_njit(**KERNEL)
 def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
-    """Add to the rows of `out` and `spent` what bonds pull with, and spend."""
+    """Add the forces and the dissipated energy of bonds to the rows of `out` and `spent`."""
     f = np.empty(out.shape[1], dtype=out.dtype)
     for i in range(first, last):
         f[:] = 0
@@ -124,7 +124,7 @@ def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-un
 
 @cached_njit(**KERNEL)
 def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
-    """Add what bonds that do not age pull with to the rows of `out`.
+    """Add the forces of bonds without history to the rows of `out`.
 
     Values may be complex, which gives derivatives without cancellation.
     """
@@ -140,7 +140,7 @@ def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-
 
 @cached_njit(**KERNEL)
 def energy_rows(bonds, law, now, m, held, spent, rows, first, last):  # type: ignore[no-untyped-def]
-    """Fill some rows with what nodes and their bonds hold, and have spent on what can not be got back."""
+    """Compute stored and dissipated energy of some rows of nodes and their bonds."""
     for at in range(first, last):
         i = rows[at]
         held[i], spent[i] = hold(law, i, m)
@@ -153,7 +153,7 @@ def energy_rows(bonds, law, now, m, held, spent, rows, first, last):  # type: ig
 
 @cached_njit(**KERNEL)
 def alert_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
-    """Mark in `near` the nodes one of whose bonds may fail."""
+    """Mark in `near` the nodes with a bond that may fail."""
     for i in range(first, last):
         if alert(law, i, m):
             near[i] = True
@@ -163,7 +163,7 @@ def alert_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def
 
 @cached_njit(**KERNEL)
 def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ignore[no-untyped-def]
-    """Mark the bonds of nodes that are `near` as `failing` where they do, and the nodes as `torn`."""
+    """Mark failing bonds of the nodes `near` in `failing`, and their nodes in `torn`."""
     for i in range(first, last):
         if near[i]:
             for k in range(bonds.start[i], bonds.start[i + 1]):
@@ -174,6 +174,6 @@ def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ig
 
 @cached_njit(**KERNEL)
 def remember_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
-    """Let the nodes `first` to `last` - 1 remember."""
+    """Update the history of the nodes `first` to `last` - 1."""
     for i in range(first, last):
         remember(law, now, i, m)

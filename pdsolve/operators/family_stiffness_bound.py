@@ -1,4 +1,4 @@
-"""How stiff a law is whose nodes see beyond their bonds, so that no sum over a node's own bonds says it."""
+"""Stiffness bound of laws whose nodes interact beyond their bonds, so that sums over own bonds are not enough."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def resistance(
 ) -> NDArray[np.float64]:
     """A bound (n,) of the stiffness of nodes, N/m^4, by power iteration at rest.
 
-    It is `scale` (n,), N/m^4, times half the largest eigenvalue of what `pulls` (n, width) over that scale.
+    It is `scale` (n,), N/m^4, times half the largest eigenvalue of the force `pulls` (n, width) divided by that scale.
     """
     nodes = len(scale)
     if not len(bonds.neighbour):

@@ -1,7 +1,7 @@
-"""What steppers, measures and results may ask of an operator, whatever it sums over.
+"""The interface of operators to steppers, measures and results.
 
 listed   any law over a list of bonds, in the plane and in space: the reference
-blocks   pair laws on lattices, fast, and those of families that say their passes in tuples
+blocks   pair laws on lattices, fast, and laws of families whose passes are tuples
 """
 
 from __future__ import annotations
@@ -21,48 +21,52 @@ Kept = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
 
 
 class Operator(Protocol):
-    """What the neighbours of n nodes do to them; rows are those of the cloud."""
+    """The forces of neighbours on n nodes; rows are those of the nodes."""
 
     name: str  # of the kernel, for the record
     unknowns: tuple[Unknown, ...]
     symmetric: bool  # energy and momentum are conserved
 
     def place(self, state: State) -> State:
-        """The state in arrays of the operator's own layout, to go on with."""
+        """The state in the operator's own array layout."""
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add the force densities (n, w) at a state, N/m^3, to `out`; what is over its limit breaks in this `step`.
+        """Add the force densities (n, w) at a state, N/m^3, to `out`; bonds over their limit break in this `step`.
 
-        `dt` is the time since the last step, s, 0 at rest. What breaking spends is booked in the state.
+        `dt` is the time since the last step, s, 0 at rest. Dissipated energy is booked in the state.
         """
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Densities (n,), J/m^3, of the energy that is held, and that softening has spent so far."""
+        """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
 
     def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
-        """What it knows of nodes (n,) besides, by the names of columns of results, in SI units."""
+        """Other stored fields (n,), by result column, in SI units."""
 
     def stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,) of what resists a node's motion, N/m^4: densities rho are stable up to sqrt(2 rho / it)."""
+        """A bound (n,) of each node's stiffness, N/m^4: steps up to sqrt(2 rho / it) are stable for densities rho."""
 
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4; component a of node i is at
-        w i + a."""
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4.
+
+        Component a of node i is at w i + a.
+        """
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of both nodes of the bonds that are intact, source and target, in order; of the sources from
-        `first` to `last` - 1, or of all. Those at the `start` may be asked for while others march."""
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of all, in order.
+
+        Those at the `start` may be requested during a march.
+        """
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
 
     def keep(self) -> Kept:
-        """What bonds remember, for a checkpoint, by the rows of their nodes; but for what has broken."""
+        """History of bonds for a checkpoint, by the rows of their nodes, except which are broken."""
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Go back to what was kept, and to these broken bonds."""
+        """Restore a checkpoint with these broken bonds."""
 
     def bytes(self) -> int:
-        """Memory of all its arrays."""
+        """Memory of all arrays, bytes."""

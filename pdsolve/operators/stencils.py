@@ -37,7 +37,7 @@ NEAR, SHARE = 0.3, 0.05  # its alpha, and how much of it there is
 
 
 class StencilError(ValueError):
-    """A stencil that is not stable or has too few nodes; one sentence."""
+    """An unstable stencil, or one with too few nodes; one sentence."""
 
 
 class Stencil(NamedTuple):
@@ -50,15 +50,17 @@ class Stencil(NamedTuple):
 
 
 def ball(radius: float, dimension: int) -> NDArray[np.int64]:
-    """Lattice points (k, d) no farther than `radius` spacings from one of them, which is among them, in order."""
+    """Lattice points (k, d) within `radius` spacings of the origin, in order, including it."""
     reach = np.arange(-int(radius * (1 + ROUND_OFF)), int(radius * (1 + ROUND_OFF)) + 1)
     found = np.stack(np.meshgrid(*dimension * [reach], indexing="ij"), axis=-1).reshape(-1, dimension)
     return np.asarray(found[(found**2).sum(axis=1) <= (radius * (1 + ROUND_OFF)) ** 2])
 
 
 def chosen(ratio: float, dimension: int, parts: int | None = None) -> NDArray[np.int64]:
-    """Nodes (k, d) of a family of horizon over spacing `ratio` that are nearest to those of an auxiliary lattice of
-    `parts` spacings in a horizon; where several are as near, all of them, so that the stencil is symmetric."""
+    """Nodes (k, d) of a family of horizon over spacing `ratio` nearest to those of an auxiliary lattice.
+
+    It has `parts` spacings in a horizon. Of equally near nodes all are taken, so that the stencil is symmetric.
+    """
     parts = parts or PARTS[dimension]
     family, nearest = ball(ratio, dimension), set()
     for place in ball(parts, dimension) * (ratio / parts):
@@ -75,7 +77,7 @@ def monomials(dimension: int) -> NDArray[np.int64]:
 
 
 def coefficients(xi: NDArray[np.int64], alpha: float | None) -> NDArray[np.float64]:
-    """A^-1 B (m, k): coefficients of all monomials from values at the nodes, in spacings; `alpha` None: unit weights.
+    """A^-1 B (m, k): coefficients of all monomials from nodal values, in spacings; `alpha` None: unit weights.
 
     Raises StencilError for too few nodes.
     """
@@ -110,16 +112,16 @@ def diffusion(diffusivity: float, dimension: int) -> NDArray[np.float64]:
 
 
 def stencil(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) -> Stencil:
-    """The stencil of these nodes and weights. Raises StencilError for one that is not stable."""
+    """The stencil of these nodes and weights. Raises StencilError if it is not stable."""
     return _checked(*_summed(xi, J, alpha), f"alpha {alpha}" if alpha else "unit weights")
 
 
 def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
-    """The stencil for a horizon over spacing `ratio`, with the widest weight that is stable. Raises StencilError.
+    """The stencil for a horizon over spacing `ratio`, with the widest stable weight. Raises StencilError.
 
-    Stable is meant with a margin: no wave may be much softer than the longest ones. Nodes two and more spacings apart
-    are those of sublattices that know nothing of each other. A share of a compact stencil, as exact for quadratics,
-    ties them together. (Nearest nodes among the others make the symbol negative.)
+    Stability includes a margin: no wave may be much softer than the longest ones. Nodes two and more spacings apart
+    belong to independent sublattices. A share of a compact stencil, also exact for quadratics, couples them. (Including
+    nearest nodes in the stencil would make the symbol negative.)
     """
     xi = _nodes(ratio, dimension)
     apart = int(np.gcd.reduce(xi, axis=None))
@@ -142,20 +144,20 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
 
 
 def _nodes(ratio: float, dimension: int) -> NDArray[np.int64]:
-    """The usual ones, of an auxiliary lattice that falls on nodes if there is one."""
+    """The usual nodes, of an auxiliary lattice that coincides with nodes if possible."""
     usual = PARTS[dimension]
     return chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
 
 
 def _long(found: Stencil) -> float:
-    """The smallest eigenvalue of the longest waves that are looked at."""
+    """The smallest eigenvalue of the longest waves considered."""
     d = found.xi.shape[1]
     waves = 2 * np.pi / WAVES[d] * np.eye(d)
     return float(np.linalg.eigvalsh(symbols(found.xi, found.theta, waves)).min())
 
 
 def longest(found: Stencil, spacing: float, rho: float) -> float:
-    """The longest step, s, that is stable for the motion of a solid of density `rho`."""
+    """The longest stable step, s, for the motion of a solid of density `rho`."""
     return float(2 * spacing * np.sqrt(rho / found.most))
 
 
@@ -168,7 +170,7 @@ def _summed(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) 
 
 
 def _mixed(one: Sums, other: Sums) -> Sums:
-    """`one`, with a share of the `other`."""
+    """`one` mixed with a share of `other`."""
     xi = np.unique(np.concatenate([one[0], other[0]]), axis=0)
     number = {tuple(offset): k for k, offset in enumerate(xi.tolist())}
     theta = np.zeros((len(xi), *one[1].shape[1:]))
@@ -179,12 +181,12 @@ def _mixed(one: Sums, other: Sums) -> Sums:
 
 
 def symbols(xi: NDArray[np.int64], theta: NDArray[np.float64], waves: NDArray[np.float64]) -> NDArray[np.float64]:
-    """S (q, w, w) of waves (q, d), in radians a spacing, times the spacing squared."""
+    """S (q, w, w) of waves (q, d), in radians per spacing, times the spacing squared."""
     return np.asarray(-np.einsum("qk,kab->qab", np.cos(waves @ xi.T), theta))
 
 
 def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], words: str) -> Stencil:
-    """The stencil, with what waves of all lengths see of it. Raises StencilError for one that is not stable."""
+    """The stencil with its eigenvalues for waves of all lengths. Raises StencilError if it is not stable."""
     d = xi.shape[1]
     along = 2 * np.pi / WAVES[d] * np.arange(WAVES[d])
     half = along[: WAVES[d] // 2 + 1]  # S(-k) = S(k)

@@ -1,7 +1,7 @@
-"""Derivatives of what a law pulls with, by complex steps: exact to round-off, and no law needs to say more.
+"""Derivatives of a law's forces by complex steps: exact to round-off, without further functions of the law.
 
 J. R. R. A. Martins, P. Sturdza, J. J. Alonso, ACM Trans. Math. Softw. 29 (2003) 245-262: f'(x) = Im f(x + i h) / h
-has no difference in it, so that h may be as small as one likes.
+contains no difference, so that h may be arbitrarily small.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def of_springs(
     pull: NDArray[np.float64],
     value: NDArray[np.floating],
 ) -> csr_array:
-    """The derivative (n d, n d) of minus what linear bonds pull with: pull (1 / |xi| - 1 / |y|) y, y = xi + eta.
+    """Minus the derivative (n d, n d) of the forces pull (1 / |xi| - 1 / |y|) y, y = xi + eta, of linear bonds.
 
     `source` and `target` (b,) are their nodes, `xi` (b, d) m, `pull` (b,) N/m^3 for a unit stretch, `value` (n, d) m.
     """
@@ -47,8 +47,10 @@ def of_green_springs(
     stiffness: NDArray[np.float64],
     value: NDArray[np.floating],
 ) -> csr_array:
-    """The derivative (n d, n d) of minus what springs of Green's strain pull with: k e / 2 y, y = xi + eta,
-    e = (|y|^2 - |xi|^2) / |xi|^2; `stiffness` k (b,), all else as in `of_springs`."""
+    """Minus the derivative (n d, n d) of the forces k e / 2 y, y = xi + eta, of springs with Green's strain.
+
+    e = (|y|^2 - |xi|^2) / |xi|^2; `stiffness` k (b,); other arguments are those of `of_springs`.
+    """
     y = xi + value[target].astype(np.float64) - value[source]
     square = (xi**2).sum(axis=1)
     half = ((y**2).sum(axis=1) / square - 1) / 2
@@ -57,7 +59,7 @@ def of_green_springs(
 
 
 def of_pairs(bonds: AnyList, columns: Any, now: Now) -> csr_array:
-    """The derivative (n w, n w) of minus what a pair law pulls with; `now` holds complex values."""
+    """Minus the derivative (n w, n w) of the forces of a pair law; `now` holds complex values."""
     nodes, width = now.value.shape
     own, other = (np.zeros((len(bonds.neighbour), width, width)) for _ in range(2))
     _slopes(bonds, columns, now, np.empty((nodes, 0), dtype=now.value.dtype), STEP, own, other)
@@ -72,7 +74,7 @@ def _matrix(
     own: NDArray[np.float64],
     other: NDArray[np.float64],
 ) -> csr_array:
-    """Minus the sum of bonds' derivatives (b, w, w) by the values of their own node and of the other."""
+    """Minus the sum of bonds' derivatives (b, w, w) by the values of their own node and of the other one."""
     width = own.shape[1]
     a, b = (index.ravel() for index in np.indices((width, width)))
     row = (width * source[:, None] + a).ravel()
@@ -87,11 +89,10 @@ def of_passes(
     value: NDArray[np.complex128],
     far: int,
 ) -> csr_array:
-    """The derivative (n w, n w) of minus what any law `pulls` with at values (n, w); a node feels values `far` bonds
-    away.
+    """Minus the derivative (n w, n w) of any law's forces `pulls` at values (n, w), which reach `far` bonds.
 
-    Nodes that no common node feels are moved at once (A. R. Curtis, M. J. D. Powell, J. K. Reid, IMA J. Appl. Math. 13
-    (1974) 117-119).
+    Nodes without a common dependent node are perturbed together (A. R. Curtis, M. J. D. Powell, J. K. Reid, IMA J.
+    Appl. Math. 13 (1974) 117-119).
     """
     nodes, width = value.shape
     near = _reach(bonds, far)
@@ -112,7 +113,7 @@ def of_passes(
 
 @cached_njit(error_model="numpy")
 def _slopes(bonds, law, now, m, step, own, other):  # type: ignore[no-untyped-def]
-    """Fill (b, w, w) with the derivatives of what each bond pulls with by the values of its node and its neighbour."""
+    """Fill (b, w, w) with the derivatives of each bond's force by the values of its node and its neighbour."""
     f = np.empty(own.shape[1], dtype=now.value.dtype)
     for i in range(len(bonds.start) - 1):
         for k in range(bonds.start[i], bonds.start[i + 1]):
@@ -135,7 +136,7 @@ def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignor
 
 
 def _reach(bonds: AnyList, far: int) -> csr_array:
-    """Who (n, n) is so many bonds away or nearer."""
+    """Pairs (n, n) of nodes at most so many bonds apart."""
     nodes = len(bonds.start) - 1
     entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
     near = (csr_array(entries, (nodes, nodes)) + eye_array(nodes)).tocsr()
@@ -147,7 +148,7 @@ def _reach(bonds: AnyList, far: int) -> csr_array:
 
 @cached_njit()
 def _colours(start, near):  # type: ignore[no-untyped-def]
-    """Colours (n,) such that no node is near to two of one colour; `start` and `near` are a csr matrix's."""
+    """Colours (n,) such that no node is near two of one colour; `start` and `near` are those of a csr matrix."""
     nodes = len(start) - 1
     colour, taken = np.full(nodes, -1), np.full(nodes + 1, -1)
     for i in range(nodes):

@@ -1,1 +1,1 @@
-"""A run: what is prepared, marched, recorded and measured, from a model to its results."""
+"""A run from a model to its results: preparation, time steps, records and measures."""

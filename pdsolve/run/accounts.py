@@ -1,4 +1,4 @@
-"""What a run asks of its physics: the books it keeps, and what it has to say in the end."""
+"""The interface of a run to its physics: accounts of conserved quantities, and closing remarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdsolve.state import State
 
 
 class Accounts(Protocol):
-    """The books of what is conserved in a run: energy and momentum of a motion, amounts of a substance."""
+    """Accounts of what a run conserves: energy and momentum, or amounts of a substance."""
 
     @property
     def broken(self) -> int:
@@ -19,31 +19,31 @@ class Accounts(Protocol):
 
     @property
     def balance(self) -> float:
-        """What has appeared from nowhere, as of the last entry, over what was put in."""
+        """Relative error of the balance at the last entry: amount created over amount supplied."""
 
     def words(self, broken: int) -> str:
-        """How the books stand with so many broken bonds, for a watcher."""
+        """State of the accounts in words, with so many broken bonds, for a progress display."""
 
     def follow(self, system: System) -> None:
-        """Go on with other nodes."""
+        """Continue with changed nodes."""
 
     def settle(self, state: State, step: int, asked: Asked) -> None:
-        """Make the last entry that of this step, without noting it."""
+        """Make this step the last entry, without recording it."""
 
     def take(self, state: State, step: int, asked: Asked) -> None:
-        """Note this step. Raises UnstableError."""
+        """Record this step. Raises UnstableError."""
 
     def entered(self, frame: Frame) -> Frame:
-        """The frame with what was noted since the last one."""
+        """The frame with the records since the last one."""
 
     def meta(self) -> dict[str, Any]:
-        """What results say of the physics from the start on."""
+        """Metadata of the results about the physics, known from the start."""
 
     def summary(self) -> dict[str, Any]:
-        """What the run came to."""
+        """Results of the run for its summary."""
 
     def close(self) -> None:
-        """Warn of what the books show in the end."""
+        """Issue warnings that follow from the final accounts."""
 
 
 class Together:

@@ -1,4 +1,4 @@
-"""Runs whose cells split where energy is, and merge behind it."""
+"""Runs whose cells split where energy is high, and merge behind it."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from pdsolve.steppers.equilibrium import forces
 
 
 class Splitting:
-    """What changes the nodes of a run; all it remembers is in the operator."""
+    """Splits and merges the cells of a run; its history is stored in the operator."""
 
     def __init__(self, system: System) -> None:
-        """`system` is that of the start."""
+        """`system` is the system at the start."""
         self.tree = leaves(system).tree
         self.settings = self.tree.model.settings.run.split
         self.every = self.settings.every
         self._critical = criteria.criticals(self.tree)
 
     def epoch(self, system: System, state: State, step: int) -> Change | None:
-        """Split and merge cells after `step`; None where all stay."""
+        """Split and merge cells after `step`; None if all stay."""
         own, wanted = leaves(system), self.settings
         energy, before = own.energies(state)[0], Before(own.list, own.steps())
         look = self._look(system, state, energy, before)
@@ -48,7 +48,7 @@ class Splitting:
         return self._changed(system, state, step, (cells, transfer), (before, energy))
 
     def _look(self, system: System, state: State, energy: NDArray[np.float64], before: Before) -> criteria.Look:
-        """What there is to know of nodes that hold `energy` (n,), J/m^3."""
+        """State of nodes with energy densities `energy` (n,), J/m^3, for the criteria."""
         own, model = leaves(system), system.model
         if self.settings.by == "energy":
             height = criteria.heights(self.tree, own.cells, energy, self._critical)
@@ -64,7 +64,7 @@ class Splitting:
         after: tuple[Cells, Transfer],
         past: tuple[Before, NDArray[np.float64]],
     ) -> Change:
-        """The leaves `after` this step, with what the ones before had: bonds, and the energy (n,) they held, J/m^3."""
+        """The leaves `after` this step, made from the previous bonds and their energies (n,), J/m^3, in `past`."""
         (cells, transfer), (before, held), own = after, past, leaves(system)
         new, begun = self._cloud(system, cells, transfer)
         operator = leaves(new)
@@ -81,9 +81,9 @@ class Splitting:
         return Change(new, begun, self._origin(system, new, transfer))
 
     def _cloud(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
-        """The system of these leaves, at rest, which are transfer of its own, if any.
+        """The system of these leaves at rest; `transfer` is their origin, if any.
 
-        Raises UnstableError where the run's step is too long for it.
+        Raises UnstableError if the run's step is too long for it.
         """
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
@@ -101,7 +101,7 @@ class Splitting:
         return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
 
     def _origin(self, system: System, new: System, transfer: Transfer) -> NDArray[np.int64]:
-        """Rows (m,) that nodes had which are there with the bonds they had; -1 of others."""
+        """Former rows (m,) of nodes that keep their bonds; -1 for others."""
         before, now = leaves(system).list, leaves(new).list
         origin = np.where(transfer.stays, transfer.before[:, 0], -1)
         gone = np.ones(len(before.start) - 1, dtype=bool)
@@ -114,7 +114,7 @@ class Splitting:
         return np.where(same, origin, -1)
 
     def back(self, system: System, kept: Kept) -> Prepared:
-        """The system of the cells of a checkpoint. Raises CheckpointError for ids that no leaves have together."""
+        """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(kept, "ids", (None,), np.int64)
         memory, cells = remembered(kept, len(ids)), self.tree.leaves(ids)
         if cells is None:
@@ -125,9 +125,9 @@ class Splitting:
 
 
 def _energy(system: System, state: State, held: NDArray[np.float64]) -> float:
-    """What the motion has, J/m, of nodes that hold (n,) J/m^3: the sum that Verlet keeps from step to step.
+    """Energy, J/m, of nodes with energy densities `held` (n,), J/m^3: the sum that Verlet conserves.
 
-    It is less by m (dt a)^2 / 8 than that of whole steps, in which the ledger has it.
+    It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
     """
     mass = system.model.rho * system.area
     swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
@@ -135,7 +135,7 @@ def _energy(system: System, state: State, held: NDArray[np.float64]) -> float:
 
 
 def _pushed(system: System, state: State) -> float:
-    """What accelerations that are interpolated, and are not those of the forces, do on the next step's way, J/m.
+    """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
 
     Verlet follows them for half of a kick.
     """
@@ -155,5 +155,5 @@ def leaves(system: System) -> Leaves:
 
 
 def changing(system: System) -> Adapt | None:
-    """What changes the nodes of a run as its model asks; None where nothing does, or the operator itself."""
+    """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
     return Splitting(system) if isinstance(system.operator, Leaves) else None

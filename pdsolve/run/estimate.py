@@ -1,7 +1,7 @@
-"""What a run of a model would take: the one estimate of `pdsolve --dry-run`, `pdmesh plan` and `pdmesh info`.
+"""Cost of a run: the estimate behind `pdsolve --dry-run`, `pdmesh plan` and `pdmesh info`.
 
-Bonds and steps are those of the run. Memory and time are measured rules, `make bench-speed` says how well they hold;
-time is that of the machine they were measured on, over how fast this one multiplies.
+Bonds and steps are those of the run. Memory and time follow measured rules, checked by `make bench-speed`. Time is that
+of the measured machine, scaled by the speed of a multiplication on this one.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where
 
 
 class Plan(NamedTuple):
-    """The size, memory and time that a run would take."""
+    """Size, memory and time of a run."""
 
     nodes: int
     bonds: int  # directed, at the start
@@ -73,7 +73,7 @@ class Plan(NamedTuple):
 
 
 def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
-    """What solving the model would take; of a fine zone that moves, while it is as at the start. Raises ModelError."""
+    """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
         return _diffusing(model, options)
     scheme, settings = scheme_of(model, options), model.settings
@@ -106,7 +106,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
 
 
 def _diffusing(model: Model, options: Options) -> Plan:
-    """What solving a model of diffusion would take; it is prepared for that."""
+    """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
     links, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
     seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
@@ -117,7 +117,7 @@ def _diffusing(model: Model, options: Options) -> Plan:
 def estimate_size(
     settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], in_blocks: bool = True
 ) -> Plan:
-    """What solving so many nodes and bonds would take; `steps`, s, are that of the run and the surely stable one."""
+    """Cost of solving so many nodes and bonds; `steps`, s, are the run's step and the surely stable one."""
     run = settings.run
     rest, load_step = resting(run, nodes, bonds)
     if run.solver == "static":
@@ -140,7 +140,7 @@ def estimate_size(
 
 
 def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
-    """Memory of the process (bytes) and time (s on the machine measured) of a load step in which nothing breaks."""
+    """Memory (bytes) and time (s on the measured machine) of a load step in which nothing breaks."""
     if run.static.method == "relaxation":
         return REST + RELAXED_BOND * bonds, RELAXED * LONG * bonds * nodes**0.5
     if 2 * nodes > FACTORED:
@@ -150,7 +150,7 @@ def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
 
 
 def slower() -> float:
-    """How much longer this machine takes to multiply than the one measured."""
+    """Time of a multiplication on this machine over that on the measured one."""
     values, best = np.full(PRODUCTS, 0.999), float("inf")
     for _ in range(ROUNDS):
         began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What a run must not do unnoticed: turn its nodes inside out, and move further than numbers know."""
+"""Checks of the motion during a run: inverted triangles of nodes, and loss of digits in displacements."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, 
 
 
 class MotionChecks:
-    """Looks at the motion of a run now and then; says each thing once."""
+    """Checks the motion of a run from time to time; gives each warning once."""
 
     def __init__(self, model: Model, bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]]) -> None:
-        """`bonds(first, last)` are the rows of the ends of bonds at the start, of the sources `first` to `last` - 1."""
+        """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1."""
         self._model, self._said, self._vague = model, False, False
         self._bonds = bonds
         self._triangles: _Triangles | None = None  # not asked for while displacements are small
@@ -40,15 +40,15 @@ class MotionChecks:
         self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
 
     def moved_to(self, other: MotionChecks) -> MotionChecks:
-        """`other`, which says nothing again that this one has said."""
+        """`other`, with the warnings already given marked as such."""
         other._said, other._vague = self._said, self._vague
         return other
 
     def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
-        """Warns of bonds turned inside out, and of displacements too large for their digits.
+        """Warn of inverted triangles, and of displacements too large for their precision.
 
-        `u` (n, d) are the displacements, m; `broken` are all bonds that are. Of bodies in space only the digits are
-        looked at.
+        `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
+        checked.
         """
         flat = self._model.grid.dimension == 2
         if flat and not self._said and np.ptp(u, axis=0).max() >= self._smallest:
@@ -86,7 +86,7 @@ class MotionChecks:
             )
 
     def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The triangles whose nodes were bonded at the start; others are left out."""
+        """The triangles whose nodes were bonded at the start."""
         assert self._triangles is not None
         rows, one, other, before = self._triangles
         nodes, kept = len(self._model.grid), np.zeros_like(turned, dtype=bool)
@@ -101,7 +101,7 @@ class MotionChecks:
 
 
 class _Triangles(NamedTuple):
-    """A node and two of its nearest, of each node that has two which are not in line with it; t of them."""
+    """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
     row: NDArray[np.int64]  # (t,)
     one: NDArray[np.int64]  # (t,)
@@ -110,7 +110,7 @@ class _Triangles(NamedTuple):
 
 
 def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
-    """The largest triangle of each node, if it is larger than `flat` (m^2) doubled."""
+    """The largest triangle of each node, if twice its area exceeds `flat` (m^2)."""
     near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     one, other = np.zeros((2, len(position)), dtype=np.int64)
     twice = np.zeros(len(position))

@@ -1,4 +1,4 @@
-"""What can be read off a system and its state at any step."""
+"""Quantities derived from a system and its state at any step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 
 class Asked(NamedTuple):
-    """What an operator says of one state, asked once for all who want to know."""
+    """Energies and fields of an operator at one state, computed once for all users."""
 
     held: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
     spent: NDArray[np.float64]  # (n,) on softening so far, J/m^3
@@ -25,12 +25,12 @@ class Asked(NamedTuple):
 
 
 def ask(system: System, state: State) -> Asked:
-    """The operator, at this state."""
+    """Energies and fields of the operator at this state."""
     return Asked(*system.operator.energies(state), system.operator.broken())
 
 
 class Ledger(NamedTuple):
-    """The books of one step: what the motion holds, has lost and was given. Energies in J/m, momentum in N s/m."""
+    """Energy balance of one step: energy present, dissipated and supplied. Energies in J/m, momentum in N s/m."""
 
     step: int
     time: float  # s
@@ -48,20 +48,23 @@ class Ledger(NamedTuple):
     damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
 
     def balance(self, initial: float, most: float = 0.0) -> float:
-        """Energy that has appeared from nowhere since a start with `initial` energy (J/m), over the largest of the
-        work done, the most that ever was, and the energy at the start; 0 where energy is conserved."""
+        """Energy created since a start with `initial` energy (J/m), over the energy supplied; 0 if energy is conserved.
+
+        The energy supplied is the largest of the work done, its maximum `most` so far, and the initial energy.
+        """
         there = self.kinetic + self.strain + self.dissipated + self.damped
         missing = there - self.work - self.refinement - initial
         scale = self.put_in(initial, most)
         return missing / scale if scale else 0.0
 
     def put_in(self, initial: float, most: float = 0.0) -> float:
-        """What energies are compared with, J/m: the largest of these three."""
+        """The reference for relative energies, J/m: the largest of work done, `most` and `initial`."""
         return max(abs(self.work), most, initial)
 
 
 def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
-    """The ledger after `step`, in double precision and in the nodes' order; `asked` of this state, if it was."""
+    """The ledger entry after `step`, in double precision and in the nodes' order; `asked` is that of this state, if
+    known."""
     strain, softened, broken = asked or ask(system, state)
     if system.hybrid is not None:
         sums, told = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
@@ -85,9 +88,9 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
 
 
 def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
-    """Damage (n,): 1 - intact / initial bonds, those cut by a pre-crack counted as broken; 0 without any.
+    """Damage (n,): 1 - intact / initial bonds, with bonds cut by a pre-crack counted as broken; 0 without bonds.
 
-    `broken` are all of them, if known.
+    `broken` are all broken bonds, if known.
     """
     family = system.family
     broken = system.operator.broken() if broken is None else broken
@@ -98,7 +101,7 @@ def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
 def fields(
     system: System, state: State, names: Iterable[str], asked: Asked | None = None
 ) -> dict[str, NDArray[np.floating]]:
-    """The fields (n,) of these names now; `asked` as in `books`."""
+    """Fields (n,) of these names at a state; `asked` is that of this state, if known."""
     found: dict[str, NDArray[np.floating]] = {}
     chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
     own: dict[str, NDArray[np.float64]] = {}
@@ -121,7 +124,7 @@ def fields(
 
 
 def pieces(system: System) -> int:
-    """How many pieces the plate is in: parts of the intact bonds' graph without cracked nodes."""
+    """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
     sound = damage(system) <= CRACKED
     source, target = system.operator.bonds()
     whole = sound[source] & sound[target]

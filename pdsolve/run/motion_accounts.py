@@ -1,4 +1,4 @@
-"""What a run of a motion notes: its ledger of energies, probes and reactions, and whether it is still physics."""
+"""Accounts of a motion: energy ledger, probes and reactions, with checks of the physics."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pdsolve.state import State
 
 
 class MotionAccounts:
-    """The books of one motion; see `pdsolve.run.accounts.Accounts`."""
+    """The accounts of one motion; see `pdsolve.run.accounts.Accounts`."""
 
     def __init__(self, system: System, state: State, step: int, asked: Asked, results: Results | None) -> None:
-        """`results` are those of a run that goes on after `step`, else None."""
+        """`results` are those of a resumed run after `step`, else None."""
         self._system = system
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
@@ -36,11 +36,11 @@ class MotionAccounts:
         self.last = books(system, state, step, asked)
 
     def follow(self, system: System) -> None:
-        """Go on with other nodes."""
+        """Continue with changed nodes."""
         self._system, self._looked = system, False
 
     def _look_around(self) -> None:
-        """Find the conditions' and the probes' nodes in the cloud there is now."""
+        """Find the nodes of conditions and probes among the current nodes."""
         model, probes = self._system.model, self._system.model.settings.run.probes
         self._grips = grips(self._system)
         self._probed = (
@@ -57,11 +57,11 @@ class MotionAccounts:
 
     @property
     def balance(self) -> float:
-        """What is missing of the last ledger over the most that was ever put in; see `Ledger.balance`."""
+        """Relative error of the last ledger entry; see `Ledger.balance`."""
         return self.last.balance(self._system.initial_energy, self._most)
 
     def words(self, broken: int) -> str:
-        """How the books stand with so many broken bonds, for a watcher."""
+        """State of the accounts in words, with so many broken bonds, for a progress display."""
         fine, told = self._system.zone_summary, f"broken bonds {broken}, balance {self.balance:+.1e}"
         if fine is not None:
             told += f", fine {fine.fine_share:.1%}"
@@ -69,12 +69,12 @@ class MotionAccounts:
         return told
 
     def settle(self, state: State, step: int, asked: Asked) -> None:
-        """Make the last entry that of this step."""
+        """Make this step the last entry."""
         if self.last.step != step:
             self.last = books(self._system, state, step, asked)
 
     def take(self, state: State, step: int, asked: Asked) -> None:
-        """Note the ledger, the probes and the reactions of this step. Raises UnstableError."""
+        """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._looked:
             self._look_around()
         system = self._system
@@ -93,17 +93,17 @@ class MotionAccounts:
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
 
     def entered(self, frame: Frame) -> Frame:
-        """The frame with what was noted since the last one."""
+        """The frame with the records since the last one."""
         frame = frame._replace(ledger=self._ledgers, probes=self._probes, reactions=self._reactions)
         self._ledgers, self._probes, self._reactions = [], [], []
         return frame
 
     def meta(self) -> dict[str, Any]:
-        """What results say of the physics from the start on."""
+        """Metadata of the results about the physics, known from the start."""
         return {"initial_energy": self._system.initial_energy}
 
     def summary(self) -> dict[str, Any]:
-        """What the run came to."""
+        """Results of the run for its summary."""
         names = "kinetic", "strain", "dissipated", "damped", "work"
         return {
             "broken_bonds": self.broken,
@@ -113,7 +113,7 @@ class MotionAccounts:
         }
 
     def close(self) -> None:
-        """Warn of what the books show in the end."""
+        """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
         closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
         advise_damped(system.model, last.damped, last.put_in(system.initial_energy, self._most))

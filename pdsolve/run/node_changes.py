@@ -1,7 +1,7 @@
-"""Clouds whose nodes change while a system marches: some are born, some die, between two steps.
+"""Changes of nodes during a run: some are born and some die between two steps.
 
-A node whose bonds become others, as those beside one that splits, dies too and is born again under its id: what is
-written of a node holds for its whole life.
+A node whose bonds change, such as one beside a splitting cell, dies too and is born again under the same id: what is
+stored about a node holds for its whole life.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pdsolve.state import State
 
 
 class Change(NamedTuple):
-    """The system of another cloud of m nodes, and the state it goes on with."""
+    """The system of another set of m nodes, and its state."""
 
     system: System  # of the same settings and the same step; its loads are those of now
     state: State
@@ -25,22 +25,22 @@ class Change(NamedTuple):
 
 
 class Adapt(Protocol):
-    """Says when nodes change, and into what; from the state alone, so that a resumed run does as one left alone."""
+    """Decides when and how nodes change, from the state alone, so that a resumed run equals an uninterrupted one."""
 
     every: int  # steps between two looks
 
     def epoch(self, system: System, state: State, step: int) -> Change | None:
-        """What the nodes become after `step`, a multiple of `every`; None: they stay."""
+        """The nodes after `step`, a multiple of `every`; None if they stay."""
 
     def back(self, system: System, kept: Kept) -> Prepared:
-        """The system of the cloud of a checkpoint, whose nodes have the ids `kept["ids"]`, in that order.
+        """The system of a checkpoint with the nodes `kept["ids"]`, in that order.
 
-        `system` is that of the start. The caller puts back state, loads, and what has broken.
+        `system` is that of the start. The caller restores state, loads and broken bonds.
         """
 
 
 def zone_moved(system: System) -> Change | None:
-    """What the nodes of a fine zone have become since they were last looked at; None: they are the same."""
+    """The nodes of a moving fine zone if they have changed since the last call; else None."""
     assert system.hybrid is not None
     before, shown = system.hybrid, system.hybrid.changed()
     if shown is None:
@@ -51,7 +51,7 @@ def zone_moved(system: System) -> Change | None:
 
 
 def zone_back(system: System, kept: Kept) -> Prepared:
-    """The system of a checkpoint, of a run that began as `system`."""
+    """The system of a checkpoint, for a run that began as `system`."""
     assert system.hybrid is not None
     system.hybrid.back(kept, system.hybrid.broken())
     change = zone_moved(system)

@@ -1,4 +1,4 @@
-"""The operator that a model's bonds are given to."""
+"""Chooses the operator for a model's bonds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pdsolve.schemes.scheme import Scheme
 
 
 def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, BondStatistics]:
-    """The bonds as an operator: in blocks where that is possible, and not asked otherwise."""
+    """The operator of the bonds: in blocks if possible and not excluded by options; and statistics of the bonds."""
     law, kind = law_of(model), np.dtype(options.precision).type
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
     if law.pair is not None and options.kernel != "listed" and blocked:
@@ -77,6 +77,6 @@ def _in_tiles(
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
-    """The longest step that is surely stable, s, of an operator's `stiffness_bound` (n,); infinite without bonds."""
+    """The longest surely stable step, s, for an operator's `stiffness_bound` (n,); infinite without bonds."""
     largest = float((resistance / rho).max(initial=0.0))
     return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")

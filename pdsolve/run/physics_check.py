@@ -1,4 +1,4 @@
-"""Whether what a run computes is still physics."""
+"""Checks that a run is still physical."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 
 
 def check_physics(system: System, state: State, books: Ledger, most: float) -> None:
-    """Raises UnstableError where numbers are none, or energy has appeared from nowhere.
+    """Raise UnstableError for values that are not finite, or for energy created.
 
-    The message names step, time, node, energy and the bound; `most`, J/m, is the most work that ever was done.
+    The message names step, time, node, energy and the stability bound; `most`, J/m, is the largest work so far.
     """
     energy, u = books.kinetic + books.strain, state.value
     finite = np.isfinite(u).all(axis=1)
@@ -33,7 +33,7 @@ def check_physics(system: System, state: State, books: Ledger, most: float) -> N
 
 
 def _suspect(system: System) -> str:
-    """What to look at where it is not the time step."""
+    """The likely cause of an instability other than the time step."""
     if system.time_step > system.bound:
         return ""
     if system.scheme.symmetric:

@@ -1,4 +1,4 @@
-"""How far a run is: a bar in a terminal or a notebook, a line now and then elsewhere; and how it is stopped."""
+"""Progress of a run: a bar in a terminal or a notebook, an occasional line elsewhere; and stopping it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def in_notebook() -> bool:
 
 
 def bar(what: str, unit: str, **more: Any) -> Any:
-    """A bar of progress (tqdm's), as a widget in notebooks that have them; None where nobody would see it."""
+    """A progress bar (tqdm's), as a widget in notebooks that support it; None if nobody would see it."""
     if not (sys.stderr.isatty() or in_notebook()):
         return None
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""What each condition pushes with: the resultant of a load, the force it takes to hold nodes where they are held."""
+"""Reactions: the resultant force of each load, and the force that holds prescribed nodes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pdsolve.state import State
 
 
 class Grip(NamedTuple):
-    """A condition that acts throughout a run, and where."""
+    """A condition that acts throughout a run, and its nodes."""
 
     number: int  # in the model's list of conditions
     kind: str
@@ -24,7 +24,7 @@ class Grip(NamedTuple):
 
 
 class Reaction(NamedTuple):
-    """What a condition does to its nodes at a step, per unit thickness."""
+    """Force and displacement of a condition at a step, per unit thickness."""
 
     step: int
     time: float  # s
@@ -39,7 +39,7 @@ class Reaction(NamedTuple):
 
 
 def grips(system: System) -> tuple[Grip, ...]:
-    """All conditions that act with forces, in the model's order, which is that of the profiles of `Drive`."""
+    """All conditions with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
         Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
         for number, condition in enumerate(system.asked.settings.conditions)
@@ -48,7 +48,7 @@ def grips(system: System) -> tuple[Grip, ...]:
 
 
 def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
-    """The nodes there are now that a condition acts on; the next one where it acts between nodes."""
+    """Current nodes of a condition; the nearest one if it acts between nodes."""
     grid, asked = system.model.grid, system.asked
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
     if len(rows):
@@ -58,10 +58,10 @@ def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
 
 
 def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
-    """The external force of each grip after `step`.
+    """External force of each grip after `step`.
 
-    A hold stands against what bonds and loads do to its components and gives them their acceleration. That of a held
-    displacement or velocity is taken as 0: the inertia of the held nodes alone is left out while their speed changes.
+    A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
+    displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     """
     pulls, pushes = _forces(system, state, len(grips))
     found = []
@@ -74,7 +74,7 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
 
 
 def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What holds (profiles, d), and what pushes at factor 1, N/m, of a body N."""
+    """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""
     if system.hybrid is not None:
         return system.hybrid.pulls(profiles), system.hybrid.pushes(profiles)
     drive, area, rho = system.drive, system.area, system.model.rho

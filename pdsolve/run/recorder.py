@@ -1,4 +1,4 @@
-"""What a run notes on its way, in the terms of its results."""
+"""Records of a run in the format of its results."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ OLD = 10.0  # s, with entries of the ledger
 
 
 def nodes(system: System) -> Nodes:
-    """The nodes as results know them."""
+    """The nodes in the format of results."""
     grid, cut = system.model.grid, system.family - system.count
     return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family, cut)
 
 
 def families(system: System, first: int, last: int) -> Families:
-    """Who is bonded to whom before anything has broken, for the rows `first` to `last` - 1; while a run goes on too."""
+    """Initial families of the rows `first` to `last` - 1; available during a run too."""
     if system.transport is not None:  # whose links do not break: nobody asks for them
         return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
     _, target = system.operator.bonds(first, last, start=True)
@@ -44,8 +44,7 @@ def families(system: System, first: int, last: int) -> Families:
 
 
 def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
-    """The nodes that are born after `step`, `which` (b,) of a cloud, with the bonds they have left then; `rows` (n,) as
-    in `Frame`."""
+    """Nodes born after `step`, `which` (b,) of a set of nodes, and their remaining bonds; `rows` (n,) as in `Frame`."""
     runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
     nothing = np.zeros(0, dtype=np.int64)
     ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
@@ -61,7 +60,7 @@ def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step
 
 
 def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
-    """Bonds broken after a step, in order; of all that are `broken`, if known."""
+    """Bonds broken after a step, in order; from all `broken` ones, if known."""
     ids, found = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
     new = np.flatnonzero(found.step > after)
     step, source, target = (column[new] for column in found)
@@ -70,13 +69,13 @@ def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
 
 
 def _until(step: int, broken: Broken) -> Broken:
-    """What had broken then."""
+    """The bonds broken up to a step."""
     before = broken.step <= step
     return Broken(*(column[before] for column in broken))
 
 
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
-    """Everything a later run needs to go on to the same bits, but for the broken bonds; a copy."""
+    """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     here = {**state._asdict(), "held_force": system.drive.held_force}
     if isinstance(system.stepper, LoadSteps):
         here["rested"] = system.stepper.keep()
@@ -93,14 +92,14 @@ def _of(system: System, name: str) -> str:
 
 
 def cloud(system: System) -> dict[str, NDArray[Any]]:
-    """What a checkpoint has besides where nodes change: who they are, and which of their bonds are broken."""
+    """Additional checkpoint data if nodes change: their ids, and which of their bonds are broken."""
     broken = system.operator.broken()
     order = np.lexsort((broken.target, broken.source, broken.step))
     return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
 
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
-    """Go back to the state after `step`; of the bonds `broken` those until then count. Raises CheckpointError."""
+    """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
     for name, values in state._asdict().items():
         values[:] = like(kept, name, values)
     system.drive.held_force[:] = like(kept, "held_force", system.drive.held_force)
@@ -135,7 +134,7 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
 
 
 class Past(NamedTuple):
-    """What was of a run that goes on, until its checkpoint."""
+    """History of a resumed run until its checkpoint."""
 
     step: int
     wall: float  # s spent
@@ -157,10 +156,10 @@ def _accounts(system: System, state: State, past: Past, asked: Asked) -> Account
 
 
 class Recorder:
-    """What a run has noted since it last wrote: entries in its books, breaks, births and deaths."""
+    """Records of a run since it last wrote: accounts, broken bonds, births and deaths."""
 
     def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
-        """`past` is None for a run that begins; `changes`: whether nodes may be born and die."""
+        """`past` is None for a new run; `changes`: whether nodes may be born and die."""
         self.system, self.state, self.new = system, state, past is None
         past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = past._replace(results=None), clock.perf_counter()
@@ -175,25 +174,25 @@ class Recorder:
         self.accounts = _accounts(system, state, past, self.now)
 
     def wall(self) -> float:
-        """Seconds spent on the run, those before an interruption counted."""
+        """Seconds spent on the run, including those before an interruption."""
         return self._past.wall + clock.perf_counter() - self._began
 
     @property
     def is_old(self) -> bool:
-        """Whether the last checkpoint is so old that another one is worth its time, between two frames too."""
+        """Whether the last checkpoint is old enough to justify another one, also between frames."""
         return clock.perf_counter() - self._kept > OLD
 
     def updates(self, step: int) -> int:
-        """Directed bonds times steps until this one."""
+        """Number of directed bonds times steps until this step."""
         return self._updates + self.system.bonds * (step - self._since)
 
     @property
     def latest(self) -> int:
-        """The step in which a bond broke last, of those that were known when notes were taken; 0: none has."""
+        """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.now.broken.step.max(initial=self._latest))
 
     def follow(self, step: int, change: Change) -> None:
-        """Go on with what the nodes became after `step`, or until now from then on; note who was born and who died."""
+        """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, self.state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
@@ -218,20 +217,22 @@ class Recorder:
         self.accounts.follow(self.system)
 
     def settle(self, step: int) -> None:
-        """Bring the books to this step."""
+        """Bring the accounts to this step."""
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         self.accounts.settle(self.state, step, self.now)
 
     def take(self, step: int) -> None:
-        """Note what the physics notes of this step. Raises UnstableError."""
+        """Record this step in the accounts. Raises UnstableError."""
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         self.accounts.take(self.state, step, self.now)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
-        """All that was noted, to be written; `whole` with the fields, after a step that was taken note of; with the
-        `state` now or when it is time."""
+        """All records since the last frame, for writing.
+
+        `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
+        """
         system = self.system
         state |= clock.perf_counter() - self._kept > KEPT
         if state:

@@ -1,4 +1,4 @@
-"""A run from model to results: prepare, march, write. Readable in one sitting."""
+"""A run from a model to its results: prepare, march, write."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DEFAULT = Options()
 
 
 class Progress(NamedTuple):
-    """What a watcher is shown."""
+    """Data for a progress display."""
 
     step: int
     steps: int
@@ -61,10 +61,9 @@ def simulate(
 ) -> Results:
     """Solve a model; the results are in the file `output`, or in memory if None.
 
-    `watch` is called many times a second and stops the run by returning True; `provenance` says who asked; `adapt`
-    may change the nodes on the way.
-    No other run may be writing to that file. Raises ModelError, UnstableError (the frames so far are kept),
-    ResultsError.
+    `watch` is called many times a second and stops the run by returning True; `provenance` describes the origin of the
+    run; `adapt` may change the nodes during the run. No other run may be writing to that file. Raises ModelError,
+    UnstableError (frames so far are kept), ResultsError.
     """
     with writing_to(output):
         return _simulate(model, output, options, watch, provenance, adapt)
@@ -88,7 +87,7 @@ def run(
     provenance: str = "",
     adapt: Adapt | None = None,
 ) -> Results:
-    """Solve a model that is prepared; the rest as in `simulate`. Raises UnstableError, ResultsError."""
+    """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with writing_to(output):
         return _run(system, state, output, watch, provenance, adapt)
 
@@ -114,10 +113,10 @@ def _changes(system: System, adapt: Adapt | None) -> bool:
 def resume(
     output: Path, threads: int | None = None, watch: Watcher | None = None, adapt: Adapt | None = None
 ) -> Results:
-    """Go on with the run in the file `output` from its last checkpoint, to the same bits as without a stop.
+    """Continue the run in the file `output` from its last checkpoint, bit by bit as without the stop.
 
-    One that was stopped before its first begins anew. `adapt` is that which it began with. A run that is finished is
-    left as it is. All that is in the file is looked at before. Raises ResultsError, ModelError, UnstableError.
+    A run stopped before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left
+    unchanged. The whole file is checked before. Raises ResultsError, ModelError, UnstableError.
     """
     if not _is_finished(output):
         with writing_to(output):
@@ -133,7 +132,7 @@ def _is_finished(output: Path) -> bool:
 
 
 def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Options:
-    """The options that a run of `model` began with, by what it says of itself; threads may be others."""
+    """The options of a run of `model`, from its metadata; the number of threads may differ."""
     kernel = meta.get("kernel")
     return Options(meta["mode"], meta["precision"], threads, None if model.diffuses and kernel != "listed" else kernel)
 
@@ -189,7 +188,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
 def _finish(
     notes: Recorder, make: Callable[[], Writer], output: Path | None, watch: Watcher | None, adapt: Adapt | None
 ) -> Results:
-    """March to the end from where the notes are; `make` gives the writer, of a new file where they are new."""
+    """March to the end from the state of the records; `make` creates the writer, of a new file for a new run."""
     _give_back_memory()
     with behind(make, notes.new) as writer:
         try:
@@ -207,8 +206,10 @@ def _finish(
 
 
 def _give_back_memory() -> None:
-    """Hand to the system what reading the model and making its bonds have freed: Linux's C library would keep some
-    300 bytes a node."""
+    """Return memory freed after reading the model and making its bonds to the system.
+
+    Linux's C library would keep about 300 bytes a node.
+    """
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:
@@ -216,7 +217,7 @@ def _give_back_memory() -> None:
 
 
 def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
-    """Step on to the end, from event to event; returns "finished" or "interrupted"."""
+    """Step to the end, from event to event; returns "finished" or "interrupted"."""
     run, step = notes.system.model.settings.run, notes.written
     interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
 
@@ -225,7 +226,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         return watch is not None and watch(_progress(notes, step))
 
     def going(now: Going) -> None:
-        """Show how far a load step is; it is lost where the run is to stop meanwhile."""
+        """Show the progress of a load step, which is discarded if the run is to stop meanwhile."""
         if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
@@ -264,17 +265,17 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
 
 
 def _progress(notes: Recorder, step: int, going: Going | None = None) -> Progress:
-    """What a watcher is shown after `step`, or within a load step that is `going` on."""
+    """Data for a progress display after `step`, or within a load step `going`."""
     books, steps = notes.accounts, notes.system.model.settings.run.steps
     broken = books.broken if going is None else going.broken
     return Progress(step, steps, broken, books.balance, books.words(broken), notes.system.zone_summary, going)
 
 
 def _can_stop(system: System, step: int, soon: bool) -> bool:
-    """Whether a run can stop after a step that is not noted.
+    """Whether a run can stop after a step without a record.
 
-    A fine zone that moves is followed from one entry of the ledger to the next: raises KeyboardInterrupt unless that
-    comes `soon`.
+    A moving fine zone is followed from one ledger entry to the next: raises KeyboardInterrupt unless the next one comes
+    `soon`.
     """
     if system.hybrid is not None and not soon:
         raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
@@ -282,8 +283,7 @@ def _can_stop(system: System, step: int, soon: bool) -> bool:
 
 
 def _grown(notes: Recorder, step: int, last: int) -> int:
-    """Let cracks grow after `step` that are to be looked at then; the step after which they are looked at next, `last`
-    where there are none."""
+    """Let cracks due after `step` grow; returns the step of the next check, `last` without growing cracks."""
     system = notes.system
     if system.growth is None or system.growth.every is None:
         return last
@@ -293,7 +293,7 @@ def _grown(notes: Recorder, step: int, last: int) -> int:
 
 
 def _take(notes: Recorder, before: int, step: int) -> None:
-    """Note what there is to note of this step, and how a fine zone has moved since the step `before`."""
+    """Record this step, and the motion of a fine zone since the step `before`."""
     change = zone_moved(notes.system) if notes.system.hybrid is not None else None
     if change is not None:
         notes.follow(before, change)
@@ -305,7 +305,7 @@ def _next(step: int, interval: int) -> int:
 
 
 def _is_enough(system: System, latest: int, step: int) -> bool:
-    """Whether the run has seen what its model waits for; `latest` is the step in which a bond broke last."""
+    """Whether the model's stop criterion is met; `latest` is the step of the last broken bond."""
     run = system.model.settings.run
     if run.until == "split":
         return pieces(system) > 1

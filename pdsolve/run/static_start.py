@@ -1,4 +1,4 @@
-"""Prepared starts: a run in time that begins at rest under what acts at time 0, instead of unloaded."""
+"""Starts at rest: a run in time that begins in equilibrium with the conditions of time 0."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from pdsolve.steppers.load_steps import LoadSteps
 
 
 def started(prepared: Prepared) -> Prepared:
-    """A prepared run brought to the start that its model asks for; no bond breaks on the way there.
+    """A prepared run in the initial state that its model asks for; no bond breaks on the way.
 
-    Components whose speed or acceleration is held are held still meanwhile. Energies count from the unloaded plate.
-    Raises ModelError, UnsettledError.
+    Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the
+    unloaded plate. Raises ModelError, UnsettledError.
     """
     system, state = prepared
     model = system.model
@@ -38,7 +38,7 @@ def started(prepared: Prepared) -> Prepared:
 
 
 def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """The model as it is to be brought to rest, in double precision. Raises ModelError."""
+    """The model to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
     rest = msgspec.structs.replace(rest, time_step=None, steps=1)  # what acts at time 0, and no later

@@ -1,4 +1,4 @@
-"""What a database of results says of its run: how it was made, and what it came to."""
+"""Metadata and summary of a run in its database."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pdsolve.steppers.load_steps import LoadSteps
 
 
 def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
-    """What results say of their run from the start on."""
+    """Metadata of a run, known from its start."""
     system = notes.system
     return {
         **made_by(provenance, system.model.grid.dimension),
@@ -29,7 +29,7 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
 
 
 def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
-    """What the run came to, in the end."""
+    """Results of a run for its summary."""
     system, wall = notes.system, notes.wall()
     return {
         "nodes": len(system.model.grid),
@@ -53,14 +53,14 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
 
 
 def _grown(system: System) -> dict[str, Any]:
-    """What cracks that are particles came to, and what is to be said of it."""
+    """Results of cracks of particles, and remarks about them."""
     if system.growth is None:
         return {}
     return {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
 
 
 def _finer(system: System) -> dict[str, Any]:
-    """What finer nodes that come and go were like."""
+    """Statistics of finer nodes that come and go."""
     if system.zone_summary is None:
         return {}
     found = system.zone_summary._asdict()
@@ -70,7 +70,7 @@ def _finer(system: System) -> dict[str, Any]:
 
 
 def _rested(stepper: Stepper) -> dict[str, Any]:
-    """How each load step came to rest."""
+    """Iterations and residuals of each load step."""
     if not isinstance(stepper, LoadSteps):
         return {}
     return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}

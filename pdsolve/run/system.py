@@ -1,4 +1,4 @@
-"""A model prepared for marching: what does not change while it does."""
+"""A model prepared for time steps: everything that does not change during them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ WORTH_HYBRID = 25_000
 
 @dataclass(frozen=True)
 class System:
-    """A model prepared for marching; n nodes."""
+    """A prepared model; n nodes."""
 
     model: Model
     options: Options
@@ -83,27 +83,27 @@ class System:
 
     @property
     def asked(self) -> Model:
-        """The model that is solved, with all that is done to it."""
+        """The model as given, with all conditions."""
         return self.whole or self.model
 
     @property
     def hybrid(self) -> Moving | None:
-        """The operator, where it is one with a fine zone and books of its own."""
+        """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
         return self.operator if isinstance(self.operator, Moving) else None
 
     @property
     def zone_summary(self) -> ZoneSummary | None:
-        """What there is to say of finer nodes that come and go; None where none do."""
+        """Summary of finer nodes that come and go; None without any."""
         return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves) else None
 
     @property
     def threads(self) -> int:
-        """How many share the work."""
+        """Number of threads that share the work."""
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
 
     @property
     def bonds(self) -> int:
-        """How many directed bonds there were at the start."""
+        """Number of directed bonds at the start."""
         return int(self.count.sum())
 
 
@@ -119,7 +119,7 @@ class Prepared(NamedTuple):
 
 
 def scheme_of(model: Model, options: Options) -> Scheme:
-    """The scheme that options name. Raises ModelError for a model or options that cannot be run."""
+    """The scheme that options name. Raises ModelError for an unsupported model or option."""
     if options.mode not in SCHEMES:
         raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
@@ -136,7 +136,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 
 
 def prepare(model: Model, options: Options) -> Prepared:
-    """A model's bonds and conditions, and its state at time 0. Raises ModelError for what cannot be run."""
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
     found = _prepared(model, options)
     system = found.system
     whole = None if system.whole is None else counted(system.whole, system.time_step)
@@ -161,7 +161,7 @@ def _prepared(model: Model, options: Options) -> Prepared:
 
 
 def _diffusing(model: Model, options: Options) -> Prepared:
-    """A model of diffusion. Raises ModelError for what cannot be solved so."""
+    """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     diffusion.expect_usual(model, options)
     found, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
     operator, volume = found.operator, found.operator.volume
@@ -200,7 +200,7 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 
 def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """A model with a fine zone that moves. Raises ModelError for what cannot be solved so."""
+    """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
     shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
     state = shown.state()
@@ -223,7 +223,7 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 
 def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """A model whose cells split, none of which has. Raises ModelError for what cannot be solved so."""
+    """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
@@ -238,7 +238,7 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 
 def moved(system: System, shown: Moving) -> System:
-    """The system of other nodes of the same plate."""
+    """The system of changed nodes of the same plate."""
     count, family = shown.counts
     return replace(
         system,
@@ -255,7 +255,7 @@ STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 
 def step_of(model: Model, bound: float) -> float:
-    """The time step of a run, s; warns of one above `bound`, up to which it is surely stable. Raises ModelError."""
+    """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
     step, damped = model.settings.run.time_step or bound, model.settings.run.damping
     if not np.isfinite(step):
         raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
@@ -274,13 +274,13 @@ def step_of(model: Model, bound: float) -> float:
 
 
 def _filling(model: Model, scheme: Scheme) -> Filling:
-    """The bonds of a model; where cracks are particles, none breaks by itself."""
+    """The bonds of a model; with cracks of particles, none breaks by itself."""
     filling = scheme.fill(model)
     return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
 def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, every: int | None) -> Growth | None:
-    """Cracks that are particles, if they are. Raises ModelError."""
+    """The growth of cracks of particles, if the model has them. Raises ModelError."""
     if model.settings.run.cracks == "bonds":
         return None
     from pdsolve.crack_growth.growth import Growth  # shapely takes long to import, and few runs need it
@@ -303,8 +303,10 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
 def assembled(
     model: Model, options: Options, scheme: Scheme, operator: Operator, filled: Counted, steps: tuple[float, float]
 ) -> Prepared:
-    """The system of a model with this operator, and its state; `steps`, s, are that of the run and the surely stable
-    one."""
+    """The system of a model with this operator, and its state.
+
+    `steps`, s, are the run's step and the surely stable one.
+    """
     kind, (step, bound) = np.dtype(options.precision).type, steps
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
@@ -335,7 +337,7 @@ def assembled(
 
 
 def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
-    """Give nodes their velocities (n, w), m/s, and the accelerations of damping (n,), 1/s, but to what is held."""
+    """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
     state.rate[:] = velocity
     slowed = damped[:, None] * velocity
     slowed[driven.holds.node, driven.holds.axis] = 0.0
@@ -343,7 +345,7 @@ def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.flo
 
 
 def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
-    """Raises ModelError for a field of the frames that the model does not have."""
+    """Raise ModelError for a requested field that the model does not have."""
     asked = [name for name in model.settings.run.fields if name not in USUAL]
     there = operator.fields(state) if asked else {}
     for name in asked:
@@ -353,7 +355,7 @@ def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
 
 
 def widened(driven: Drive, width: int) -> Drive:
-    """Conditions on all components (n, width), none acting beyond those of the displacement."""
+    """Conditions on all components (n, width); they act only on the displacement."""
     more = ((0, 0), (0, width - driven.force.shape[1]))
     return (
         driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
@@ -361,7 +363,7 @@ def widened(driven: Drive, width: int) -> Drive:
 
 
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
-    """A model in load steps, to be solved at rest; with `breaks` its bonds do. Raises ModelError."""
+    """A model in load steps, to be solved at rest; `breaks`: whether its bonds break. Raises ModelError."""
     grows = breaks and model.settings.run.cracks == "particles"
     breaks = breaks and not grows
     no_fail, static = StaticBreakage(scheme.fill(model)), model.settings.run.static

@@ -1,1 +1,1 @@
-"""From one time to the next."""
+"""Time integration and static solution methods."""

@@ -1,8 +1,8 @@
-"""What it means to be at rest, and what a method that brings a plate there is asked and answers.
+"""Equilibrium: its residual, and the interface of methods that find it.
 
-At rest the densities of what neighbours do, f, and of loads, b, leave nothing on a component that is free: r = f + b
-is 0 there. What is left is measured over what comes from outside: |r| / |b|, or over the forces on what is held where
-there is no load; norms are over components. Where hardly anything comes from outside, round-off is the measure.
+At rest, the force densities of neighbours, f, and of loads, b, cancel on every free component: the residual r = f + b
+is 0 there. It is measured relative to the external forces: |r| / |b|, or relative to the reactions of held components
+if there is no load; norms are over components. If external forces almost vanish, round-off is the reference.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Tell = Callable[[int, float], None]  # iterations so far in this go, and what is
 
 
 class UnsettledError(ArithmeticError):
-    """A plate that does not come to rest; the message says how far it came and what to look at."""
+    """A plate that does not come to rest; the message says how far it came and what to check."""
 
 
 class Asked(NamedTuple):
-    """Loads and holds to be at rest under; n nodes."""
+    """Loads and holds of an equilibrium; n nodes."""
 
     load: NDArray[np.float64]  # (n, w) body force, N/m^3
     held: NDArray[np.bool_]  # (n, w) components that are held
@@ -40,31 +40,31 @@ class Settled(NamedTuple):
 
 
 class Method(Protocol):
-    """A way to come to rest."""
+    """A method to find equilibrium."""
 
     said: str  # which it is, for the record
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """Move the values of the state to rest, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
     def forget(self) -> None:
-        """Start anew: what follows depends on the state alone."""
+        """Discard history, so that what follows depends on the state alone."""
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Let these (n,) move as they are no further than forces ask; no force on them stays."""
+        """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
 
 
 def forces(operator: Operator, state: State) -> NDArray[np.float64]:
-    """Densities (n, w) of what neighbours do at a state whose bonds do not break, N/m^3."""
+    """Force densities (n, w) of neighbours at a state whose bonds do not break, N/m^3."""
     out: NDArray[Any] = np.zeros(state.value.shape)
     operator.add(state, out, 0, 0.0)
     return out
 
 
 def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float) -> float:
-    """What is left of the forces over those from outside, `out` (n, w) being those of neighbours.
+    """Residual over external forces; `out` (n, w) are the forces of neighbours.
 
-    Those from outside count as `least`, 1/m times the norm of displacements, where they are less.
+    External forces count at least as `least` times the norm of displacements, `least` in N/m^4.
     """
     load = norm(asked.load[~asked.held])
     outside = load if load > 0 else norm(out[asked.held])
@@ -73,11 +73,13 @@ def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float
 
 
 def round_off(stiffest: float, tolerance: float) -> float:
-    """The least force from outside over displacements, N/m^4, of which `tolerance` can be left and no less: forces of a
-    plate this stiff (N/m^4) are not known any better."""
+    """The smallest reference `least`, N/m^4, for which a residual of `tolerance` exceeds round-off.
+
+    Forces of a plate of stiffness `stiffest` (N/m^4) are not known better.
+    """
     return ROUND * stiffest / tolerance
 
 
 def norm(values: NDArray[np.float64]) -> float:
-    """The root of the sum of squares, summed in one order on one thread: BLAS takes longer to share it out."""
+    """Euclidean norm, summed in a fixed order on one thread: sharing it out makes BLAS slower."""
     return float(np.sqrt((values * values).sum()))

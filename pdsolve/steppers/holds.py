@@ -1,4 +1,4 @@
-"""Components of the motion that are held, one at a time: what Verlet does to them before and after the forces."""
+"""Prescribed components of the motion, one at a time: Verlet's treatment before and after the forces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, factor_at
 
 @njit
 def hold_component(u, v, a, holds, profiles, held_speed, e, dt, time):  # type: ignore[no-untyped-def]
-    """Put the held component e where it is to be at `time`, s; u, v, a are (n, 2)."""
+    """Set the held component e to its prescribed value at `time`, s; u, v, a are (n, 2)."""
     i, axis = holds.node[e], holds.axis[e]
     held_speed[e] = v[i, axis] - dt / 2 * a[i, axis]
     before = u[i, axis] - dt * v[i, axis]
@@ -23,9 +23,9 @@ def hold_component(u, v, a, holds, profiles, held_speed, e, dt, time):  # type: 
 
 @njit
 def release_component(v, a, rho, work, holds, profiles, held_speed, held_force, e, dt, time):  # type: ignore[no-untyped-def]
-    """Give the held component e the acceleration it is to have, and book what holding it took.
+    """Set the acceleration of the held component e, and book the work of holding it.
 
-    The hold must supply the change of kinetic energy and stand against the mean force on the component.
+    The hold provides the change of kinetic energy and balances the mean force on the component.
     """
     i, axis = holds.node[e], holds.axis[e]
     force, way = rho[i] * a[i, axis], dt * v[i, axis]

@@ -1,11 +1,11 @@
-"""Load steps: a plate at rest under more and more, its bonds breaking one after the other, the worst first.
+"""Load steps: a plate at rest under increasing load, its bonds breaking one after the other, the worst first.
 
-A load step goes half of the way and then the rest, so that the work of loads and holds is that of Simpson's rule on
-three states at rest. Then the bonds that are worst of those over their limit break, and the plate comes to rest again
-under the same loads, until no bond is over its limit. Booked as spent are what a bond holds when it breaks, and what
-the plate gives up from there to its next rest: the forces that are left on the straight way from the one to the other,
-again by Simpson's rule. None of it is what is missing of another, so that work = strain + spent tells whether all is
-booked.
+A load step first goes half of the way and then the rest, so that the work of loads and holds follows from Simpson's
+rule on three equilibria. Then the bonds furthest above their limit break, and the plate comes to rest again under the
+same loads, until no bond is above its limit. Two energies are booked: what a bond holds when it breaks, and what the
+plate releases on the way to its next equilibrium. The latter is the work of the residual forces on the straight path
+between the two, again by Simpson's rule. Each is computed independently of the balance, so that work = strain + spent
+checks the bookkeeping.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Rested(NamedTuple):
 
 
 class Going(NamedTuple):
-    """How far a load step is, for those who watch."""
+    """Progress of a load step."""
 
     step: int
     iterations: int
@@ -50,7 +50,7 @@ class Going(NamedTuple):
 
 
 class LoadSteps:
-    """Takes load steps with any operator whose own bonds last, and a method."""
+    """Takes load steps with a method and any operator whose own bonds do not break."""
 
     def __init__(
         self,
@@ -63,9 +63,11 @@ class LoadSteps:
         grow: Callable[[State, int], bool] | None = None,
         remember: Callable[[State], None] = lambda state: None,
     ) -> None:
-        """`breakable` are the bonds that break here; None: none does. `grow` lets cracks grow from a state at rest, in
-        a step, and says whether any has. `remember` is told each state at rest on the way
-        under load. Raises ModelError for a body without supports."""
+        """`breakable` are the bonds that may break here; None: none does.
+
+        `grow` lets cracks grow from an equilibrium in a step, and returns whether any did. `remember` is called with
+        each equilibrium under load. Raises ModelError for a body without supports.
+        """
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
         self.held = np.zeros(drive.force.shape, dtype=bool)
@@ -91,16 +93,16 @@ class LoadSteps:
             self._take(state, step)
 
     def bring(self, state: State) -> Settled:
-        """Bring the plate to rest under what acts at time 0, its bonds lasting. Raises UnsettledError."""
+        """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
         return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
     def keep(self) -> Array:
-        """How load steps came to rest so far (k, 5), for a checkpoint."""
+        """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
         return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
 
     def back(self, kept: Array, broken: Broken) -> None:
-        """Go back to what was kept (k, 5), and to these broken bonds."""
+        """Restore a checkpoint (k, 5) with these broken bonds."""
         self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.tolist()]
         if self._breakable is not None:
             nodes = len(self._area)
@@ -124,7 +126,7 @@ class LoadSteps:
         self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
 
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
-        """Say it once where a crack went on by itself, under less load than the step before had, for a long way."""
+        """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
         cost = self._released(state) - spent
         grown = float(model.horizons.max()) ** (model.grid.dimension - 1)
@@ -140,16 +142,16 @@ class LoadSteps:
             )
 
     def _released(self, state: State) -> float:
-        """Energy, J/m, that broken bonds have spent and that the plate has given up on its way to rest."""
+        """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
     def _size(self, state: State, load: Array) -> float:
-        """How much acts: the norm of loads, or of held displacements where there are none."""
+        """Size of the loading: the norm of loads, or of held displacements without loads."""
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
 
     def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
-        """To rest under the loads and holds of `time`, s, from those before; books the work."""
+        """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work."""
         at, now = _held_at(self._drive, time), self._drive.force
         half = np.where(self.held, (state.value + at) / 2, 0.0)
         u, pushed = [state.value.copy()], [self._outside(state, before)]
@@ -165,7 +167,10 @@ class LoadSteps:
         return Settled(iterations, settled.residual)
 
     def _break(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:
-        """Break bonds and settle until no bond is over its limit; how, how often, and under which least share."""
+        """Break bonds and settle until no bond is above its limit.
+
+        Returns how it settled, how often, and the smallest share of the load.
+        """
         breakable, breaks, least, iterations = self._breakable, 0, 1.0, settled.iterations
         while breakable is not None:
             stretches = breakable.stretches(state.value)
@@ -190,7 +195,7 @@ class LoadSteps:
         return Settled(iterations, settled.residual), breaks, least
 
     def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
-        """Let cracks grow and settle until none grows; how, and how often."""
+        """Let cracks grow and settle until none grows; returns how it settled, and how often."""
         times, iterations = 0, settled.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
@@ -201,7 +206,7 @@ class LoadSteps:
         return Settled(iterations, settled.residual), times
 
     def _settle(self, state: State, step: int, iterations: int) -> Settled:
-        """To rest under the same loads; books their work, and what the plate gives up."""
+        """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
         asked = Asked(load, self.held, np.where(self.held, u, 0.0))
         left = [self._left(state, load)]
@@ -219,11 +224,11 @@ class LoadSteps:
         return np.where(self.held, 0.0, forces(self._operator, state) + load)
 
     def _outside(self, state: State, load: Array) -> Array:
-        """Densities (n, d) of what acts from outside: loads, and whatever holds what is held."""
+        """External force densities (n, d): loads, and reactions of held components."""
         return np.where(self.held, -forces(self._operator, state), load)
 
     def _note(self, state: State) -> None:
-        """What holds stand against, and that nothing moves."""
+        """Store reactions, and set the motion to zero."""
         node, axis = self._drive.holds.node, self._drive.holds.axis
         self._drive.held_force[:] = (forces(self._operator, state) + self._drive.force)[node, axis]
         self._drive.before[:] = self._drive.force
@@ -237,7 +242,7 @@ class LoadSteps:
         return tell
 
     def _support(self, broken: Broken, when: str) -> None:
-        """Look for bodies that nothing supports. Raises ModelError at the start, UnsettledError later."""
+        """Check for unsupported bodies. Raises ModelError at the start, UnsettledError later."""
         model, nodes = self._model, len(self._area)
         left = np.delete(self._bonds, np.searchsorted(self._bonds, broken.source * nodes + broken.target))
         found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self.held)
@@ -253,7 +258,7 @@ class LoadSteps:
         self.method.hold_softly(found.nodes)
 
     def _balance(self, when: str) -> None:
-        """Look whether loads on bodies that nothing supports balance now. Raises UnsettledError."""
+        """Check that loads on unsupported bodies balance. Raises UnsettledError."""
         if self._loose is not None:
             said = unbalanced(self._model.grid.position, self._drive.force * self._area[:, None], self._loose)
             if said:
@@ -261,7 +266,7 @@ class LoadSteps:
 
 
 def _held_at(drive: Drive, time: float) -> Array:
-    """Where held components are to be (n, d) at `time`, s; others, and whose speed is held, 0."""
+    """Positions (n, d) of held components at `time`, s; 0 for others, and for those with a prescribed velocity."""
     at = np.zeros(drive.force.shape)
     holds = drive.holds
     still = holds.kind == DISPLACEMENT
@@ -270,6 +275,6 @@ def _held_at(drive: Drive, time: float) -> Array:
 
 
 def _along(u: list[Array], pushed: list[Array]) -> Array:
-    """The work (n, d) of forces on the way through three states, both of second degree in between, J/m^3."""
+    """Work (n, d), J/m^3, of forces along the path through three states, quadratic in between."""
     (u0, um, u1), (f0, fm, f1) = u, pushed
     return (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6

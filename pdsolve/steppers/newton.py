@@ -1,11 +1,11 @@
-"""Newton's method: the tangent is solved with, and used again for as long as it serves.
+"""Newton's method, which reuses the tangent as long as it converges.
 
-A tangent that is not that of the state any more, as bonds have turned or broken since, still points the way: steps are
-mixed so that what is left of the forces becomes least (D. G. Anderson, J. ACM 12 (1965) 547-560). It is taken anew
-where that makes no way, and wherever `forget` was called, so that a run that goes on does so to the same bits.
+An outdated tangent, after bonds have rotated or broken, still gives useful directions: steps are mixed to minimize the
+residual (D. G. Anderson, J. ACM 12 (1965) 547-560). The tangent is recomputed if the iteration stalls, and after each
+`forget`, so that a resumed run continues bit by bit.
 
-Up to `FACTORED` free components the tangent is factorised (SuperLU through SciPy); above, where the factors would not
-fit, equations are solved by conjugate gradients, or by BiCGStab where bonds are one-sided.
+Up to `FACTORED` free components, the tangent is factorized (SuperLU through SciPy). Above, where the factors would not
+fit into memory, equations are solved by conjugate gradients, or by BiCGStab for one-sided bonds.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Newton:
         free: int = 0,
         factored: int = FACTORED,
     ) -> None:
-        """`area` (n,) m^2 makes equations symmetric where bonds are; `free` is how many components are."""
+        """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components."""
         self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
         self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._factored = free <= factored
@@ -60,17 +60,17 @@ class Newton:
         self._matrix: csr_array | None = None
 
     def forget(self) -> None:
-        """Drop the factors of the tangent, so that what follows depends on the state alone."""
+        """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = None
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Hold these nodes (n,) by weak springs in the equations alone, which takes a few more iterations."""
+        """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
             self.forget()
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """Move the values of the state to rest by Newton's method, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium by Newton's method, in place. Raises UnsettledError."""
         free, done = ~asked.held, 0
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
@@ -89,7 +89,7 @@ class Newton:
         )
 
     def _lead(self, state: State, asked: Asked) -> None:
-        """Move what is held to where it is to be, and the rest along as the tangent has it."""
+        """Move held components to their prescribed positions, and the rest by the linear response."""
         free = ~asked.held
         if self._matrix is None:
             self._take_tangent(state, free)
@@ -102,7 +102,7 @@ class Newton:
         state.value[:] = np.where(free, state.value + move.reshape(free.shape), asked.at)
 
     def _iterate(self, state: State, asked: Asked, done: int, tell: Tell) -> tuple[Settled | None, int]:
-        """Go on with one tangent until it is at rest, or makes no way; and iterations so far."""
+        """Iterate with one tangent until equilibrium or a stall; returns the iterations so far, too."""
         assert self._inverse is not None
         free, weight = ~asked.held, np.repeat(self._area, asked.held.shape[1])
         inner, least, kept = free.ravel(), np.inf, state.value.copy()
@@ -132,7 +132,7 @@ class Newton:
         return None, done + 1
 
     def _take_tangent(self, state: State, free: NDArray[np.bool_]) -> None:
-        """Make the equations those of this state."""
+        """Set up the equations of this state."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         matrix = self._operator.tangent(state)
@@ -177,7 +177,7 @@ class Newton:
 
 
 def _mixed(proposed: Array, steps: list[tuple[Array, Array]]) -> Array:
-    """The step to take (k,): the one proposed, mixed with those before so that the next proposal is least."""
+    """The step to take (k,): the proposed one, mixed with earlier ones to minimize the next proposal."""
     if not steps:
         return proposed
     moves, changes = (np.column_stack(columns) for columns in zip(*steps, strict=True))

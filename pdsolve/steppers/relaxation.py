@@ -1,11 +1,12 @@
-"""Adaptive dynamic relaxation: a motion made to die out, with a mass and a damping of no plate.
+"""Adaptive dynamic relaxation: a damped motion with fictitious mass and damping.
 
 P. Underwood, in Computational Methods for Transient Analysis (1983) 245-265; B. Kilic, E. Madenci, Theor. Appl. Fract.
-Mech. 53 (2010) 194-204. The step is 1 s and the mass as small as it may be, so that every mode is as slow as the
-stiffest; the damping is twice the frequency of the mode that still moves, as Rayleigh's quotient sees it. Any operator.
+Mech. 53 (2010) 194-204. The step is 1 s and the mass as small as stability allows, so that all modes have similar
+frequencies. The damping is twice the frequency of the mode still in motion, estimated by Rayleigh's quotient. It works
+with any operator.
 
-    lambda  (n, w) mass density          r  what is left of the forces          c  damping, 1/s
-    k_i = -(r_i - r_i before) / (lambda_i v_i)          c = 2 sqrt(sum k w^2 / sum w^2), w what has moved so far
+    lambda  (n, w) mass density          r  residual forces                     c  damping, 1/s
+    k_i = -(r_i - r_i before) / (lambda_i v_i)          c = 2 sqrt(sum k w^2 / sum w^2), w the displacement so far
 """
 
 from __future__ import annotations
@@ -31,18 +32,20 @@ LOOK = 50  # iterations between two looks at the clock
 
 
 def by_eigenvalue(operator: Operator) -> NDArray[np.float64]:
-    """The least mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, by the operator's own bound."""
+    """The smallest mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, from the operator's bound."""
     return operator.stiffness_bound() / 2
 
 
 def by_row_sum(tangent: csr_array) -> NDArray[np.float64]:
-    """The least mass (n w,), N/m^4 s^2, at which a step of 1 s is surely stable, by Gershgorin's circles: a quarter of
-    the row sums of |K|."""
+    """The smallest mass (n w,), N/m^4 s^2, at which a step of 1 s is surely stable, by Gershgorin's circles.
+
+    It is a quarter of the row sums of |K|.
+    """
     return np.asarray(abs(tangent).sum(axis=1)).ravel() / 4
 
 
 class Relaxation:
-    """Relaxes with any operator; see `Method`."""
+    """Dynamic relaxation with any operator; see `Method`."""
 
     said = "adaptive dynamic relaxation"
 
@@ -53,19 +56,19 @@ class Relaxation:
         most: int | None = None,
         mass: NDArray[np.float64] | None = None,
     ) -> None:
-        """`mass` (n, w) or (n, 1), N/m^4 s^2; None: by the operator's bound, a tenth more as bonds turn."""
+        """`mass` (n, w) or (n, 1), N/m^4 s^2; None: from the operator's bound, plus a tenth, as bonds rotate."""
         self._operator, self._tolerance, self._most = operator, tolerance, most or MOST
         self._mass = 1.1 * by_eigenvalue(operator)[:, None] if mass is None else mass
         self._least = round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def forget(self) -> None:
-        """Nothing to drop: each solution depends on the state alone."""
+        """Does nothing: each solution depends on the state alone."""
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """Move the values of the state to rest by dynamic relaxation, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises UnsettledError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
         free, done = ~asked.held, 0
@@ -84,7 +87,7 @@ class Relaxation:
     def _relax(
         self, state: State, asked: Asked, mass: NDArray[np.float64], done: int, tell: Tell
     ) -> tuple[Settled | None, int]:
-        """From where the state is; None where a motion grows or iterations have run out, and those done by then."""
+        """Relax from the current state; None if the motion grows or iterations run out; and the iterations so far."""
         v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~asked.held
         start, least, first = state.value.copy(), np.inf, True
         for iteration in range(done, self._most + 1):

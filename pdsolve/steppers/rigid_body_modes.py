@@ -1,4 +1,4 @@
-"""Bodies that nothing supports: parts of a plate that may move as they are, without a force from neighbours."""
+"""Unsupported bodies: parts of a plate that can move rigidly, without a force from neighbours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BALANCED = 1e-6  # of the sum of all forces: a resultant less than that is none
 
 
 class Loose(NamedTuple):
-    """What may move, of n nodes."""
+    """Bodies and nodes that can move freely, of n nodes."""
 
     nodes: NDArray[np.bool_]  # (n,) all that may
     said: str  # the largest of them in words: how many nodes, and where; empty where there is none
@@ -31,10 +31,10 @@ def loose(
     bonds: Pairs,
     held: NDArray[np.bool_],
 ) -> Loose:
-    """Bodies with fewer supports than they need, and nodes whose bonds are in one line, in space in one plane.
+    """Bodies with too few supports, and nodes whose bonds lie in one line, in space in one plane.
 
     `position` (n, d) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, d) components. A body of one
-    node has no rotation to be held, in space one in a row none about it.
+    node needs no rotation held; in space, a row of nodes needs none about itself.
     """
     source, target = bonds
     nodes = len(position)
@@ -57,12 +57,13 @@ def loose(
 
 
 def _place(position: NDArray[np.float64]) -> str:
-    """The middle of some places (k, d), in words."""
+    """Centre of some places (k, d), in words."""
     return f"({', '.join(f'{value:.4g}' for value in position.mean(axis=0))}) m"
 
 
 def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How places (n, d) from a middle go in a turn about each axis (n, d, 1 in the plane or 3)."""
+    """Displacements of places (n, d), relative to a centre, in a rotation about each axis (n, d, 1 in the plane or
+    3)."""
     if arm.shape[1] == 2:
         return np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
     return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
@@ -71,7 +72,7 @@ def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
 def _unsupported(
     position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which bodies (p,) have supports that leave a motion free: along an axis, or a turn about their middle."""
+    """Mask (p,) of bodies whose supports leave a rigid motion free: a translation, or a rotation about their centre."""
     count, d = len(size), position.shape[1]
     middle = np.stack([np.bincount(part, column, count) / size for column in position.T], axis=1)
     arm = position - middle[part]
@@ -94,7 +95,7 @@ def _unsupported(
 def _swinging(
     position: NDArray[np.float64], source: NDArray[np.int64], target: NDArray[np.int64], held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which nodes (n,) have all their bonds in one line, in space in one plane, and are not held."""
+    """Mask (n,) of free nodes with all their bonds in one line, in space in one plane."""
     nodes, xi = len(position), position[target] - position[source]
     n = xi / np.sqrt((xi**2).sum(axis=1))[:, None]
     if n.shape[1] == 3:

@@ -1,4 +1,4 @@
-"""What is asked of a plate that is solved at rest: its load steps, and what makes them impossible."""
+"""Loads of a static solution: its load steps, and conditions that it does not support."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ STEPS = 10  # load steps where something varies
 
 
 def in_load_steps(model: Model, precision: str) -> Model:
-    """The model in load steps: its steps and frames are load steps from time 0 to the end of its profiles.
+    """The model in load steps: steps and frames are load steps from time 0 to the end of its profiles.
 
-    Where nothing varies there is one, at 1 s. Raises ModelError for what cannot be solved at rest.
+    Without a varying profile there is one load step, at 1 s. Raises ModelError for an unsupported model.
     """
     run = model.settings.run
     if precision != "float64":
@@ -43,7 +43,7 @@ def _no_fail(model: Model) -> list[Condition]:
 
 
 def _refuse_loads(model: Model) -> None:
-    """Raises ModelError for conditions that never load, and holds that contradict each other."""
+    """Raise ModelError for conditions without an effect, and for contradictory holds."""
     run = model.settings.run
     times = [step * (run.time_step or 0.0) for step in range(1, run.steps + 1)]
     loads = False

@@ -1,4 +1,4 @@
-"""How many steps to take at once, so that somebody who wants the run to stop is soon heard."""
+"""Number of steps to take at once, so that a request to stop is noticed soon."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is me
 
 
 class Pace:
-    """Measures how long steps take, as they are taken; what they come to does not depend on it."""
+    """Measures the duration of steps; results do not depend on it."""
 
     def __init__(self, updates: int) -> None:
-        """`updates` are those of a step, of bonds or links."""
+        """`updates` is the number of bond or link updates of a step."""
         self._each = updates / SLOW  # s of a step
 
     def steps(self, least: int, most: int) -> int:
-        """How many to take at once, at least and at most."""
+        """Number of steps to take at once, from `least` to `most`."""
         return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
 
     def took(self, steps: int, seconds: float) -> None:
-        """Note how long so many steps have taken."""
+        """Record the duration of some steps."""
         self._each = seconds / max(steps, 1)
 
     def is_soon(self, steps: int) -> bool:
-        """Whether so many more take no longer than three pieces."""
+        """Whether so many steps take at most as long as three batches."""
         return steps * self._each < 3 * PIECE

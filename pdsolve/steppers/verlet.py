@@ -1,8 +1,8 @@
 """Velocity Verlet: thesis, eq. 15 to 17. Explicit, second order.
 
-Within a step from n to n + 1, `state.rate` is the mean velocity v_(n+1/2) from the drift to the kick. The work of
-loads and holds is booked with the trapezoidal rule that Verlet itself follows, so that the balance of energy is
-that of the scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u_n), and no more.
+Within a step from n to n + 1, `state.rate` is the mean velocity v_(n+1/2) from the drift to the kick. The work of loads
+and holds is booked by the trapezoidal rule that Verlet itself follows, so that the energy balance is that of the
+scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u_n), and no more.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ class Verlet:
         dt: float,
         damping: NDArray[np.float64] | None = None,
     ) -> None:
-        """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the force against motion over mass and
-        velocity, 1/s, on what is not held."""
+        """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the damping of free components, 1/s.
+
+        Damping is the force against motion over mass and velocity.
+        """
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._damping = damping if damping is not None and damping.any() else None
         self._held = np.zeros(drive.force.shape, dtype=np.bool_)
@@ -52,7 +54,7 @@ class Verlet:
 
 @cached_njit(error_model="numpy")
 def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
-    """Half a kick and the drift, to the displacements of `time`, s."""
+    """Half a kick and the drift to the displacements at `time`, s."""
     u, v, a = state.value, state.rate, state.second
     for i in range(len(u)):
         for axis in range(u.shape[1]):
@@ -66,7 +68,7 @@ def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
-    """From force densities `out` (n, w), N/m^3, to accelerations, and the other half of the kick."""
+    """From force densities `out` (n, w), N/m^3, to accelerations, and the second half of the kick."""
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
     for i in range(len(a)):
         for axis in range(a.shape[1]):
@@ -83,8 +85,11 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
-    """Let a step end with the damping c (n,), 1/s, that it began with, and book what it takes; `before` (n, w) are the
-    velocities one step ago. What Verlet takes out of the motion is the mean force of both ends on the way between."""
+    """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
+
+    `before` (n, w) are the velocities one step ago. The energy that Verlet takes out of the motion is the mean force of
+    both ends times the displacement between them.
+    """
     v, a = state.rate, state.second
     for i in range(len(v)):
         for axis in range(v.shape[1]):

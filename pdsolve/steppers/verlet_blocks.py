@@ -1,8 +1,8 @@
-"""Velocity Verlet for blocks, one sweep a step: as `verlet`, which says what is done.
+"""Velocity Verlet for blocks in one sweep a step; the scheme is that of `verlet`.
 
-A block is summed, kicked and drifted on to the next step by one thread, as its neighbours look at the displacements
-of this step alone; those of three steps are kept in turn. Kick and drift are two roundings, and never contracted, so
-that it does not show where a sequence of steps was taken apart.
+One thread sums, kicks and drifts a block to the next step, as its neighbours read only the displacements of this step;
+those of three steps are kept alternately. Kick and drift are rounded separately and never contracted, so that results
+do not depend on where a sequence of steps is divided.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pdsolve.steppers.holds import hold_component, release_component
 
 
 class Course(NamedTuple):
-    """What moves the blocks' nodes besides their bonds; m nodes in whole blocks, the last may be idle."""
+    """Motion of the blocks' nodes besides their bonds; m nodes in whole blocks, the last may be idle."""
 
     force: NDArray[np.floating]  # (2, m) body force now, N/m^3
     before: NDArray[np.floating]  # (2, m) body force one step ago
@@ -40,7 +40,7 @@ class Course(NamedTuple):
 
 
 class VerletBlocks:
-    """Takes steps with bonds in blocks, whose placed state it changes."""
+    """Takes steps with bonds in blocks, changing the placed state."""
 
     def __init__(self, operator: SimdLattice, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
@@ -72,16 +72,16 @@ class VerletBlocks:
 
 
 def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
-    """Values of nodes (n, ...) in `count` whole blocks (..., m)."""
+    """Nodal values (n, ...) in `count` whole blocks (..., m)."""
     wide = np.full((*values.shape[1:], LANES * count), idle, dtype=values.dtype)
     wide[..., : len(values)] = values.T
     return aligned(wide)
 
 
 def _turns(count: int, threads: int) -> NDArray[np.int64]:
-    """All of `count` blocks in an order whose equal parts, one for each of the threads, are equal work.
+    """Order of all `count` blocks such that equal parts, one a thread, are equal work.
 
-    Blocks at an interface between spacings cost more than others, so that a part takes groups from all over.
+    Blocks at an interface between spacings cost more than others, so that each part takes groups from everywhere.
     """
     group = max(1, count // (16 * threads))
     return np.argsort(np.arange(count) // group % threads, kind="stable").astype(np.int64)
@@ -91,7 +91,7 @@ def _turns(count: int, threads: int) -> NDArray[np.int64]:
 def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    Threads run this side by side, each with a share of the blocks, and `meet` once a step.
+    All threads call this together, each with a share of the blocks, and `meet` once a step.
     """
     u, steps, count = tracks.u, last - first, len(course.turns)
     own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
@@ -114,7 +114,7 @@ def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate)
 
 @njit(forceinline=True, **INNER)
 def _sweep_plain(blocks, tracks, lightness, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
-    """End `step` for block b, which nothing but its bonds acts on, and go on to the next one."""
+    """End `step` for block b, on which only bonds act, and go on to the next one."""
     whole, half = u.dtype.type(dt), u.dtype.type(dt / 2)
     for lane in range(0, LANES, across(s)):
         sum_lanes(blocks, tracks, u, before, step, b, lane, s)
@@ -168,7 +168,7 @@ def _hold_block(tracks, course, drive, u, dt, time, b):  # type: ignore[no-untyp
 
 @njit(**INNER)
 def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
-    """Add the loads to the forces of block b, and the work they do."""
+    """Add the loads to the forces of block b, and book their work."""
     for lane in range(LANES):
         i = b * LANES + lane
         s[FX + lane] += force[0, i]
@@ -179,7 +179,7 @@ def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-de
 
 @njit(**INNER)
 def _accelerate_lanes(lightness, s, b):  # type: ignore[no-untyped-def]
-    """From force densities to accelerations, which then are in FX and FY."""
+    """Turn force densities into accelerations, stored in FX and FY."""
     for lane in range(LANES):
         s[FX + lane] *= lightness[b * LANES + lane]
         s[FY + lane] *= lightness[b * LANES + lane]

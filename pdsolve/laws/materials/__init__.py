@@ -1,1 +1,1 @@
-"""What stress follows the deformation of a node, a material a file; in space, planes being parts of it."""
+"""Stress responses of materials, one a file, in three dimensions with plane cases included."""

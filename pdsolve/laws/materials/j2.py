@@ -19,7 +19,7 @@ ROOT = np.sqrt(2 / 3)
 
 @njit(**INNER)
 def returned(trial, alpha, shear, yields, hardening):  # type: ignore[no-untyped-def]
-    """The stress, six, and how far it flows (more) from a trial stress."""
+    """The stress, six components, and the plastic increment `more`, from a trial stress."""
     p = (trial[0] + trial[1] + trial[2]) / 3
     s = (trial[0] - p, trial[1] - p, trial[2] - p, trial[3], trial[4], trial[5])
     size = np.sqrt(contracted(s, s))
@@ -33,7 +33,7 @@ def returned(trial, alpha, shear, yields, hardening):  # type: ignore[no-untyped
 
 @njit(**INNER)
 def thinned(trial, alpha, first, shear, yields, hardening):  # type: ignore[no-untyped-def]
-    """The strain zz to add to a trial stress, six, so that no stress zz is left."""
+    """The strain zz to add for a trial stress, six components, so that the stress zz vanishes."""
     bulk = first + 2 * shear / 3
     stiff = first + 2 * shear
     zz = -trial[2] / stiff

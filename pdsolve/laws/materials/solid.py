@@ -1,12 +1,12 @@
-"""What stress follows the deformation of a node of any of the materials, and what the node remembers.
+"""Stress response and history of a node, for any of the materials.
 
-Deformations are gradients of the displacement in space; in the plane the rows and columns of z are 0 but for what the
-material makes of zz. From the start (total), or from step to step (rate, T. J. R. Hughes, J. Winget, Int. J. Numer.
+Deformations are displacement gradients in space; in the plane, the rows and columns of z are 0 except for the
+material's zz. The response is from the start (total), or incremental (rate, T. J. R. Hughes, J. Winget, Int. J. Numer.
 Methods Eng. 15 (1980) 1862-1867): with F in the middle of a step, L = dF F^-1, D and W its parts,
 
     sigma' = R sigma R^T + lambda tr D I + 2 mu D        R = (I - W / 2)^-1 (I + W / 2)
 
-What a node remembers: of j2, total: plastic strain (6), alpha; of rates: F (9), sigma (6), alpha.
+The history of a node is: for j2, total: plastic strain (6), alpha; for rates: F (9), sigma (6), alpha.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Response(NamedTuple):
 
 
 def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
-    """The columns of a model's nodes, in this precision."""
+    """Columns of a model's nodes, in this precision."""
     of, first = model.material_of, model.materials[0]
     rate, plastic = first.form == "rate", any(material.solid == "j2" for material in model.materials)
     moduli = np.array([lame(material.E, material.nu or 0.0) for material in model.materials])[of]
@@ -82,7 +82,7 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
 
 @njit(**INLINE)
 def respond(solid, i, h):  # type: ignore[no-untyped-def]
-    """The response of node i to the gradient h, nine."""
+    """Response of node i to the gradient h, nine components."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate:
         return _rated(solid, i, grown(h))
@@ -103,7 +103,7 @@ def respond(solid, i, h):  # type: ignore[no-untyped-def]
 
 @njit(**INLINE)
 def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
-    """The response of a solid of one of the kinds LINEAR and SVK."""
+    """Response of a solid of the kinds LINEAR and SVK."""
     if kind == SVK:
         P = svk.stress(h, first, shear, plane_stress)
         return _finite(P, h, svk.strain(h, first, shear, plane_stress), plane_stress)
@@ -114,7 +114,7 @@ def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def
 
 @njit(**INNER)
 def holds(solid, i, h):  # type: ignore[no-untyped-def]
-    """What node i holds, and has spent on flowing so far, J/m^3."""
+    """Energy densities of node i, J/m^3: stored, and dissipated by plastic flow so far."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate or kind == J2:
         found = respond(solid, i, h)
@@ -137,7 +137,7 @@ def holds(solid, i, h):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def keep(solid, i, h):  # type: ignore[no-untyped-def]
-    """Let node i remember what the gradient h did to it."""
+    """Update the history of node i after the gradient h."""
     found, past = respond(solid, i, h), solid.history[i]
     if solid.rate:
         _put(past, 0, found.F)
@@ -160,20 +160,20 @@ def _put(row, at, values):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _elastic(solid, i, h):  # type: ignore[no-untyped-def]
-    """The strain less what is plastic, six."""
+    """The elastic strain, six components: total minus plastic."""
     e, p = symmetric(h), solid.history[i]
     return (e[0] - p[0], e[1] - p[1], e[2] - p[2], e[3] - p[3], e[4] - p[4], e[5] - p[5])
 
 
 @njit(**INNER)
 def _with_zz(a, zz):  # type: ignore[no-untyped-def]
-    """Nine, zz more in the last."""
+    """Nine components with zz added to the last."""
     return (a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8] + zz)
 
 
 @njit(**INNER)
 def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
-    """With Cauchy's stress P F^T / det F; in plane stress F_zz is that of the strain."""
+    """Response with Cauchy's stress P F^T / det F; in plane stress F_zz follows from the strain."""
     F = grown(h)
     if plane_stress:
         F = _with_zz(F, np.sqrt(1 + 2 * E[2]) - 1)
@@ -184,7 +184,7 @@ def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _rated(solid, i, F):  # type: ignore[no-untyped-def]
-    """The response from what is remembered on."""
+    """Response incremental from the history."""
     p, first, shear, one = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
     flat = solid.plane_stress
     zz = p[8] * one if flat else F[8]  # not known yet

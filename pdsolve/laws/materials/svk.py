@@ -1,7 +1,7 @@
 """St Venant-Kirchhoff: S = lambda tr E I + 2 mu E, E = (F^T F - I) / 2, P = F S.
 
-In plane stress E_zz = -lambda / (lambda + 2 mu) (E_xx + E_yy). Unstable in strong compression: of F = 0 it holds as
-little as it wants.
+In plane stress E_zz = -lambda / (lambda + 2 mu) (E_xx + E_yy). The material is unstable in strong compression: the
+stress vanishes at F = 0.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pdsolve.laws.small_tensors import product
 
 @njit(**INNER)
 def green(h):  # type: ignore[no-untyped-def]
-    """E, six, of the gradient h of the displacement."""
+    """Green's strain E, six components, of the displacement gradient h."""
     square, e = symmetric(product(transposed(h), h)), symmetric(h)
     return (
         e[0] + square[0] / 2,
@@ -38,6 +38,6 @@ def strain(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def stress(h, first, shear, plane_stress):  # type: ignore[no-untyped-def]
-    """P, nine; what is out of the plane is left out in plane stress, where it is none."""
+    """P, nine components; in plane stress the out-of-plane ones are omitted, as they vanish."""
     S = hooke(first, shear, strain(h, first, shear, plane_stress))
     return product(grown(h), full(S))

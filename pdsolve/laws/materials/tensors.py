@@ -1,4 +1,4 @@
-"""Tensors in space as tuples of nine numbers, row by row, and symmetric ones as six: xx, yy, zz, xy, xz, yz."""
+"""Tensors in space as tuples of nine numbers, row by row, and symmetric ones of six: xx, yy, zz, xy, xz, yz."""
 
 from __future__ import annotations
 
@@ -35,8 +35,10 @@ def transposed(a):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def rotation(F):  # type: ignore[no-untyped-def]
-    """R of F = R U, by N. J. Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160-1174; to round-off where U does not
-    stretch or squeeze by more than 30."""
+    """R of F = R U by N. J. Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160-1174.
+
+    Accurate to round-off if U stretches by factors of at most 30.
+    """
     R = F
     for _ in range(10):
         R = mean(R, transposed(inverse(R)))
@@ -45,7 +47,7 @@ def rotation(F):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def symmetric(a):  # type: ignore[no-untyped-def]
-    """The symmetric part of nine, as six."""
+    """The symmetric part of nine components, as six."""
     return (a[0], a[4], a[8], (a[1] + a[3]) / 2, (a[2] + a[6]) / 2, (a[5] + a[7]) / 2)
 
 
@@ -63,7 +65,7 @@ def grown(h):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def contracted(a, b):  # type: ignore[no-untyped-def]
-    """a : b of six each."""
+    """a : b of two symmetric tensors, six components each."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
@@ -77,7 +79,7 @@ def hooke(first, shear, e):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def compliant(first, shear, s):  # type: ignore[no-untyped-def]
-    """The strain of a stress after Hooke."""
+    """The strain of a stress by Hooke's law."""
     p, c = first / (3 * first + 2 * shear) * (s[0] + s[1] + s[2]), 1 / (2 * shear)
     return (c * (s[0] - p), c * (s[1] - p), c * (s[2] - p), c * s[3], c * s[4], c * s[5])
 

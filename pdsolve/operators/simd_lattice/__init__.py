@@ -1,1 +1,1 @@
-"""Laws on lattices, 64 nodes at a time; its numbers of bonds and its arrays are its own."""
+"""Laws on lattices, 64 nodes at a time; bond numbers and arrays are internal."""

@@ -1,4 +1,4 @@
-"""Values that differ by round-off alone are one."""
+"""Merges values that differ only by round-off."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 class Distinct:
-    """Different values, numbered as they turn up; one within a share of the largest of a value known is that value."""
+    """Distinct values, numbered in order of appearance; values within a share of the largest known one are equal."""
 
     def __init__(self, share: float) -> None:
         self._share, self._tolerance = share, 0.0
@@ -15,7 +15,7 @@ class Distinct:
         self.values = np.zeros(0)
 
     def numbers(self, values: NDArray[np.float64]) -> NDArray[np.int32]:
-        """The numbers of `values`, new ones added."""
+        """Numbers of `values`; new values are added."""
         if self._share > 0:
             self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
         number, known = self._look_up(values)
@@ -26,7 +26,7 @@ class Distinct:
         return number
 
     def loosen(self, share: float) -> None:
-        """From now on values within this share are one, if it is larger."""
+        """Treat values within this share as equal from now on, if it is larger than before."""
         self._share = max(self._share, share)
 
     def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""State-based laws on lattices, fast: the passes over families in blocks, all that is seldom asked for by the list."""
+"""State-based laws on lattices, fast: passes over families in blocks; everything rarely needed is done by the list."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pdsolve.state import Broken, State
 
 
 def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
-    """Where bonds of the plane are in blocks; None if the law cannot be summed so, or nodes are no lattice."""
+    """Positions of bonds of the plane in blocks; None for a law without tuples, or nodes on no lattice."""
     if law.lanes is None or not len(bonds.neighbour):
         return None
     tables, nodes = layout.Tables(), len(bonds.start) - 1
@@ -34,7 +34,7 @@ def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
 
 
 class Families(BondList):
-    """The bonds of n nodes on lattices under a law that says its passes in tuples; see `Operator`."""
+    """The bonds of n nodes on lattices under a law whose passes are tuples; see `Operator`."""
 
     name = "blocks"
 
@@ -48,7 +48,7 @@ class Families(BondList):
         threads: int,
         placed: tuple[Placed, layout.Tables],
     ) -> None:
-        """Arguments are those of `BondList`, and the bonds `placed` in slots."""
+        """Arguments are those of `BondList`, and the positions `placed` of bonds in slots."""
         self._ready = False
         super().__init__(law, model, exact, symmetric, precision, threads)
         kind = np.dtype(precision).type
@@ -84,7 +84,7 @@ class Families(BondList):
         self._ready = True
 
     def place(self, state: State) -> State:
-        """The state in arrays of this operator's own layout, to go on with."""
+        """The state in this operator's own array layout."""
         u, v, a = (array[:, : self._nodes].T for array in (self._u, self._v, self._a))
         own = State(u, v, a, self._dissipated, self._work, state.damped)
         for values, here in zip(state, own, strict=True):
@@ -93,12 +93,12 @@ class Families(BondList):
         return own
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.slots.slots[:, KIND] = self._whole
         super().back(kept, broken)
 
     def bytes(self) -> int:
-        """The memory of all arrays, bytes, but for the rows that slots get as their bonds break."""
+        """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         arrays = *self.slots, self._u, self._v, self._a, self._m, self._f, self._own, self._lane_of, self._whole
         later = self.slots.rows[self._used :].nbytes
         return super().bytes() + sum(array.nbytes for array in arrays) - later
@@ -141,11 +141,11 @@ class Families(BondList):
         self._own[:, rows] = self._lanes.standing(self.columns, rows)
 
     def _takes(self, now: Now) -> bool:
-        """Whether it is a state to be summed in blocks."""
+        """Whether a state can be summed in blocks."""
         return self._ready and now.value.dtype == self._u.dtype
 
     def _displacements(self, now: Now) -> NDArray[np.floating]:
-        """Displacements (2, m) of a state, which may be another than the one that is placed."""
+        """Displacements (2, m) of a state, also of one in another layout."""
         if now.value.ctypes.data == self._u.ctypes.data:
             return self._u
         u = np.zeros_like(self._u)
@@ -160,8 +160,10 @@ class Families(BondList):
 def _shared(
     lane: NDArray[np.int32], tabled: Tabled
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
-    """Numbers (., c) that all lanes of a slot share, numbers (., c, 64) of lanes that do not, and which of them each of
-    the slots (s, 64) has, as in `Slots`."""
+    """Numbers (., c) common to all lanes of a slot, numbers (., c, 64) of other slots, and the index of each slot's.
+
+    Slots are (s, 64), as in `Slots`.
+    """
     columns = [column.astype(float) for column in tabled.columns]
     kinds = [Distinct(SAME_STIFFNESS) for _ in columns]
     for kind, column in zip(tabled.alike, columns, strict=True):

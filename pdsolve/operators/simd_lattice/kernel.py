@@ -1,21 +1,22 @@
-"""The sum over a node's bonds, fast: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
+"""Fast sums over bonds: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
 
 Layout, after the sliced ELL format of sparse matrices:
-    block    64 consecutive nodes; a node's place in it is its lane
-    row      16 consecutive lanes
-    slot     the bonds of a block with one reference vector, at most one a lane. Where the neighbours of a row's lanes
-             are consecutive too, which is nearly everywhere, a slot stores how far on they are (way), else all (ids).
-    table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots:
-             inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
-             A slot gets rows of its own when its first bond breaks or softens.
-    mask     one bit a lane: there is a bond, and it is intact. As the stiffness is 0 where there is none, only what
-             looks at single bonds needs it.
 
-Symbols as in pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
-A lane carries an `edge`: nothing happens to its bond up to this e, that of its limit or, if its law softens, of its
-peak and then of its largest stretch so far. Bonds that are straight lines are summed alike, as their stiffness is the
-secant's; of other laws (`Pair.held`) the secant is computed in lanes. A slot is looked at lane by lane in the steps
-alone in which one of its bonds goes beyond its edge.
+    block    64 consecutive nodes; a node's position in it is its lane
+    row      16 consecutive lanes
+    slot     the bonds of a block with one reference vector, at most one a lane. If the neighbours of a row's lanes are
+             consecutive too, as nearly everywhere, a slot stores their offset (way), otherwise all of them (ids).
+    table    reference vectors, rows of 64 stiffnesses and rows of 64 limits are stored once and shared by slots.
+             Inside a lattice all lanes have one stiffness and one limit, so that a slot is a few small numbers.
+             A slot gets its own rows when its first bond breaks or softens.
+    mask     one bit a lane: the bond exists and is intact. As the stiffness is 0 without a bond, only code for single
+             bonds needs it.
+
+Symbols as in pdsolve.laws.law; pdsolve.laws.pair computes the same in a few lines and is the reference in tests. A lane
+has an `edge`: an e up to which its bond does not change. It is the e of the limit or, for a softening law, of the peak
+and then of the largest stretch so far. All laws with straight lines are summed in one way, with their secant as
+stiffness; for other laws (`Pair.held`), the secant is computed in lanes. A slot is processed lane by lane only in steps
+in which one of its bonds exceeds its edge.
 """
 
 from __future__ import annotations
@@ -72,7 +73,8 @@ class Blocks(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """The state of all blocks' nodes, component by component; m nodes in whole blocks, the last may be idle."""
+    """The state of all blocks' nodes, component by component; m nodes in whole blocks, of which the last may be
+    idle."""
 
     u: NDArray[np.floating]  # (3, 2, m) displacements of three steps in turn, m; at rest in the first
     v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
@@ -84,7 +86,7 @@ class Tracks(NamedTuple):
 
 
 def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, lane: Any, s: Any) -> None:
-    """Force densities on some lanes of block b, from `lane` on, at u (2, m), N/m^3: at the beginning of `s`.
+    """Force densities on the lanes of block b from `lane` on at u (2, m), N/m^3, stored at the beginning of `s`.
 
     Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
     scratch.
@@ -97,7 +99,7 @@ def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-
 
 
 def _pair(blocks: Any) -> Pair:
-    """The pair law of numba's type of blocks."""
+    """The pair law of the numba type of blocks."""
     return pair_of(blocks.types[Blocks._fields.index("law")])
 
 
@@ -158,7 +160,7 @@ def row_of(table, row, lane):  # type: ignore[no-untyped-def]
 
 
 def worst_lanes(law: Any, worst: Any, slot: Any, lane: Any, none: Any) -> Any:
-    """The largest stretches of lanes from `lane` on above their peaks, or `none`."""
+    """Largest stretches above their peaks of the lanes from `lane` on, or `none`."""
 
 
 @overload(worst_lanes, jit_options=INNER | {"forceinline": True})
@@ -169,7 +171,7 @@ def _worst_lanes(law, worst, slot, lane, none):  # type: ignore[no-untyped-def]
 
 
 def worst_of(law: Any, worst: Any, slot: Any, lane: Any) -> Any:
-    """The largest stretch of a bond above its peak, 0 if never there."""
+    """Largest stretch of a bond above its peak, 0 if it was never above."""
 
 
 @overload(worst_of, jit_options=INNER)
@@ -181,7 +183,7 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
-    """Break or soften the bonds of a slot that are beyond their edge, and book what that has spent.
+    """Break or soften the bonds of a slot beyond their edge, and book the dissipated energy.
 
     Returns whether there were any.
     """
@@ -202,7 +204,7 @@ def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-un
 
 
 def soften(blocks: Any, tracks: Any, slot: Any, b: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> None:
-    """Let a bond above its peak remember, if its law does."""
+    """Store the stretch of a bond above its peak, if its law softens."""
 
 
 @overload(soften, jit_options=INNER)
@@ -227,13 +229,13 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
 
 @njit(**INNER)
 def across(s):  # type: ignore[no-untyped-def]
-    """How many lanes are summed at once into this scratch."""
+    """Number of lanes summed at once into this scratch."""
     return ACROSS if s.itemsize == 8 else ROW
 
 
 @njit(**INNER)
 def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignore[no-untyped-def]
-    """Take out the bond of node i that is over its limit, and book what it has spent."""
+    """Remove a bond of node i over its limit, and book the dissipated energy."""
     row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
@@ -249,7 +251,7 @@ def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignor
 
 @njit(**INNER)
 def _own_rows(blocks, slot):  # type: ignore[no-untyped-def]
-    """Give a slot rows of stiffnesses and edges of its own; returns that of the edges."""
+    """Give a slot its own rows of stiffnesses and edges; returns the row of the edges."""
     slots = len(blocks.mask)
     pull, bound = len(blocks.stiffness) - slots + slot, len(blocks.edge) - slots + slot
     if blocks.slots[slot, PULL] == pull:
@@ -264,14 +266,14 @@ def _own_rows(blocks, slot):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
-    """The node that the bond of node i, in this lane, goes to."""
+    """The neighbour at the other end of node i's bond in this lane."""
     way = blocks.slots[slot, lane // ROW]
     return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
 
 
 @cached_njit(error_model="numpy")
 def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-def]
-    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; else as `sum_lanes`."""
+    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; see `sum_lanes`."""
     s = blocks.scratch[0]
     for b in range(len(blocks.start) - 1):
         for lane in range(0, LANES, across(s)):
@@ -283,9 +285,9 @@ def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-de
 
 @cached_njit(error_model="numpy")
 def energy_densities(blocks, worst, u, own, gone):  # type: ignore[no-untyped-def]
-    """Add to (m,) arrays the energy the nodes' intact bonds hold and have spent on softening, J/m^3.
+    """Add stored energy and energy dissipated by softening, J/m^3, of the nodes' intact bonds to arrays (m,).
 
-    On one thread: it is asked for once in many steps.
+    On one thread, as it is needed only once in many steps.
     """
     for b in range(len(blocks.start) - 1):
         for slot in range(blocks.start[b], blocks.start[b + 1]):
@@ -312,7 +314,8 @@ def _energies_of(blocks, worst, u, b, slot, out):  # type: ignore[no-untyped-def
 
 
 def holds(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stretch: Any) -> Any:
-    """What the bond in a lane holds, J/m^3; c as in `pdsolve.laws.law.Pair`, of straight lines the secant's."""
+    """Stored energy of the bond in a lane, J/m^3; c as in `pdsolve.laws.law.Pair`, with the secant for straight
+    lines."""
 
 
 @overload(holds, jit_options=INNER)

@@ -1,4 +1,4 @@
-"""Writing vector code: values of a few lanes, as many as stay in registers, in LLVM's own words."""
+"""Vector code in LLVM: values of a few lanes, as many as stay in registers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INT, _ID, _BYTE = ir.IntType(64), ir.IntType(32), ir.IntType(8).as_pointer()
 
 
 def has_wide_vectors() -> bool:
-    """Whether what is compiled for has vectors of 64 bytes, and 32 registers for them."""
+    """Whether the target has vectors of 64 bytes, and 32 registers for them."""
     features = numba.config.CPU_FEATURES
     if features is None:
         features = binding.get_host_cpu_features().flatten() if numba.config.CPU_NAME in (None, "host") else ""
@@ -27,12 +27,12 @@ def has_wide_vectors() -> bool:
 
 
 def across(bytes_each: int) -> int:
-    """How many lanes are summed at once: so many that their places and sums stay in registers."""
+    """Number of lanes summed at once, such that their data stay in registers."""
     return ROW if has_wide_vectors() or bytes_each == 4 else ROW // 2
 
 
 class Code:
-    """What vector code is written with: values of `count` lanes, in as many vectors as that takes."""
+    """A writer of vector code: values of `count` lanes, in as many vectors as needed."""
 
     def __init__(self, context: Any, builder: ir.IRBuilder, kind: Any) -> None:
         single = kind == types.float32
@@ -45,7 +45,7 @@ class Code:
         self.coefficients = coefficients("float32" if single else "float64")
 
     def data(self, kind: Any, array: Any, axis: int = 0) -> Any:
-        """Where a component of an array begins."""
+        """Address of the beginning of an array component."""
         made = self._context.make_array(kind)(self._context, self.builder, array)
         if axis == 0:
             return made.data
@@ -63,14 +63,14 @@ class Code:
         return found
 
     def store(self, values: list[Any], data: Any, at: Any) -> None:
-        """Keep lanes from `at` on."""
+        """Store lanes from `at` on."""
         for first, value in zip(range(0, self.count, self.width), values, strict=True):
             place = self.builder.gep(data, [self.builder.add(at, INT(first))])
             done = self.builder.store(value, self.builder.bitcast(place, self.vector.as_pointer()))
             done.align = self.size
 
     def gather(self, data: Any, ids: Any, at: Any) -> list[Any]:
-        """What the lanes' neighbours have that are listed from `at` on."""
+        """Values of the lanes' neighbours listed from `at` on."""
         found = []
         for first in range(0, self.count, self.width):
             value = ir.Constant(self.vector, ir.Undefined)
@@ -82,7 +82,7 @@ class Code:
         return found
 
     def bits(self, data: Any, at: Any, lane: Any) -> list[Any]:
-        """Which lanes from `lane` on have their bit set, in an element of an array of uint16."""
+        """Bits of the lanes from `lane` on, in an element of an array of uint16."""
         word, found = self.builder.load(self.builder.gep(data, [at])), []
         for first in range(0, self.count, self.width):
             away = self.builder.trunc(self.builder.add(lane, INT(first)), word.type)
@@ -107,7 +107,7 @@ class Code:
         return [value] * (self.count // self.width)
 
     def each(self, function: Callable[..., Any], *values: list[Any]) -> list[Any]:
-        """A function of one vector, of all."""
+        """A function of a vector applied to all vectors."""
         return [function(*vectors) for vectors in zip(*values, strict=True)]
 
     def add(self, a: list[Any], b: list[Any]) -> list[Any]:
@@ -149,15 +149,15 @@ class Code:
         return self.each(lambda *vectors: self.builder.call(function, vectors), *values)
 
     def above(self, a: list[Any], b: list[Any]) -> list[Any]:
-        """Whether a > b, or either is no number."""
+        """Whether a > b, or either is NaN."""
         return self.each(lambda one, other: self.builder.fcmp_unordered(">", one, other), a, b)
 
     def choose(self, which: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
-        """a where it is true, else b."""
+        """a where `which` is true, else b."""
         return self.each(self.builder.select, which, a, b)
 
     def some(self, which: list[Any]) -> Any:
-        """Whether it is true in any lane."""
+        """Whether any lane is true."""
         either = which[0]
         for other in which[1:]:
             either = self.builder.or_(either, other)
@@ -172,7 +172,7 @@ class Code:
         return value
 
     def merge(self, incoming: list[tuple[list[Any], Any]]) -> list[Any]:
-        """Values that come from one of several blocks of code."""
+        """Values that arrive from one of several blocks of code."""
         found = [self.builder.phi(self.vector) for _ in incoming[0][0]]
         for values, block in incoming:
             for phi, value in zip(found, values, strict=True):

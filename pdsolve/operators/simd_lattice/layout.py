@@ -1,7 +1,7 @@
-"""From bonds to the blocks of the fast kernel, some rows at a time.
+"""Converts bonds to the blocks of the fast kernel, some rows at a time.
 
-Bonds of a lattice that should be equal differ by round-off, as positions do. Here components of reference vectors,
-and stiffnesses, that differ by less than computing them does are made one; limits are equal to the last bit.
+Equal bonds of a lattice differ by round-off, as positions do. Components of reference vectors, and stiffnesses, that
+differ by less than their round-off are merged here; limits are equal to the last bit.
 
 A bond's number is that of its lane: 64 times its slot, plus the lane.
 """
@@ -33,7 +33,7 @@ LAST = -1  # the number of a lane without a bond: the last in the tables of stif
 
 
 class _Rows(NamedTuple):
-    """Numbers of some slots' lanes: the first of each slot, and all of those that have several."""
+    """Values of slots with one value in all lanes, and of slots with several."""
 
     first: NDArray[np.int32]  # (s,)
     mixed: NDArray[np.bool_]  # (s,)
@@ -41,7 +41,7 @@ class _Rows(NamedTuple):
 
 
 class _Slots(NamedTuple):
-    """The slots of a part, s of them."""
+    """The s slots of a part."""
 
     counts: NDArray[np.int64]  # (blocks,) slots of a block
     vector: NDArray[np.int32]  # (s,)
@@ -53,7 +53,7 @@ class _Slots(NamedTuple):
 
 
 class Tables:
-    """What slots of all parts share."""
+    """Tables shared by the slots of all parts."""
 
     def __init__(self) -> None:
         self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
@@ -69,7 +69,7 @@ class Tables:
 
 
 def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
-    """The bonds of `nodes` nodes under a pair law, in blocks of precision `kind`; None if they are no lattice.
+    """The bonds of `nodes` nodes under a pair law, in blocks of precision `kind`; None if they are on no lattice.
 
     `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64.
     """
@@ -116,7 +116,7 @@ def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating
 
 
 def reference_table(tables: Tables) -> NDArray[np.float64]:
-    """Each reference vector as the kernel wants it."""
+    """Reference vectors in the kernel's format."""
     x, y = tables.xi()
     inverse = 1 / (x * x + y * y)
     table = np.zeros((len(x), FIELDS))
@@ -126,7 +126,7 @@ def reference_table(tables: Tables) -> NDArray[np.float64]:
 
 
 class Placed(NamedTuple):
-    """Where the bonds of a part are: s slots."""
+    """Positions of a part's bonds in s slots."""
 
     counts: NDArray[np.int64]  # (blocks,) slots of a block
     vector: NDArray[np.int32]  # (s,)
@@ -136,7 +136,7 @@ class Placed(NamedTuple):
 
 
 def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | None:
-    """The slots of the bonds of the rows from `first` on, a multiple of 64; None if the nodes are no lattice."""
+    """Slots of the bonds of rows from `first` on, a multiple of 64; None if the nodes are on no lattice."""
     placed = place(bonds, first, room, tables)
     if placed is None:
         return None
@@ -158,7 +158,7 @@ def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | Non
 
 
 def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
-    """Where the bonds of the rows from `first` on, a multiple of 64, are; None if the nodes are no lattice."""
+    """Positions of the bonds of rows from `first` on, a multiple of 64; None if the nodes are on no lattice."""
     size = np.abs(bonds.xi).ravel()
     component = tables.components.numbers(size)
     if len(tables.components.values) > MOST_COMPONENTS:
@@ -184,7 +184,7 @@ def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
 
 
 def sparse(placed: Placed, bonds: int) -> bool:
-    """Whether so few lanes have a bond that the nodes are no lattice."""
+    """Whether so few lanes have bonds that the nodes are on no lattice."""
     return bonds < LEAST_FILLED * placed.lane.size
 
 
@@ -200,7 +200,7 @@ def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
 def _ways(
     neighbour: NDArray[np.int32], lane: NDArray[np.int32], first: NDArray[np.int64], room: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """The ways (s, 4) of rows whose neighbours are consecutive, and the 16 neighbours of those that are not.
+    """Offsets (s, 4) of rows with consecutive neighbours, and the 16 neighbours of other rows.
 
     `lane` (s, 64) are the bonds of slots, whose blocks begin with the nodes `first` (s,) of `room`.
     """
@@ -217,7 +217,7 @@ def _ways(
 
 
 def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
-    """The numbers of the bonds (b,), slot by slot; LAST in lanes without a bond."""
+    """Values of the bonds (b,), slot by slot; LAST in lanes without a bond."""
     if not len(numbers):
         return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
     number = np.where(there, numbers[lane], np.int32(LAST))
@@ -226,7 +226,7 @@ def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np
 
 
 def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The row of each slot (s,), and for each row the numbers of its lanes (., 64)."""
+    """The row of each slot (s,), and the values of each row's lanes (., 64)."""
     first, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
     row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
     row[~mixed] = np.searchsorted(uniform, first[~mixed])
@@ -253,7 +253,7 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
 
 
 def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reference vectors (k, 2), m, and force densities for a unit stretch (k,), N/m^3, that bonds have left."""
+    """Reference vectors (k, 2), m, and remaining force densities at unit stretch (k,), N/m^3, of bonds."""
     slot, lane = np.divmod(numbers, LANES)
     table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
     return table[:, :2], blocks.stiffness[blocks.slots[slot, PULL], lane] / np.sqrt(table[:, 4])
@@ -262,9 +262,9 @@ def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.floa
 def find(
     blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), which are there in the masks `whole`.
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), among those in the masks `whole`.
 
-    Rows are those of nodes. Raises CheckpointError for a bond that is none.
+    Arguments are rows of nodes. Raises CheckpointError for a missing bond.
     """
     room = LANES * (len(blocks.start) - 1)
     block = np.unique(source // LANES)
@@ -289,8 +289,10 @@ def revive(
     worst: NDArray[np.floating],
     edge: NDArray[np.floating],
 ) -> None:
-    """Make stiffnesses, edges and masks those of a state (s, 64): where bonds are `broken`, their `worst` stretches and
-    the `edge` of those that have one; `intact` (s,) were the masks of the whole plate."""
+    """Set stiffnesses, edges and masks to a state (s, 64): `broken` bonds, their `worst` stretches, and their `edge`.
+
+    `intact` (s,) were the masks of the unbroken plate.
+    """
     whole = _bits(intact)
     gone, soft = whole & (broken != 0), np.broadcast_to(worst > 0, whole.shape) if len(worst) else np.zeros_like(whole)
     blocks.mask[:] = np.packbits(whole & ~gone, axis=1, bitorder="little").view(np.uint64)[:, 0]
@@ -316,9 +318,9 @@ def revive(
 
 
 def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
-    """A copy that begins at a multiple of 64 bytes: vectors that cross a cache line cost twice.
+    """A copy aligned to 64 bytes, as vectors across a cache line cost twice.
 
-    With room for `more` rows, which take no memory until they are written to.
+    It has room for `more` rows, which take no memory until they are written.
     """
     shape = (len(values) + more, *values.shape[1:])
     wanted = values.itemsize * int(np.prod(shape))
@@ -335,7 +337,7 @@ def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 
 def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Numbers of the keys, all below `most`, and the keys they stand for."""
+    """Numbers of the distinct keys, all below `most`, and the keys."""
     seen = np.zeros(most, dtype=bool)
     seen[keys] = True
     number = np.cumsum(seen, dtype=np.int32) - np.int32(1)

@@ -1,4 +1,4 @@
-"""The fast kernel as an operator: pair laws on lattices, its numbers and arrays its own."""
+"""The fast kernel as an operator: pair laws on lattices, with its own bond numbers and arrays."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SimdLattice:
         )
 
     def place(self, state: State) -> State:
-        """The state in arrays of this operator's own layout, to go on with."""
+        """The state in this operator's own array layout."""
         nodes, tracks = len(self._stiffest), self.tracks
         u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
         own = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
@@ -69,18 +69,18 @@ class SimdLattice:
         state.dissipated[:] = own.dissipated
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
+        """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
         self.place(state)
         held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
         energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], held, spent)
         return held[: len(self._stiffest)], spent[: len(self._stiffest)]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """No fields: a pair law stores none beside the displacements."""
+        """Empty: a pair law stores no fields besides displacements."""
         return {}
 
     def stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
+        """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffest
 
     def tangent(self, state: State) -> csr_array:
@@ -94,7 +94,7 @@ class SimdLattice:
         return of_springs(*self._ends(numbers), xi, pull, state.value)
 
     def _curved_tangent(self, numbers: NDArray[np.int64], state: State) -> csr_array:
-        """The tangent of intact bonds (k,) that are no straight lines, bond by bond."""
+        """The tangent of intact bonds (k,) whose law is not linear, bond by bond."""
         from pdsolve.operators.tangent import of_pairs
 
         source, target = self._ends(numbers)
@@ -113,7 +113,7 @@ class SimdLattice:
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         last = len(self._stiffest) if last is None else last
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
@@ -124,7 +124,7 @@ class SimdLattice:
         return source[own], target[own]
 
     def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step: step, source and target row of each."""
+        """Bonds broken after a step: step, source row and target row of each."""
         new = layout.there(self._looked_at & ~self.blocks.mask)
         if len(new):
             found = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
@@ -136,7 +136,7 @@ class SimdLattice:
         return Broken(*(column[later] for column in self._broken))
 
     def keep(self) -> Kept:
-        """The memory of bonds for a checkpoint, keyed by the rows of their nodes."""
+        """History of bonds for a checkpoint, by the rows of their nodes."""
         worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
         softened = np.flatnonzero(worst)
         slot, lane = np.divmod(softened, LANES)
@@ -145,7 +145,7 @@ class SimdLattice:
         return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore the memory of bonds and the broken bonds of a checkpoint."""
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
         torn, (softened, values, edges) = self._find(broken.source, broken.target), self._softened(kept)
         steps[:] = worst[:] = 0
@@ -155,7 +155,7 @@ class SimdLattice:
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
     def _softened(self, kept: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
-        """The bonds (k,) of a checkpoint that have softened, their worst stretches and edges (k,)."""
+        """Softened bonds (k,) of a checkpoint, their largest stretches and edges (k,)."""
         nodes, rows = len(self._stiffest) - 1, (None,) if self.tracks.worst.size else (0,)
         values = entry(kept, "worst", rows, self.tracks.worst.dtype)
         edges = entry(kept, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
@@ -163,7 +163,7 @@ class SimdLattice:
         return self._find(source, target), values, edges
 
     def bytes(self) -> int:
-        """The memory of all arrays, bytes, but for the rows that slots get as their bonds break."""
+        """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         blocks = self.blocks
         later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
         return sum(array.nbytes for array in (*blocks, *self.tracks)) - later

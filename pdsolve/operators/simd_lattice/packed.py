@@ -1,7 +1,7 @@
-"""Lanes as numbers of compiled code: what a law says of one bond, said of as many at once as stay in registers.
+"""Lanes as a number type of compiled code: a law's function of one bond then computes as many as fit into registers.
 
-A function that adds and multiplies, divides and takes roots does not see whether it is given numbers or lanes of them.
-In compiled code alone; arrays are (rows, m), rows one after the other.
+A function that adds, multiplies, divides and takes roots accepts numbers and lanes alike. For compiled code only;
+arrays are (rows, m), row after row.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CONTRACTED = ("contract",)  # a product and a sum may be rounded once
 
 
 class Lanes(types.Type):
-    """Some numbers of one kind, side by side."""
+    """Several numbers of one type, side by side."""
 
     def __init__(self, kind: Any) -> None:
         self.kind, self.count = kind, across(kind.bitwidth // 8)
@@ -35,7 +35,7 @@ class Lanes(types.Type):
 
 @register_default(Lanes)
 class _Model(PrimitiveModel):
-    """A vector, which compilers divide into those that a processor has."""
+    """A vector, which compilers split to the processor's width."""
 
     def __init__(self, manager: Any, fe_type: Lanes) -> None:
         element = ir.FloatType() if fe_type.kind == types.float32 else ir.DoubleType()
@@ -54,7 +54,7 @@ def _same(builder: Any, vector: Any, scalar: Any) -> Any:
 
 
 def _infer(function: Any) -> None:
-    """Let a function of two numbers take lanes for either of them."""
+    """Let a function of two numbers accept lanes for either of them."""
 
     @infer_global(function)
     class _Both(AbstractTemplate):
@@ -121,7 +121,7 @@ def _root(lanes):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def same(typingctx, array, number):  # type: ignore[no-untyped-def]
-    """A number in all lanes of the kind that an array's are."""
+    """A number in all lanes, in the type of an array's elements."""
     lanes = Lanes(array.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -133,7 +133,7 @@ def same(typingctx, array, number):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def unless_none(typingctx, weight, one, other):  # type: ignore[no-untyped-def]
-    """`one` in lanes that have a weight, `other` in those that have none."""
+    """`one` in lanes with a nonzero weight, `other` in the rest."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         none = ir.Constant(values[0].type, [0.0] * values[0].type.count)
@@ -164,7 +164,7 @@ def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
 
 
 def _row(context: Any, builder: Any, kind: Any, array: Any, row: int) -> Any:
-    """Where a row of an array begins."""
+    """Address of the beginning of an array's row."""
     made = context.make_array(kind)(context, builder, array)
     stride = builder.extract_value(made.strides, 0)
     begin = builder.gep(
@@ -179,7 +179,7 @@ def _place(builder: Any, row: Any, at: Any, vector: Any) -> Any:
 
 @intrinsic
 def beside(typingctx, array, like, at):  # type: ignore[no-untyped-def]
-    """The lanes from `at` on of as many rows of an array as a tuple has entries."""
+    """Lanes from `at` on, of as many rows of an array as a tuple has entries."""
     lanes = Lanes(array.dtype)
     found = types.UniTuple(lanes, len(like))
 
@@ -197,7 +197,7 @@ def beside(typingctx, array, like, at):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
-    """The lanes of nodes whose numbers are in `ids` (., 16), from its element `at` on; a row of the array each."""
+    """Lanes of the nodes listed in `ids` (., 16), from element `at` on; one row of the array each."""
     lanes = Lanes(array.dtype)
     found = types.UniTuple(lanes, len(like))
 
@@ -221,7 +221,7 @@ def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def keep(typingctx, values, array, at):  # type: ignore[no-untyped-def]
-    """Put a tuple of lanes into the first rows of an array, from `at` on."""
+    """Store a tuple of lanes in the first rows of an array, from `at` on."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         for number, value in enumerate(cgutils.unpack_tuple(builder, arguments[0])):
@@ -235,7 +235,7 @@ def keep(typingctx, values, array, at):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
-    """The numbers of a row of an array (., c), each in all lanes: as many as a tuple has entries."""
+    """Numbers of a row of an array (., c), each in all lanes: as many as a tuple has entries."""
     lanes = Lanes(array.dtype)
     found = types.UniTuple(lanes, len(like))
 
@@ -251,7 +251,7 @@ def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
-    """The lanes from `lane` on of entry `row` of an array (., c, 64): as many rows as a tuple has entries."""
+    """Lanes from `lane` on of entry `row` of an array (., c, 64): as many rows as a tuple has entries."""
     lanes = Lanes(array.dtype)
     found = types.UniTuple(lanes, len(like))
 

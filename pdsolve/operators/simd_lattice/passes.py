@@ -1,9 +1,9 @@
-"""Two passes over families in blocks, for laws that say theirs in tuples: what nodes gather, then what bonds pull.
+"""Two passes over families in blocks, for laws whose passes are tuples: nodal sums, then bond forces.
 
-Blocks, slots and lanes as in `kernel`. What a bond has besides its reference vector is the same in all lanes of most
-slots, a row of `kinds`; a slot at an edge or with a broken bond has a row of `rows`, 0 where there is no bond. Sums
-stay in registers. As f_ij is made of sums over both ends and of vectors that have but their signs changed, it is -f_ji
-to the bit.
+Blocks, slots and lanes are those of `kernel`. A bond's numbers besides its reference vector are equal in all lanes of
+most slots, a row of `kinds`. A slot at an edge or with a broken bond has a row of `rows`, 0 without a bond. Sums stay
+in registers. f_ij consists of sums over both ends and of vectors that only change sign, so that f_ij = -f_ji to the
+bit.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Slots(NamedTuple):
 
 @njit(forceinline=True, **INNER)
 def _numbers(slots, slot, like, lane):  # type: ignore[no-untyped-def]
-    """What the bonds of some lanes have."""
+    """Numbers of the bonds of some lanes."""
     kind = np.int64(slots.slots[slot, KIND])
     if kind >= 0:
         return repeated(slots.kinds, like, kind)
@@ -59,7 +59,7 @@ def _numbers(slots, slot, like, lane):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _there(slots, slot, array, like, at, lane):  # type: ignore[no-untyped-def]
-    """What the neighbours of some lanes, whose first node is `at`, have in the first rows of an array."""
+    """Values of the neighbours of some lanes, the first node of which is `at`, in the first rows of an array."""
     way = np.int64(slots.slots[slot, lane // ROW])
     if way < FAR:
         return beside(array, like, at + way)
@@ -68,7 +68,7 @@ def _there(slots, slot, array, like, at, lane):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _bond(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
-    """The deformed bonds of some lanes; those that are none are as at rest."""
+    """Deformed bonds of some lanes; lanes without a bond are undeformed."""
     v = slots.vectors[slots.slots[slot, VECTOR]]
     there = _there(slots, slot, u, PLANE, at, lane)
     x, y = unless_none(c[0], there[0] - own[0], there[0] * 0.0), unless_none(c[0], there[1] - own[1], there[1] * 0.0)
@@ -82,7 +82,7 @@ def _bond(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
 
 @cached_njit(nogil=True, error_model="numpy")
 def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
-    """Fill m (w, n) in some blocks with what nodes have between the passes, or, not `by_lanes`, with their sums."""
+    """Fill m (w, n) in some blocks with nodal numbers between the passes or, without `by_lanes`, with their sums."""
     none = same(u, 0.0)
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
@@ -99,7 +99,7 @@ def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type:
 
 @cached_njit(nogil=True, error_model="numpy")
 def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no-untyped-def]
-    """Fill f (2, n) in the same blocks with force densities, N/m^3."""
+    """Fill f (2, n) in these blocks with force densities, N/m^3."""
     none = same(u, 0.0)
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
@@ -114,7 +114,7 @@ def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no
 
 @cached_njit(nogil=True, error_model="numpy")
 def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no-untyped-def]
-    """Mark the nodes in `near` (n,) one of whose lanes has a bond that is over its limit, or nearly."""
+    """Mark in `near` (n,) the nodes of lanes with a bond over its limit, or nearly."""
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane

@@ -1,12 +1,12 @@
-"""What a bond pulls with, without a root and a division.
+"""The force of a bond without a root and a division.
 
-The force of a bond is w e g(e) (xi + eta) with e = (2 xi.eta + eta.eta) / xi.xi, its stiffness over its length w, and
+It is w e g(e) (xi + eta) with e = (2 xi.eta + eta.eta) / xi.xi, the stiffness over length w, and
 
     g(e) = 1 / (1 + e + sqrt(1 + e))
 
-which is free of cancellation. Polynomials stand for g that are as exact as a root and a division are: of degree 5
-where |e| is at most `NARROW`, which is all that most bonds of brittle materials ever see, and of degree 10 up to
-`WIDE` (in single precision 2 and 4). They interpolate g at Chebyshev's points.
+which is free of cancellation. Polynomials replace g with the accuracy of a root and a division: of degree 5 for |e| up
+to `NARROW`, enough for most bonds of brittle materials, and of degree 10 up to `WIDE` (in single precision 2 and 4).
+They interpolate g at Chebyshev points.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _pull(e: Decimal) -> Decimal:
 
 
 def _interpolated(function: Callable[[Decimal], Decimal], reach: float, degree: int) -> tuple[float, ...]:
-    """The polynomial through a function of e at degree + 1 points, by Newton's differences."""
+    """The interpolating polynomial of a function of e at degree + 1 points, by Newton's differences."""
     with localcontext() as context:
         context.prec = DIGITS
         points = [Decimal(reach * cos(pi * (2 * k + 1) / (2 * degree + 2))) for k in range(degree + 1)]

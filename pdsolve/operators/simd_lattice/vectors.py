@@ -33,7 +33,7 @@ class _Bonds:
     """The bonds of some lanes of a block, slot by slot."""
 
     def __init__(self, code: Code, kinds: Any, values: Any) -> None:
-        """`values` are those of the arguments of `add_slots`, of these `kinds`."""
+        """`values` are the arguments of `add_slots`, of the types `kinds`."""
         self._code = code
         arrays = zip(kinds[:7], values[:7], strict=True)
         self.u = [code.data(kinds[0], values[0], axis) for axis in (0, 1)]
@@ -45,7 +45,7 @@ class _Bonds:
         self.own = [code.load(component, self._node) for component in self.u]
 
     def way(self, slot: Any) -> Any:
-        """From a node of the row to its neighbour; or FAR + row of ids."""
+        """Offset from a node of the row to its neighbour; or FAR + row of ids."""
         return self._field(slot, self._row)
 
     def reference(self, slot: Any) -> list[list[Any]]:
@@ -54,12 +54,12 @@ class _Bonds:
         return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(5)]
 
     def beside(self, way: Any) -> list[list[Any]]:
-        """Displacements of neighbours that are consecutive."""
+        """Displacements of consecutive neighbours."""
         at = self._code.builder.add(self._node, way)
         return [self._code.load(component, at) for component in self.u]
 
     def listed(self, way: Any) -> list[list[Any]]:
-        """Displacements of neighbours that are not."""
+        """Displacements of listed neighbours."""
         builder = self._code.builder
         row = builder.mul(builder.sub(way, INT(FAR)), INT(ROW))
         at = builder.add(row, builder.srem(self._lane, INT(ROW)))
@@ -73,7 +73,7 @@ class _Bonds:
         return eta_x, eta_y, code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
 
     def found(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
-        """The reference of a slot whose neighbours may be anywhere, eta, and e, which is 0 without a bond."""
+        """Reference of a slot with neighbours anywhere, eta, and e, which is 0 without a bond."""
         code, builder, blocks = self._code, self._code.builder, loop.blocks
         way, reference = self.way(loop.slot), self.reference(loop.slot)
         builder.cbranch(builder.icmp_signed(">=", way, INT(FAR)), blocks["listed"], blocks["beside"])
@@ -95,11 +95,11 @@ class _Bonds:
         return self._code.load(self._stiffness, self._lane_of(self._field(slot, INT(PULL))))
 
     def near(self, slot: Any) -> list[Any]:
-        """Up to which |e| a lane needs no care, infinite without a bond."""
+        """Largest |e| of a lane for the narrow polynomial, infinite without a bond."""
         return self._code.load(self._near, self._lane_of(self._field(slot, INT(BOUND))))
 
     def edge(self, slot: Any) -> list[Any]:
-        """Above which e something happens to a bond."""
+        """The e above which a bond breaks or softens."""
         return self._code.load(self._edge, self._lane_of(self._field(slot, INT(BOUND))))
 
     def pulled(
@@ -111,7 +111,7 @@ class _Bonds:
         g: list[Any],
         sums: list[list[Any]],
     ) -> list[list[Any]]:
-        """The sums, the slot's forces added."""
+        """The sums plus the slot's forces."""
         code = self._code
         pull = code.mul(code.mul(self.stiffness(slot), e), g)
         return [
@@ -137,10 +137,10 @@ def _signature(u: Any, slots: Any, ids: Any, vectors: Any, stiffness: Any, near:
 
 
 class _Loop:
-    """A loop over slots that leaves at the first one it cannot add."""
+    """A loop over slots that stops at the first one it cannot add."""
 
     def __init__(self, code: Code, bonds: _Bonds, values: Any, kept: Any, names: tuple[str, ...]) -> None:
-        """`values` are the arguments of `add_slots`; the blocks of code called so are there to be filled."""
+        """`values` are the arguments of `add_slots`; `names` are the blocks of code to fill."""
         builder = code.builder
         began, function = builder.block, builder.function
         self._code, self._kept = code, kept
@@ -155,17 +155,17 @@ class _Loop:
         self.go_on("look")
 
     def go_on(self, name: str) -> None:
-        """What follows is in this block of code."""
+        """Write the following code into this block."""
         self._code.builder.position_at_end(self.blocks[name])
 
     def unless(self, condition: Any, name: str) -> None:
-        """Leave if it holds, which is seldom, else go on there."""
+        """Leave the loop if the rare `condition` holds, else continue in the block `name`."""
         branch = self._code.builder.cbranch(condition, self.blocks["leave"], self.blocks[name])
         branch.set_weights(SELDOM)
         self.go_on(name)
 
     def end(self, after: list[list[Any]]) -> Any:
-        """On to the next slot with these sums; returns the slot that the loop leaves at."""
+        """Go to the next slot with these sums; returns the slot at which the loop stopped."""
         builder, add = self._code.builder, self.blocks["add"]
         self.slot.add_incoming(builder.add(self.slot, INT(1)), add)
         for phis, totals in zip(self.sums, after, strict=True):
@@ -180,9 +180,9 @@ class _Loop:
 
 @intrinsic
 def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
-    """Add the forces of the slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
+    """Add the forces of slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
-    Returns the first slot whose neighbours are not consecutive or that has an |e| above `near`, or `last`.
+    Returns the first slot with neighbours that are not consecutive or with an |e| above `near`, or `last`.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -202,9 +202,9 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, l
 
 @intrinsic
 def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
-    """Add the forces of the slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE.
+    """Add the forces of slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE.
 
-    Returns the first slot with an |e| beyond, or an e above `edge`, and those of its lanes in s; or `last`.
+    Returns the first slot with a larger |e|, or with an e above `edge` (its lanes are stored in s); or `last`.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -234,7 +234,7 @@ def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, las
 
 @intrinsic
 def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
-    """Add the forces of all slots `first` to `last` - 1 to the sums in s, whatever their stretches."""
+    """Add the forces of slots `first` to `last` - 1 to the sums in s, for any stretch."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         code = Code(context, builder, u.dtype)
@@ -256,9 +256,10 @@ def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, las
 
 @intrinsic
 def kick_and_drift(typingctx, u, after, v, lightness, dt, half, own, s):  # type: ignore[no-untyped-def]
-    """From the sums in s, the last half of a step and the first of the next for the nodes from `own` on.
+    """The second half kick of a step and the first half kick and drift of the next, from the sums in s.
 
-    To the same bits as one by one: kick and drift are two roundings, and never contracted. `lightness` (m,) is 1 / rho.
+    For the nodes from `own` on, to the same bits as one by one: kick and drift are rounded separately and never
+    contracted. `lightness` (m,) is 1 / rho.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
