@@ -9,6 +9,7 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
+# make materials  what materials go with and their settings, from what they say of themselves: sections of a page
 # make forks   where a crack of particles forks, over time steps and grids: a section of a page
 # make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
@@ -26,7 +27,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 
-.PHONY: demo test slow thesis sources failures handbook forks docs split check bench bench-speed bench-quick compare mutants \
+.PHONY: demo test slow thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare mutants \
 	size places endurance install package pythons gmsh-libraries clean
 
 demo: gmsh-libraries
@@ -57,6 +58,9 @@ failures: $(VENV)/test.done
 
 handbook: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.handbook
+
+materials: $(VENV)/install.done
+	$(BIN)/python -m benchmarks.combinations
 
 forks: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.forks

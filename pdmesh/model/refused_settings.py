@@ -11,7 +11,6 @@ from typing import NamedTuple
 import msgspec
 
 from pdmesh.model.document import (
-    USUAL_LAW,
     Absorb,
     Acceleration,
     GridError,
@@ -20,28 +19,8 @@ from pdmesh.model.document import (
     Settings,
     Velocity,
 )
-from pdmesh.model.material_constants import BONDS_NU
+from pdmesh.model.materials import KINDS, Refusal, Refusals
 
-FAILURES = {
-    "bond": ("stretch",),
-    "ordinary": ("stretch", "energy", "none"),
-    "correspondence": ("stretch", "energy", "stress", "none"),
-    "micropolar": ("stretch", "none"),
-}
-ITS_OWN = {  # name: the models that know it
-    "influence": ("ordinary", "correspondence"),
-    "strength": ("correspondence",),
-    "solid": ("correspondence",),
-    "form": ("correspondence",),
-    "control": ("correspondence",),
-    "order": ("correspondence",),
-    "constant_term": ("correspondence",),
-    "yield_stress": ("correspondence",),
-    "hardening": ("correspondence",),
-    "law": ("bond",),
-    "kr": ("bond",),
-}
-SAME = 1e-12
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
@@ -92,7 +71,8 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     if run.solver == "static":
         yield from _at_rest(settings, every)
     elif run.start == "static":
-        yield from _from_rest(every)
+        for place, material in every:
+            yield from _quoted(material, place, KINDS[material.model].from_rest(material))
     if run.adapt != "none":
         yield from _adaptive(settings, every)
     if run.cracks == "particles":
@@ -109,17 +89,23 @@ Places = list[tuple[str, Material]]
 
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
-    """Impossible values of a material, and values that its model does not use."""
-    for name, expected in (*_unheard(material), *_impossible(material)):
+    """What a material cannot be, or says to a kind that it means nothing to."""
+    yield from _quoted(material, place, _unheard(material))
+    yield from _quoted(material, place, KINDS[material.model].wrong(material))
+
+
+def _quoted(material: Material, place: str, refusals: Refusals) -> Iterator[Impossible]:
+    """Refusals of a material, its words in quotes."""
+    for name, expected in refusals:
         value = getattr(material, name)
         found = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
         yield Impossible(f"{place}.{name}", found, expected)
 
 
-def softens(material: Material) -> bool:
-    """Whether a material's bonds soften, that is, its law is not brittle."""
-    brittle = material.law == USUAL_LAW or (material.law == "bilinear" and material.kr == 1)
-    return material.model == "bond" and not brittle
+def _plain(material: Material, place: str, refusals: Refusals) -> Iterator[Impossible]:
+    """Refusals of a material, its words as they are."""
+    for name, expected in refusals:
+        yield Impossible(f"{place}.{name}", getattr(material, name), expected)
 
 
 def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -132,8 +118,7 @@ def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     if settings.area_rule == "eq19":
         yield Impossible("$.area_rule", "'eq19'", "cells or square in a body in space")
     for place, material in every:
-        if material.model == "micropolar":
-            yield Impossible(f"{place}.model", "'micropolar'", "another in a body in space")
+        yield from _quoted(material, place, KINDS[material.model].in_space(material))
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -155,32 +140,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             kind = str(condition.__struct_config__.tag)
             yield Impossible(f"$.conditions[{number}]", kind, f"load or displacement, {why}")
     for place, material in every:
-        yield from _not_followed(material, place, breaks=run.cracks == "bonds")
-
-
-def _not_followed(material: Material, place: str, breaks: bool) -> Iterator[Impossible]:
-    """Settings of a material that load steps do not support; `breaks` tells whether bonds break by themselves."""
-    if material.model == "micropolar":
-        yield _rotates(place)
-    if breaks and material.model != "bond" and material.failure != "none":
-        yield Impossible(f"{place}.failure", f"'{material.failure}'", f"'none' at rest with '{material.model}'")
-    if breaks and softens(material):
-        yield Impossible(f"{place}.law", f"'{material.law}'", f"'{USUAL_LAW}', as the solver is static")
-
-
-def _rotates(place: str) -> Impossible:
-    return Impossible(f"{place}.model", "'micropolar'", "one without rotations at rest with 'micropolar'")
-
-
-def _from_rest(every: Places) -> Iterator[Impossible]:
-    """Settings that exclude a start at rest, as the run in time has no history of it."""
-    for place, material in every:
-        if material.model == "micropolar":
-            yield _rotates(place)
-        if material.solid == "j2":
-            yield Impossible(f"{place}.solid", "'j2'", f"one that does not flow at rest with '{material.model}'")
-        if material.form == "rate":
-            yield Impossible(f"{place}.form", "'rate'", f"'total' at rest with '{material.model}'")
+        yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -204,7 +164,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
             f"false with {ratio:g} spacings in the horizon",
             f"true, or at least {FEWEST:g} spacings: {LOSSY}",
         )
-    yield from _alike(run.adapt, every)
+    for place, material in every:
+        yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Acceleration | Absorb):
             kind = str(condition.__struct_config__.tag)
@@ -214,31 +175,13 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)
 
 
-def _alike(adapt: str, every: Places) -> Iterator[Impossible]:
-    """Materials that adaptive grids do not support."""
-    first, why = every[0][1], f", as run.adapt is {adapt}"
-    for place, material in every:
-        alike = [("model", "bond")]
-        if adapt != "split":
-            alike += [("sight", "visibility"), ("micromodulus", first.micromodulus)]
-        if adapt != "hybrid":
-            alike += [("law", USUAL_LAW)]
-        elif material.law not in (USUAL_LAW, "bilinear"):
-            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW} or bilinear{why}")
-        for name, expected in alike:
-            if getattr(material, name) != expected:
-                also = ", as elsewhere" if name == "micromodulus" else ""
-                yield Impossible(f"{place}.{name}", getattr(material, name), expected + also + why)
-
-
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that cracks of particles do not support, and contradictory rules."""
     rules, words = settings.run.particles, "with cracks that are particles"
     if settings.run.adapt != "none":
         yield Impossible("$.run.adapt", settings.run.adapt, f"none {words}")
     for place, material in every:
-        if material.solid not in ("linear", "svk"):
-            yield Impossible(f"{place}.solid", material.solid, f"linear or svk {words}")
+        yield from _plain(material, place, KINDS[material.model].with_particles(material))
     for name, criterion in (("strength", "stress"), ("toughness", "intensity")):
         value = getattr(rules, name)
         if value is not None and rules.criterion != criterion:
@@ -250,38 +193,15 @@ def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.run.particles.direction", rules.direction, "hoop as the criterion is intensity")
 
 
-def _unheard(material: Material) -> Iterator[tuple[str, str]]:
-    """Settings of a material that its model ignores: name, and what is expected instead."""
-    model = material.model
-    for name, models in ITS_OWN.items():
-        if model not in models and getattr(material, name) != getattr(USUAL, name):
-            yield name, f"none with model '{model}'"
+def _unheard(material: Material) -> Refusals:
+    """Settings that a material's kind does not use."""
+    kind = KINDS[material.model]
+    known = {parameter.name for parameter in kind.parameters}
+    others = (parameter for other in KINDS.values() for parameter in other.parameters if parameter.refused)
+    for parameter in others:
+        if parameter.name not in known and getattr(material, parameter.name) != getattr(USUAL, parameter.name):
+            yield Refusal(parameter.name, f"none with model '{kind.name}'")
     if material.sight == "visibility" and material.gamma != USUAL.gamma:
-        yield "gamma", "none with sight 'visibility'"
-    if material.failure not in FAILURES[model]:
-        yield "failure", f"one of {', '.join(FAILURES[model])} with model '{model}'"
-
-
-def _impossible(material: Material) -> Iterator[tuple[str, str]]:
-    """Settings of a material that its model cannot have: name, and what is expected instead."""
-    model, most = material.model, BONDS_NU[material.plane]
-    beyond = material.order > 1 or material.constant_term
-    remembers = material.form == "rate" or material.solid == "j2"
-    if model == "bond":
-        return
-    if material.nu is None or material.nu >= 0.5:
-        yield "nu", f"Poisson's ratio below 0.5 with model '{model}'"
-    elif model == "micropolar" and material.nu > most + SAME:
-        yield "nu", f"{most:.4g} at most with model 'micropolar' in plane {material.plane}: its beams are soft beyond"
-    if material.failure == "stress" and material.strength is None:
-        yield "strength", "the largest principal stress, Pa, as failure is by stress"
-    if material.solid == "j2" and material.yield_stress is None:
-        yield "yield_stress", "more than 0 Pa with solid 'j2'"
-    if material.hardening < 0:
-        yield "hardening", "0 Pa or more: what softens flows in one row of nodes, however thin"
-    if material.form == "rate" and material.solid not in ("linear", "j2"):
-        yield "form", f"'total' with solid '{material.solid}'"
-    if material.control == "breitzman-dayal" and remembers:
-        yield "control", "silling, wan or none where a node has a history"
-    if beyond and material.control not in ("silling", "none"):
-        yield "control", "silling or none with order above 1, or with the constant term"
+        yield Refusal("gamma", "none with sight 'visibility'")
+    if material.failure not in kind.failures:
+        yield Refusal("failure", f"one of {', '.join(kind.failures)} with model '{kind.name}'")

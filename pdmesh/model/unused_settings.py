@@ -6,11 +6,13 @@ A setting that asks for something impossible is refused elsewhere; those here on
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import msgspec
 
 from pdmesh.model.document import Material, Medium, Settings
+from pdmesh.model.materials import KINDS
 
 
 class Used(NamedTuple):
@@ -29,6 +31,19 @@ class Unused(NamedTuple):
     switch: str  # that is to blame, dotted
     found: object  # what that is
     expected: str
+
+
+def _of_materials() -> Iterator[Used]:
+    """Settings of materials that are used with others alone."""
+    for kind in KINDS.values():
+        used = [parameter for parameter in kind.parameters if parameter.used is not None]
+        for (switch, instead), group in groupby(used, lambda one: (one.used, one.instead)):
+            assert switch is not None
+            names = tuple(f"material.{parameter.name}" for parameter in group)
+            yield Used(names, ((f"material.{switch[0]}", switch[1]),), instead=instead)
+        said = tuple(f"material.{parameter.name}" for parameter in kind.parameters if not parameter.refused)
+        if said:
+            yield Used(said, (("material.model", kind.name),))
 
 
 TABLE = (
@@ -52,11 +67,7 @@ TABLE = (
         (("run.solver", "explicit"), ("run.solver", "implicit")),
         "run.static.load_steps: a load step is a step and a frame",
     ),
-    Used(("material.kr", "material.keep_G0"), (("material.law", "bilinear"),), instead="brittle"),
-    Used(("material.strength",), (("material.failure", "stress"),)),
-    Used(("material.control_factor",), (("material.control", "silling"),)),
-    Used(("material.control_factor",), (("material.model", "correspondence"),)),
-    Used(("material.yield_stress", "material.hardening"), (("material.solid", "j2"),)),
+    *_of_materials(),
     Used(("medium.k_diss", "medium.capped"), (("medium.dissolution", "kinetic"),)),
 )
 

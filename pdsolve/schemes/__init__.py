@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pdmesh.model.materials import KINDS
 from pdsolve.bonds.assembly import Filling
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
@@ -23,10 +24,9 @@ def _pairs_of_their_own(model: Model) -> one_sided.Rule:
 def _refuse_others(model: Model) -> None:
     if model.grid.dimension == 3:
         raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
-    for name, expected in (("model", "bond"), ("sight", "visibility")):
-        found = getattr(model.materials[0], name)
-        if found != expected:
-            raise ModelError(f"{model.place_of(0)}.{name}: found '{found}', expected '{expected}' in the thesis mode")
+    first = model.materials[0]
+    for name, expected in KINDS[first.model].one_sided(first):
+        raise ModelError(f"{model.place_of(0)}.{name}: found '{getattr(first, name)}', expected {expected}")
 
 
 def _symmetric(model: Model) -> Filling:

@@ -1,0 +1,50 @@
+"""Bonds alone: springs of a law."""
+
+from __future__ import annotations
+
+from pdmesh.model.document import USUAL_LAW, Material
+from pdmesh.model.materials.kind import Kind, Parameter, Refusal, Refusals
+
+
+def softens(material: Material) -> bool:
+    """Whether the bonds are of a law that is not brittle."""
+    return material.law != USUAL_LAW and not (material.law == "bilinear" and material.kr == 1)
+
+
+def at_rest(material: Material, breaks: bool) -> Refusals:
+    """Load steps follow bonds that break, not those that soften."""
+    if breaks and softens(material):
+        yield Refusal("law", f"'{USUAL_LAW}', as the solver is static")
+
+
+def one_sided(material: Material) -> Refusals:
+    """One-sided bonds do not go round the tips of cracks."""
+    if material.sight != "visibility":
+        yield Refusal("sight", "'visibility' in the thesis mode")
+
+
+def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
+    """Fine zones have the laws and the sight that their own kernels know."""
+    why = f", as run.adapt is {adapt}"
+    if adapt == "hybrid" and material.law not in (USUAL_LAW, "bilinear"):
+        yield Refusal("law", f"{USUAL_LAW} or bilinear{why}")
+    if adapt != "split" and material.sight != "visibility":
+        yield Refusal("sight", f"visibility{why}")
+    if adapt != "split" and material.micromodulus != first.micromodulus:
+        yield Refusal("micromodulus", f"{first.micromodulus}, as elsewhere{why}")
+    if adapt != "hybrid" and material.law != USUAL_LAW:
+        yield Refusal("law", f"{USUAL_LAW}{why}")
+
+
+BOND = Kind(
+    name="bond",
+    parameters=(
+        Parameter("law"),
+        Parameter("kr", used=("law", "bilinear"), instead=USUAL_LAW),
+        Parameter("keep_G0", used=("law", "bilinear"), instead=USUAL_LAW, refused=False),
+    ),
+    failures=("stretch",),
+    at_rest=at_rest,
+    one_sided=one_sided,
+    adaptive=adaptive,
+)

@@ -1,0 +1,70 @@
+"""Correspondence: any solid behind the gradient of a family."""
+
+from __future__ import annotations
+
+from pdmesh.model.document import Material
+from pdmesh.model.materials.kind import (
+    Kind,
+    Parameter,
+    Refusal,
+    Refusals,
+    bonds_alone,
+    compressible,
+    intact_at_rest,
+    symmetric_alone,
+)
+from pdmesh.model.materials.solids import SOLIDS
+
+
+def wrong(material: Material) -> Refusals:
+    """Settings that contradict each other, or are missing."""
+    yield from compressible(material)
+    solid, beyond = SOLIDS[material.solid], material.order > 1 or material.constant_term
+    if material.failure == "stress" and material.strength is None:
+        yield Refusal("strength", "the largest principal stress, Pa, as failure is by stress")
+    yield from solid.wrong(material)
+    if material.hardening < 0:
+        yield Refusal("hardening", "0 Pa or more: what softens flows in one row of nodes, however thin")
+    if material.form == "rate" and not solid.rates:
+        yield Refusal("form", f"'total' with solid '{material.solid}'")
+    if material.control == "breitzman-dayal" and (material.form == "rate" or solid.flows):
+        yield Refusal("control", "silling, wan or none where a node has a history")
+    if beyond and material.control not in ("silling", "none"):
+        yield Refusal("control", "silling or none with order above 1, or with the constant term")
+
+
+def from_rest(material: Material) -> Refusals:
+    """What nodes have been through on the way is not known."""
+    if SOLIDS[material.solid].flows:
+        yield Refusal("solid", f"one that does not flow at rest with '{material.model}'")
+    if material.form == "rate":
+        yield Refusal("form", f"'total' at rest with '{material.model}'")
+
+
+def with_particles(material: Material) -> Refusals:
+    """Intensities and stresses at tips are those of small strains, and of what springs back."""
+    if not SOLIDS[material.solid].particles:
+        yield Refusal("solid", "linear or svk with cracks that are particles")
+
+
+CORRESPONDENCE = Kind(
+    name="correspondence",
+    parameters=(
+        Parameter("influence"),
+        Parameter("strength", "Pa", used=("failure", "stress")),
+        Parameter("solid"),
+        Parameter("form"),
+        Parameter("control"),
+        Parameter("control_factor", used=("control", "silling"), refused=False),
+        Parameter("order"),
+        Parameter("constant_term"),
+        *(parameter for solid in SOLIDS.values() for parameter in solid.parameters),
+    ),
+    failures=("stretch", "energy", "stress", "none"),
+    wrong=wrong,
+    at_rest=intact_at_rest,
+    from_rest=from_rest,
+    with_particles=with_particles,
+    one_sided=symmetric_alone,
+    adaptive=bonds_alone,
+)

@@ -1,0 +1,72 @@
+"""What a kind of material says of itself: its settings, what it fails by, where it is possible and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pdmesh.model.document import Material
+
+
+class Parameter(NamedTuple):
+    """A setting of `Material`, which has its bounds and its default."""
+
+    name: str
+    unit: str = ""  # "" of words and of numbers without one
+    used: tuple[str, str] | None = None  # another setting and what that must be for this one to be used
+    instead: str | None = None  # what that setting is where this one is surely not used; None: anything else
+    refused: bool = True  # with other kinds; else it is said that it is not used
+
+
+class Refusal(NamedTuple):
+    """A setting of a material that is refused, and what is expected instead."""
+
+    name: str
+    expected: str
+
+
+Refusals = Iterator[Refusal]
+
+
+def nothing(material: Material) -> Refusals:
+    """Refuses nothing."""
+    yield from ()
+
+
+def bonds_alone(material: Material, first: Material, adapt: str) -> Refusals:
+    """Refuses a kind that no cells that split and no fine zones take."""
+    yield Refusal("model", f"bond, as run.adapt is {adapt}")
+
+
+def symmetric_alone(material: Material) -> Refusals:
+    """Refuses a kind that one-sided bonds do not make."""
+    yield Refusal("model", "'bond' in the thesis mode")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of material, `Material.model`; each rule yields what is refused of one."""
+
+    name: str
+    parameters: tuple[Parameter, ...]  # of its own, or shared with some others
+    failures: tuple[str, ...]  # `Material.failure`
+    wrong: Callable[[Material], Refusals] = nothing  # in itself
+    in_space: Callable[[Material], Refusals] = nothing
+    at_rest: Callable[[Material, bool], Refusals]  # under load steps, in which bonds break by themselves or not
+    from_rest: Callable[[Material], Refusals] = nothing  # a run that begins there remembers nothing of it
+    with_particles: Callable[[Material], Refusals] = nothing  # cracks that are particles
+    one_sided: Callable[[Material], Refusals]  # the thesis mode
+    adaptive: Callable[[Material, Material, str], Refusals]  # by the plate's own material and `Run.adapt`
+
+
+def intact_at_rest(material: Material, breaks: bool) -> Refusals:
+    """Refuses failure under load steps, which do not follow it where nodes know their families."""
+    if breaks and material.failure != "none":
+        yield Refusal("failure", f"'none' at rest with '{material.model}'")
+
+
+def compressible(material: Material) -> Refusals:
+    """Refuses a Poisson's ratio that is not known, or 0.5 and more."""
+    if material.nu is None or material.nu >= 0.5:
+        yield Refusal("nu", f"Poisson's ratio below 0.5 with model '{material.model}'")

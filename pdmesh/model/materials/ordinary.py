@@ -1,0 +1,15 @@
+"""The ordinary solid: linear, state-based."""
+
+from __future__ import annotations
+
+from pdmesh.model.materials.kind import Kind, Parameter, bonds_alone, compressible, intact_at_rest, symmetric_alone
+
+ORDINARY = Kind(
+    name="ordinary",
+    parameters=(Parameter("influence"),),
+    failures=("stretch", "energy", "none"),
+    wrong=compressible,
+    at_rest=intact_at_rest,
+    one_sided=symmetric_alone,
+    adaptive=bonds_alone,
+)
