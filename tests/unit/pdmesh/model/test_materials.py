@@ -19,7 +19,7 @@ from pdsolve.model import ModelError
 from pdsolve.run.static_start import started
 from pdsolve.run.system import Options, prepare
 
-SHARED = {"E", "rho", "G0", "nu", "model", "micromodulus", "plane", "sight", "gamma", "failure"}
+SHARED = {"E", "rho", "G0", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight", "gamma", "failure"}
 CRACKED = dataclasses.replace(square_grid(60, 60, y0=-29.5e-3), cracks=np.array([[-1e-3, 0.0, 28e-3, 0.0]]))
 ON_PLATES = (*RUNS, "thesis mode")
 YES = [
