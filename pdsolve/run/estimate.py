@@ -33,6 +33,7 @@ SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lis
 BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
 NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
+SWELLING = 4.0  # times as long: what a content adds to the energy of bonds is booked in each step
 SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
 COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
@@ -80,7 +81,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels
-    paired &= not splits  # whose cells are listed bond by bond
+    swells = model.swells
+    paired &= not (splits or swells)  # which are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     if prepared is not None and not moves:
         count, bound = prepared.count, prepared.bound
@@ -102,6 +104,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
+    if swells:
+        found = found._replace(wall_time=SWELLING * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 

@@ -25,6 +25,7 @@ from pdmesh.model.document import (
 from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
+from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import prepare
 
@@ -74,7 +75,11 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
+SOON = ("bonds", "ordinary", "bonds in space")  # seconds to compile
+EACH = [pytest.param(name, marks=() if name in SOON else pytest.mark.slow) for name in LAWS]
+
+
+@pytest.mark.parametrize("name", EACH)
 def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     """At the displacements alpha dT x no law pulls: at most 1e-9 of what it pulls with where it is held instead."""
     material, counts = LAWS[name]
@@ -89,7 +94,7 @@ def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     assert system.operator.energies(state)[0].max() < 1e-9
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", EACH)
 def test_a_body_clamped_all_round_holds_what_it_must(name: str) -> None:
     """Away from surfaces W = E (alpha dT)^2 / (1 - nu) in plane stress and 3 E (alpha dT)^2 / 2 (1 - 2 nu) in space."""
     material, counts = LAWS[name]
@@ -147,6 +152,15 @@ def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     with Results.open(whole) as results:
         assert results.stored(40)[-3:] == ["c", "h", "solid"]
         assert len(results.masses()) == len(results.history()) == 9
+
+
+def test_a_plan_knows_what_heat_costs() -> None:
+    """A body that heats is listed bond by bond, and takes four times as long as one that does not."""
+    heats, cold = bar(steps=1000), bar(steps=1000).moving_part()
+    cost, less = estimate_run(heats, ONE), estimate_run(cold, ONE)
+    assert (cost.in_blocks, less.in_blocks) == (False, True)
+    assert cost.bonds == less.bonds
+    assert cost.wall_time > 4 * less.wall_time
 
 
 REFUSED = {
