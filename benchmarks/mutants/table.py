@@ -196,8 +196,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/bond_arrays.py",
-        "x = bond.xi[a] + now.value[j, a] - now.value[i, a] - now.dt * (",
-        "x = bond.xi[a] + now.value[j, a] - now.value[i, a] - 0 * (",
+        "x = bond.xi[a] + bond.eta[a] - now.dt * (",
+        "x = bond.xi[a] + bond.eta[a] - 0 * (",
         f"{UNIT}/test_kernels.py::test_a_breaking_bond_takes_its_energy_along",
     ),
     Mutant(

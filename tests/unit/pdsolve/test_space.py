@@ -103,12 +103,12 @@ def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     from pdsolve.run.estimate import estimate_run
     from pdsolve.run.system import prepare
 
-    found = bar(Run(steps=20))
+    found = bar(Run(steps=20), 0.05)
     material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")
     found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
     said, system = estimate_run(found, ONE), prepare(found, ONE).system
     assert (said.bonds, said.time_step, said.stable_time_step) == (system.bonds, system.time_step, system.bound)
-    assert said.in_blocks == (model == "bond")
+    assert said.in_blocks == (model == "bond") == (system.operator.name == "blocks")
 
 
 @pytest.mark.slow
