@@ -17,6 +17,7 @@ from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
 ABSORBED = 7.0  # damping where a layer ends, times its depth over the speed of P waves
+Driving = Load | Displacement | Velocity | Acceleration  # what acts throughout a run, and has a profile
 HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
 
 
@@ -115,7 +116,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
     loads: list[Entries] = []
     holds: dict[tuple[int, int], tuple[float, int, int]] = {}
     for condition in model.settings.conditions:
-        if not isinstance(condition, Load | Displacement | Velocity | Acceleration):
+        if not isinstance(condition, Driving):
             continue
         rows = model.selected(condition)
         number = len(profiles)

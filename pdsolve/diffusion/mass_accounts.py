@@ -41,12 +41,12 @@ class MassAccounts:
     def follow(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def settle(self, state: State, step: int, asked: object = None) -> None:
+    def settle(self, state: State, step: int, asked: object) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
-    def take(self, state: State, step: int, asked: object = None) -> None:
+    def take(self, state: State, step: int, asked: object) -> None:
         """Record the masses after this step. Raises UnstableError."""
         content, transport = state.value[:, 0], self._transport
         if not np.isfinite(content).all():
@@ -55,7 +55,7 @@ class MassAccounts:
                 f"unstable at step {step}, {step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}: its content is {content[worst]}, expected a number"
             )
-        self.settle(state, step)
+        self.settle(state, step, asked)
         self._rows.append(self.last)
 
     def entered(self, frame: Frame) -> Frame:

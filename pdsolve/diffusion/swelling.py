@@ -9,21 +9,13 @@ the forces of velocity Verlet are.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.state import State
-
-
-class Stepper(Protocol):
-    """A time integration of one unknown."""
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
+from pdsolve.steppers.protocol import Stepper
 
 
 class Swelling:

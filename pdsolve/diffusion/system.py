@@ -26,19 +26,17 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 from pdsolve.state import State
+from pdsolve.steppers.protocol import Stepper
 
 SLACK = 1e-9  # of a step: what is typed
 
 
-class Stepper(Protocol):
+class NamedStepper(Stepper, Protocol):
     """A time integration of nodal contents."""
 
     @property
     def name(self) -> str:
         """The name of the method, for the record."""
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Transport:
     model: Model
     operator: Fick
     done: BoundaryConditions
-    stepper: Stepper
+    stepper: NamedStepper
     time_step: float  # s
     bound: float  # s, surely stable
     blocked: NDArray[np.int64]  # (n,) links that cracks block
@@ -73,7 +71,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     content, operator.solid = begin(model, done)
     most = bound(operator, done)
     step = _step(model, most)
-    stepper: Stepper = Euler(operator, done, step)
+    stepper: NamedStepper = Euler(operator, done, step)
     if run.solver == "implicit":
         stepper = Theta(operator, done, step, run.theta)
     found = Transport(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)

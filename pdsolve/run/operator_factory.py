@@ -55,7 +55,12 @@ def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling
 
 def in_tiles(model: Model) -> bool:
     """Whether the bonds of a body are such as tiles have, as far as can be told without them."""
-    return is_straight(law_of(model)) and sites_of(model.grid, model.settings.horizon.ratio + 0.5) is not None
+    return is_straight(law_of(model)) and _sites(model) is not None
+
+
+def _sites(model: Model) -> Sites | None:
+    """The sites of a body's nodes, whose families reach half a spacing beyond the horizon; None for no lattice."""
+    return sites_of(model.grid, model.settings.horizon.ratio + 0.5)
 
 
 def is_straight(law: Law) -> bool:
@@ -68,7 +73,7 @@ def _in_tiles(
     model: Model, filling: Filling, survey: BondStatistics, kind: type[np.floating]
 ) -> tuple[Tiles, Sites] | None:
     """The bonds of a body in tiles, where they can be."""
-    sites = None if filling.correction is None else sites_of(model.grid, model.settings.horizon.ratio + 0.5)
+    sites = None if filling.correction is None else _sites(model)
     if sites is None or filling.correction is None:
         return None
     of_nodes = filling.correction, filling.area, unbreakable(model)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.document import Acceleration, Displacement, Load, Selection, Velocity
+from pdmesh.model.document import Selection
 from pdmesh.model.neighbours import lengths
-from pdsolve.conditions import factor_now
+from pdsolve.conditions import Driving, factor_now
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -43,7 +43,7 @@ def grips(system: System) -> tuple[Grip, ...]:
     return tuple(
         Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
         for number, condition in enumerate(system.asked.settings.conditions)
-        if isinstance(condition, Load | Displacement | Velocity | Acceleration)
+        if isinstance(condition, Driving)
     )
 
 

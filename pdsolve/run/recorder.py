@@ -218,15 +218,17 @@ class Recorder:
 
     def settle(self, step: int) -> None:
         """Bring the accounts to this step."""
-        if step != self.step:
-            self.now, self.step = ask(self.system, self.state), step
-        self.accounts.settle(self.state, step, self.now)
+        self.accounts.settle(self.state, step, self._asked(step))
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
+        self.accounts.take(self.state, step, self._asked(step))
+
+    def _asked(self, step: int) -> Asked:
+        """What the operator says of the state after this step, asked once."""
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
-        self.accounts.take(self.state, step, self.now)
+        return self.now
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All records since the last frame, for writing.
@@ -244,18 +246,19 @@ class Recorder:
             kept |= cloud(system)
         broken = [*self._breaks, breaks(system, max(self.written, self._since), asked and asked.broken)]
         frame = Frame(
-            step,
-            step * system.time_step,
-            {name: values.astype("<f4") for name, values in found.items()} if whole else None,
-            Breaks(*map(np.concatenate, zip(*broken, strict=True))),
-            (),
-            (),
-            kept,
-            (),
-            self.wall(),
-            self._epochs,
-            self._rows,
-            () if system.growth is None else system.growth.rows(-1 if self.new and step == 0 else self.written),
+            step=step,
+            time=step * system.time_step,
+            fields={name: values.astype("<f4") for name, values in found.items()} if whole else None,
+            breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
+            ledger=(),
+            probes=(),
+            checkpoint=kept,
+            wall_time=self.wall(),
+            epochs=self._epochs,
+            rows=self._rows,
+            particles=()
+            if system.growth is None
+            else system.growth.rows(-1 if self.new and step == 0 else self.written),
         )
         self.written, self._breaks, self._epochs = step, [], []
         return self.accounts.entered(frame)

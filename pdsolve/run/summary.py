@@ -8,8 +8,9 @@ import numpy as np
 
 from pdsolve.provenance import made_by
 from pdsolve.run.recorder import Recorder
-from pdsolve.run.system import Stepper, System
+from pdsolve.run.system import System
 from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.protocol import Stepper
 
 
 def meta(notes: Recorder, provenance: str) -> dict[str, Any]:

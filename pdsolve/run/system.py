@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import in_load_steps
 from pdsolve.steppers.verlet import Verlet
@@ -46,13 +47,6 @@ from pdsolve.steppers.verlet_blocks import VerletBlocks
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
-
-
-class Stepper(Protocol):
-    """A time integration of the state of a system."""
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
 
 
 # Nodes of a plate with a fine zone that moves, were they all there

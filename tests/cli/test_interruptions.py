@@ -21,8 +21,9 @@ from pdsolve.__main__ import main
 from pdsolve.model import Model
 from pdsolve.results import Results, Writer
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Stepper, prepare
+from pdsolve.run.system import Options, prepare
 from pdsolve.state import State
+from pdsolve.steppers.protocol import Stepper
 
 
 @pytest.fixture(autouse=True)

@@ -22,8 +22,9 @@ from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.results.writer_token import Token
 from pdsolve.run.simulation import Progress, resume, simulate
-from pdsolve.run.system import Options, Stepper, prepare
+from pdsolve.run.system import Options, prepare
 from pdsolve.state import State
+from pdsolve.steppers.protocol import Stepper
 
 ENDS = [signal.SIGTERM, signal.SIGHUP]
 

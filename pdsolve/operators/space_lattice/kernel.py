@@ -141,11 +141,10 @@ def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across): 
         site = t * ROW + k
         i, j = tiles.node[site], tiles.node[site + offset]
         own = tiles.margin + site
-        stretch = _stretch(row, u[0, own + offset] - u[0, own], u[1, own + offset] - u[1, own],
-                           u[2, own + offset] - u[2, own])  # fmt: skip
+        x, y, z = _relative(u, own, offset)
+        stretch = _stretch(row, x, y, z)
         if stretch <= tiles.limit or tiles.held[i] or tiles.held[j]:
             continue
-        x, y, z = (u[0, own + offset] - u[0, own], u[1, own + offset] - u[1, own], u[2, own + offset] - u[2, own])
         last = _stretch(
             row,
             x - dt * (rate[j, 0] - rate[i, 0]),
@@ -156,6 +155,13 @@ def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across): 
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
         breaks.ends[breaks.used[0], 0], breaks.ends[breaks.used[0], 1] = i, j
         breaks.used[0] += 1
+
+
+@njit(**INNER)
+def _relative(u, own, offset):  # type: ignore[no-untyped-def]
+    """The displacement of a site's neighbour less its own, eta, m."""
+    far = own + offset
+    return u[0, far] - u[0, own], u[1, far] - u[1, own], u[2, far] - u[2, own]
 
 
 @njit(**INNER)
@@ -192,7 +198,7 @@ def hold_tiles(tiles, u, held, first, last):  # type: ignore[no-untyped-def]
             for k in range(ROW):
                 if (word >> np.uint16(k)) & np.uint16(1):
                     own = tiles.margin + t * ROW + k
-                    stretch = _stretch(row, u[0, own + offset] - u[0, own], u[1, own + offset] - u[1, own],
-                                       u[2, own + offset] - u[2, own])  # fmt: skip
+                    x, y, z = _relative(u, own, offset)
+                    stretch = _stretch(row, x, y, z)
                     pull = _stiffness(tiles, row, t, own, offset)
                     held[tiles.node[t * ROW + k]] += pull / row[INVERSE] / 4 * stretch * stretch

@@ -233,22 +233,21 @@ def springs(
     return row[:, :3], w / np.sqrt(row[:, INVERSE])
 
 
-def find(
-    tiles: Tiles, sites: Sites, bits: NDArray[np.uint16], source: NDArray[np.int64], target: NDArray[np.int64]
+def placed(
+    tiles: Tiles, sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
-    """Tile, slot and bit of bonds (b,) from `source` to `target`. Raises CheckpointError for one that is none."""
+    """Tile, slot and bit of bonds (b,) from `source` to `target`; those of another bond for one that is none."""
     own, step = sites.site[source] - tiles.margin, sites.site[target] - sites.site[source]
     order = np.argsort(tiles.offsets, kind="stable")
-    at = np.searchsorted(tiles.offsets[order], step).clip(max=len(order) - 1)
-    slot, bit = order[at], np.uint16(1) << (own % ROW).astype(np.uint16)
-    known = (tiles.offsets[slot] == step) & ((bits[own // ROW, slot] & bit) != 0)
-    expect_found(known, source, target)
-    return own // ROW, slot, bit
+    slot = order[np.searchsorted(tiles.offsets[order], step).clip(max=len(order) - 1)]
+    return own // ROW, slot, np.uint16(1) << (own % ROW).astype(np.uint16)
 
 
 def cleared(
     tiles: Tiles, sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], bits: NDArray[Any]
 ) -> None:
     """Take bonds (b,) out of the bits (t, k). Raises CheckpointError for one that is none."""
-    tile, slot, bit = find(tiles, sites, bits, source, target)
+    tile, slot, bit = placed(tiles, sites, source, target)
+    step = sites.site[target] - sites.site[source]
+    expect_found((tiles.offsets[slot] == step) & ((bits[tile, slot] & bit) != 0), source, target)
     np.bitwise_and.at(bits, (tile, slot), ~bit)

@@ -131,10 +131,8 @@ class SpaceLattice:
     def _whole(self) -> NDArray[np.uint16]:
         """The bits (t, k) at the start."""
         bits, (_, source, target) = self.tiles.bits.copy(), self.broken()
-        own, step = self._sites.site[source] - self.tiles.margin, self._sites.site[target] - self._sites.site[source]
-        order = np.argsort(self.tiles.offsets)
-        slot = order[np.searchsorted(self.tiles.offsets[order], step)]
-        np.bitwise_or.at(bits, (own // ROW, slot), np.uint16(1) << (own % ROW).astype(np.uint16))
+        tile, slot, bit = layout.placed(self.tiles, self._sites, source, target)
+        np.bitwise_or.at(bits, (tile, slot), bit)
         return bits
 
     def _place(self, value: NDArray[Any]) -> None:
