@@ -141,6 +141,13 @@ class Screen:
                 self._look_at_small(pairs, found)
         return found
 
+    def near(self, far: float) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes with a segment of length `far`, m, that may meet one of the triangles."""
+        found = np.zeros(len(self._position), dtype=bool)
+        for triangle, normal in zip(self._large, self._large_normal, strict=True):
+            found |= _beside(self._position, triangle, normal, far)
+        return found | (self._away <= far) if len(self._small) else found
+
     def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of segments (k, 3), in the order of rows, so that both directions give the same answer."""
         i, j = pairs.source[which], pairs.target[which]
@@ -151,9 +158,7 @@ class Screen:
         start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(found))
         place = self._position[pairs.source[start[:-1]]]
         for triangle, normal in zip(self._large, self._large_normal, strict=True):
-            beside = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
-            beside &= np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))
-            own = np.flatnonzero(beside)
+            own = np.flatnonzero(_beside(place, triangle, normal, far))
             if not len(own):
                 continue
             count = start[own + 1] - start[own]
@@ -176,6 +181,14 @@ class Screen:
             own, number = both["i"], both["j"]
             met = meets(p[own], q[own], self._small[number], self._small_normal[number])
             found[which[own[met]]] = True
+
+
+def _beside(
+    place: NDArray[np.float64], triangle: NDArray[np.float64], normal: NDArray[np.float64], far: float
+) -> NDArray[np.bool_]:
+    """Mask (k,) of places (k, 3) within `far`, m, of a triangle's plane and of the box around it."""
+    beside = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
+    return np.asarray(beside & (np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))))
 
 
 def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -69,6 +69,11 @@ class SightInSpace:
         """Whether nothing separates any pair: the body is convex and has no crack."""
         return self._convex and not len(self._triangles)
 
+    def near(self, far: float) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes with a pair of length `far`, m, that something may separate."""
+        far *= 1 + ROUND_OFF
+        return np.asarray(self._surface.near(far) | self._cracks.near(far))
+
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs whose segment does not touch the surface."""
         return ~self._surface.met(pairs)

@@ -62,7 +62,6 @@ class Filling(NamedTuple):
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
     strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
     # that are as long as the pairs say; None where they do not go round cracks
-    correction: NDArray[np.float64] | None = None  # (n, 3) of surfaces of bodies whose bonds are corrected so
 
     def parts(self) -> Iterator[Part]:
         """All bonds, some rows at a time."""
@@ -103,7 +102,10 @@ class ByPairs(Protocol):
     """A scheme that makes the bonds of a model with n nodes from pairs, each considered by itself."""
 
     area: NDArray[np.float64]  # (n,) m^2
-    neighbours: Neighbours
+
+    @property
+    def neighbours(self) -> Neighbours:
+        """The search for pairs."""
 
     def looked(self, pairs: Pairs) -> Paired:
         """Pairs that can be bonds, with the properties that depend on each pair alone."""

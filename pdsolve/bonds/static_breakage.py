@@ -52,7 +52,10 @@ class StaticBreakage:
         return self._filling._replace(part=self._part)
 
     def breakable(self) -> Breakable | None:
-        """Bonds with a limit, from all parts filled so far; None without any."""
+        """Bonds with a limit; None without any."""
+        if not self._columns:
+            for _ in self.filling().parts():
+                pass
         columns = [np.concatenate(column) for column in zip(*self._columns.values(), strict=True)]
         columns.append(np.ones(len(columns[0]), dtype=bool))
         return Breakable(*columns) if len(columns[0]) else None

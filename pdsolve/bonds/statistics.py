@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Filling, Part, stiffness_bound
+from pdsolve.bonds.assembly import Counted, Filling, Part, stiffness_bound
 
 
 class BondStatistics:
@@ -29,6 +29,10 @@ class BondStatistics:
             self._stiffest.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
             self.softens |= bool((bonds.peak < bonds.limit).any())
             yield part
+
+    def counted(self, area: NDArray[np.float64]) -> Counted:
+        """Data of the nodes besides their bonds, with these cells (n,), m^2, in space m^3."""
+        return Counted(area, self.family, self.count)
 
     @property
     def count(self) -> NDArray[np.int64]:

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
-from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.checks import advise
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
-from pdsolve.run.operator_factory import in_tiles
+from pdsolve.run.operator_factory import surveyed
 from pdsolve.run.static_start import still
 from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
 from pdsolve.steppers.newton import FACTORED
@@ -84,23 +83,23 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     swells = model.swells
     paired &= not (splits or swells)  # which are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
+    in_blocks = paired and model.grid.dimension == 2
     if prepared is not None and not moves:
+        in_blocks |= paired and prepared.operator.name == "blocks"
         count, bound = prepared.count, prepared.bound
         step = step_of(model, bound)
     elif paired and not moves and settings.run.solver != "static":
-        survey = BondStatistics(scheme.fill(model), scheme.symmetric)
-        for _ in survey.parts():
-            pass
-        count, bound = survey.count, stable(survey.stiffness_bound, model.rho)
+        count, stiffest, in_blocks = surveyed(model, options, scheme)
+        bound = stable(stiffest, model.rho)
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system
         model = system.model
+        in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     settings = counted(model, step).settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    in_blocks = paired and (model.grid.dimension == 2 or in_tiles(model))
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))

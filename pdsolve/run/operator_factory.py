@@ -6,9 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Filling, listed
+from pdsolve.bonds.assembly import Counted, Filling, listed
 from pdsolve.bonds.statistics import BondStatistics
-from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
@@ -17,68 +16,70 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import families
 from pdsolve.operators.simd_lattice.layout import blocks_of
 from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice.kernel import Tiles
-from pdsolve.operators.space_lattice.layout import Sites, sites_of, tiles_of
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options, threads_of
+from pdsolve.schemes.cubic_springs import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
 
 
-def operator_of(model: Model, options: Options, scheme: Scheme, filling: Filling) -> tuple[Operator, BondStatistics]:
-    """The operator of the bonds: in blocks if possible and not excluded by options; and statistics of the bonds."""
-    law, kind = law_of(model), np.dtype(options.precision).type
+def operator_of(
+    model: Model, options: Options, scheme: Scheme, filling: Filling, lasting: bool = False
+) -> tuple[Operator, Counted]:
+    """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
+
+    `lasting`: no bond breaks, as `filling` has it.
+    """
+    law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
+    tiles = _tiled(model, options, scheme, lasting)
+    if tiles is not None:
+        threads = threads_of(options, nodes, True)
+        return SpaceLattice(tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
+    survey = BondStatistics(filling, scheme.symmetric)
     if law.pair is not None and options.kernel != "listed" and blocked:
-        survey = BondStatistics(filling, scheme.symmetric)
-        blocks = blocks_of(law, survey.parts(), len(model.grid), kind, threads_of(options, len(model.grid), True))
+        blocks = blocks_of(law, survey.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
-            return SimdLattice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens), survey
-    if options.kernel != "listed" and not numba.config.DISABLE_JIT and is_straight(law):
+            found = SimdLattice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens)
+            return found, survey.counted(filling.area)
         survey = BondStatistics(filling, scheme.symmetric)
-        tiled = _in_tiles(model, filling, survey, kind)
-        if tiled is not None:
-            threads = threads_of(options, len(model.grid), True)
-            return SpaceLattice(*tiled, survey.stiffness_bound, scheme.symmetric, threads), survey
-    survey, threads = BondStatistics(filling, scheme.symmetric), threads_of(options, len(model.grid), False)
+    threads = threads_of(options, nodes, False)
     bonds = listed(survey.parts(), filling.area).bonds
+    counted = survey.counted(filling.area)
     where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
     if where is not None:
         of = law, model, bonds, scheme.symmetric, options.precision, threads
-        return families.Families(*of, where), survey
+        return families.Families(*of, where), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel: found blocks, expected listed: blocks need nodes on a lattice, a law that is written for them, and"
             " compiled code"
         )
-    return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), survey
+    return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
 
 
-def in_tiles(model: Model) -> bool:
-    """Whether the bonds of a body are such as tiles have, as far as can be told without them."""
-    return is_straight(law_of(model)) and _sites(model) is not None
+def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+    """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
+    them."""
+    tiles = _tiled(model, options, scheme, False)
+    if tiles is not None:
+        return tiles.counted.bonds, tiles.stiffest, True
+    survey = BondStatistics(scheme.fill(model), scheme.symmetric)
+    for _ in survey.parts():
+        pass
+    return survey.count, survey.stiffness_bound, model.grid.dimension == 2
 
 
-def _sites(model: Model) -> Sites | None:
-    """The sites of a body's nodes, whose families reach half a spacing beyond the horizon; None for no lattice."""
-    return sites_of(model.grid, model.settings.horizon.ratio + 0.5)
+def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:
+    """The bonds of a body in tiles, where they can be and options do not exclude it."""
+    if options.kernel == "listed" or numba.config.DISABLE_JIT or not (scheme.symmetric and is_straight(law_of(model))):
+        return None
+    return tiled(model, np.dtype(options.precision).type, lasting)
 
 
 def is_straight(law: Law) -> bool:
     """Whether the bonds of a law are linear until they break."""
     pair = law.pair
     return pair is not None and pair.secant is None and pair.softening is None and pair.held is None
-
-
-def _in_tiles(
-    model: Model, filling: Filling, survey: BondStatistics, kind: type[np.floating]
-) -> tuple[Tiles, Sites] | None:
-    """The bonds of a body in tiles, where they can be."""
-    sites = None if filling.correction is None else _sites(model)
-    if sites is None or filling.correction is None:
-        return None
-    of_nodes = filling.correction, filling.area, unbreakable(model)
-    tiles = tiles_of(survey.parts(), sites, of_nodes, kind)
-    return None if tiles is None else (tiles, sites)
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

@@ -285,9 +285,8 @@ def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, e
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
-    operator, survey = operator_of(model, options, scheme, filling)
+    operator, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
     bound = stable(operator.stiffness_bound(), model.rho)
-    filled = Counted(filling.area, survey.family, survey.count)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     every = update_interval.every_of(model, found.system.time_step)
     growth = _growth(model, operator, filling, found.system.drive, every)
@@ -362,7 +361,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     breaks = breaks and not grows
     no_fail, static = StaticBreakage(scheme.fill(model)), model.settings.run.static
     filling = no_fail.filling()
-    operator, survey = operator_of(model, options, scheme, filling)
+    operator, filled = operator_of(model, options, scheme, filling, lasting=True)
     area, nodes = filling.area, len(model.grid)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
@@ -378,7 +377,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffness_bound(), model.rho)
-    counts = survey.family, survey.count
+    counts = filled.family, filled.bonds
     numbers = step, bound, 0.0
     found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
     return Prepared(found, state)

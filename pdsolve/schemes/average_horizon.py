@@ -24,6 +24,7 @@ symmetric, waves are reflected less where spacings differ.
 
 from __future__ import annotations
 
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -63,12 +64,23 @@ class Rule:
         """Raises GridError for an outline that encloses nothing."""
         grid = model.grid
         self.area, self._model, self._corrections = areas(model, "cells"), model, corrections
-        margin = grid.delta / 2 if corrections.partial_cells else 0.0
-        self.neighbours = Neighbours(grid.position, grid.delta, model.horizons + margin, mutual=True)
-        self._sight, self._held = sight_of(grid, model.name), unbreakable(model)
-        self._farthest = float((model.horizons + margin).max())
+        self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
+        self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
+        self._farthest = float((model.horizons + self._margin * grid.delta).max())
         stiffest = max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
         self._nothing = ROUND_OFF * stiffest
+
+    @cached_property
+    def neighbours(self) -> Neighbours:
+        """The search for pairs."""
+        grid = self._model.grid
+        return Neighbours(grid.position, grid.delta, self._model.horizons + self._margin * grid.delta, mutual=True)
+
+    def constants(self, pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Modulus, peak and limit (b,) of pairs; the modulus of those that do not interact is 0."""
+        reach = self._reach(pairs)
+        modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
+        return np.where(self._strong(modulus, reach), modulus, 0.0), peak, limit
 
     def strength(self, pairs: Pairs) -> NDArray[np.float64]:
         """Modulus (b,) of interacting pairs."""
@@ -93,9 +105,9 @@ class Rule:
         reach = self._reach(pairs)
         modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
         kept = np.flatnonzero(self._strong(modulus, reach))
-        kept = kept[self._sight.inside(chosen(pairs, kept))]
+        kept = kept[self.sight.inside(chosen(pairs, kept))]
         pairs, modulus, peak, limit, reach = chosen(pairs, kept), modulus[kept], peak[kept], limit[kept], reach[kept]
-        far = self._sight.apart(pairs, self._model.materials[0].detour, self._farthest)
+        far = self.sight.apart(pairs, self._model.materials[0].detour, self._farthest)
         round_a_tip = (far > pairs.length) & (far < 2 * self._farthest)
         if round_a_tip.any():
             modulus[round_a_tip] = self.strength(chosen(pairs._replace(length=far), round_a_tip))
@@ -106,30 +118,37 @@ class Rule:
         """Surface correction of rows (k, d), which increase, with these pairs; see `_lack`."""
         return _lack(self._model, rows, found, self.area, self._corrections)
 
+    def lack_in_space(self, rows: NDArray[np.int64], held: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Surface correction of rows (k, 3) whose bonds hold `held` (k, 3, 3), Pa; see `shares`."""
+        return _corrections_in_space(_full_energy(self._model, rows, self._corrections), held)
+
     def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows with these pairs and the nodes' surface corrections (n, d)."""
         factor = _energy_factor(self._model.grid.position, found.pairs, lack)
         found = found._replace(stiffness=found.stiffness * factor * found.weight)
-        return part_of(self._model.grid.position, self._held, rows, found)
+        return part_of(self._model.grid.position, self.held, rows, found)
 
 
 def fill(model: Model, corrections: Corrections = ALL) -> Filling:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, nodes, d = Rule(model, corrections), len(model.grid), model.grid.dimension
-    lack = np.ones((nodes, d))
-    all_of_them: Paired | None = None  # where they are so few as to be found in one go
-    for rows in row_chunks(nodes) if corrections.surfaces else ():
-        found = rule.looked(rule.neighbours.pairs(rows))
-        lack[rows] = rule.lack(rows, found)
-        all_of_them = found if len(rows) == nodes else None
+
+    @cache
+    def surfaces() -> tuple[NDArray[np.float64], Paired | None]:
+        """Corrections of all nodes, and all pairs where they are so few as to be found in one go."""
+        lack, together = np.ones((nodes, d)), None
+        for rows in row_chunks(nodes) if corrections.surfaces else ():
+            found = rule.looked(rule.neighbours.pairs(rows))
+            lack[rows] = rule.lack(rows, found)
+            together = found if len(rows) == nodes else None
+        return lack, together
 
     def part(rows: NDArray[np.int64]) -> Part:
-        known = all_of_them is not None and len(rows) == nodes
-        found = all_of_them if known else rule.looked(rule.neighbours.pairs(rows))
-        assert found is not None
-        return rule.part(rows, found, lack)
+        lack, together = surfaces()
+        found = together if len(rows) == nodes else None
+        return rule.part(rows, found or rule.looked(rule.neighbours.pairs(rows)), lack)
 
-    return Filling(rule.area, part, rule.strength, lack if d == 3 else None)
+    return Filling(rule.area, part, rule.strength)
 
 
 def _mean_of_ends(
@@ -190,12 +209,14 @@ def _lack(
     """
     pairs = found.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
-    full, lack = _full_energy(model, rows, corrections), []
+    full = _full_energy(model, rows, corrections)
+    lack: list[NDArray[np.float64]] = []
     together = int(rows[-1] - rows[0]) + 1 == len(rows)
     place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
     stiffness = np.where(found.intact, found.stiffness * pairs.length * area[pairs.target] / 2, 0.0)
     if n.shape[1] == 3:
-        return _corrections_in_space(full, n, stiffness, place)
+        sums = [np.bincount(place, stiffness * share, minlength=len(rows)) for share in shares(n).T]
+        return _corrections_in_space(full, np.array(sums, dtype=np.float64).T.reshape(-1, 3, 3))
     for axis in range(2):
         held = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
         with np.errstate(divide="ignore"):
@@ -203,16 +224,15 @@ def _lack(
     return np.column_stack(lack)
 
 
-def _corrections_in_space(
-    full: NDArray[np.float64], n: NDArray[np.float64], stiffness: NDArray[np.float64], place: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa; bonds have directions n (b, 3), stiffness (b,)."""
+def shares(n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares (b, 9) of bonds along n (b, 3) in what a node holds in stretching along a by what c_b multiplies."""
     squares = n**2
-    held = np.empty((len(full), 3, 3))  # in stretching along a by what c_b multiplies
-    for a in range(3):
-        stretched = stiffness * (squares[:, a] * (1 + NU) - NU) ** 2
-        for b in range(3):
-            held[:, a, b] = np.bincount(place, stretched * squares[:, b], minlength=len(full))
+    stretched = (squares * (1 + NU) - NU) ** 2
+    return np.asarray((stretched[:, :, None] * squares[:, None, :]).reshape(-1, 9))
+
+
+def _corrections_in_space(full: NDArray[np.float64], held: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa, whose bonds hold `held` (k, 3, 3); see `shares`."""
     scale = held.trace(axis1=1, axis2=2)
     held += ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)  # bonds may all lie in a plane
     lacks = full[:, None] - held.sum(axis=2)

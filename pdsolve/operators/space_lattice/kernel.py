@@ -151,7 +151,7 @@ def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across): 
             y - dt * (rate[j, 1] - rate[i, 1]),
             z - dt * (rate[j, 2] - rate[i, 2]),
         )
-        dissipated[i] += _stiffness(tiles, row, t, own, offset) / row[INVERSE] * stretch * last / 4
+        dissipated[i] += stiffness(tiles, row, t, own, offset) / row[INVERSE] * stretch * last / 4
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
         breaks.ends[breaks.used[0], 0], breaks.ends[breaks.used[0], 1] = i, j
         breaks.used[0] += 1
@@ -172,7 +172,7 @@ def _stretch(row, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _stiffness(tiles, row, t, own, offset):  # type: ignore[no-untyped-def]
+def stiffness(tiles, row, t, own, offset):  # type: ignore[no-untyped-def]
     """Stiffness over length of a bond."""
     if tiles.kind[t] == ALIKE:
         return np.float64(row[PULL])
@@ -200,5 +200,5 @@ def hold_tiles(tiles, u, held, first, last):  # type: ignore[no-untyped-def]
                     own = tiles.margin + t * ROW + k
                     x, y, z = _relative(u, own, offset)
                     stretch = _stretch(row, x, y, z)
-                    pull = _stiffness(tiles, row, t, own, offset)
+                    pull = stiffness(tiles, row, t, own, offset)
                     held[tiles.node[t * ROW + k]] += pull / row[INVERSE] / 4 * stretch * stretch

@@ -13,7 +13,7 @@ from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.kernel import Breaks, Tiles, hold_tiles, place_rows, sum_tiles
-from pdsolve.operators.space_lattice.layout import Sites
+from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class SpaceLattice:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
-        source, target, slot = layout.intact(self.tiles, self._sites, self.tiles.bits, np.arange(len(self._stiffest)))
+        source, target, slot = layout.intact(self._sites, self.tiles.bits, np.arange(len(self._stiffest)))
         xi, pull = layout.springs(self.tiles, self._sites, source, target, slot)
         return of_springs(source, target, xi, pull, state.value)
 
@@ -96,7 +96,7 @@ class SpaceLattice:
         last = len(self._stiffest) if last is None else last
         bits = self._whole() if start else self.tiles.bits
         found = [
-            layout.intact(self.tiles, self._sites, bits, np.arange(begin, min(begin + ROWS, last)))
+            layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)))
             for begin in range(first, max(last, first + 1), ROWS)
         ]
         source, target, _ = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -119,19 +119,19 @@ class SpaceLattice:
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the broken bonds of a checkpoint."""
         bits = self._whole()
-        layout.cleared(self.tiles, self._sites, broken.source, broken.target, bits)
+        layout.cleared(self._sites, broken.source, broken.target, bits)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        arrays = (*self.tiles, *self._sites, self._u, self._stiffest, *self.broken())
+        arrays = (*self.tiles, self._sites.site, self._sites.ways, self._u, self._stiffest, *self.broken())
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def _whole(self) -> NDArray[np.uint16]:
         """The bits (t, k) at the start."""
         bits, (_, source, target) = self.tiles.bits.copy(), self.broken()
-        tile, slot, bit = layout.placed(self.tiles, self._sites, source, target)
+        tile, slot, bit = layout.placed(self._sites, source, target)
         np.bitwise_or.at(bits, (tile, slot), bit)
         return bits
 
