@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Run, Settings, Solid
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import Grid
-from pdsolve.diffusion.euler import Euler
 from pdsolve.diffusion.links import Linking
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.masses import masses
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
 from pdsolve.model import Model
+from pdsolve.steppers.euler import Euler
 
 ROUNDS = 8
 END = 2.0  # radius^2 / D
@@ -139,7 +139,7 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
     runs = {}
     for exchange in (slots.operator.exchange, listed, plain):
         own = state._replace(**{name: values.copy() for name, values in state._asdict().items()})
-        stepper = Euler(Fick(exchange, partial(Linking, model), medium), slots.done, slots.time_step)
+        stepper = Euler(Fick(exchange, partial(Linking, model), medium), slots.drive, slots.time_step)
         exchange.rates(own.value[:, 0], np.zeros(len(own.value)))
         runs[exchange.name] = (stepper, own)
     spent = dict.fromkeys(runs, 0.0)
@@ -157,7 +157,7 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
         "spacing": spacing,
         "steps": steps,
         "nodes": len(model.grid),
-        "free_nodes": int(slots.done.free.sum()),
+        "free_nodes": int(slots.free.sum()),
         "neighbours": int(slots.operator.count.max()),
         "links": links,
         "ns_per_link_and_step": each,

@@ -1,4 +1,4 @@
-"""Conditions on the plate over time: loads on nodes, and prescribed components of their motion."""
+"""Conditions over time: loads on nodes or sources in them, and prescribed components of their motion or content."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class Entries(NamedTuple):
     """Components with a condition: e entries, of one node and one axis each."""
 
     node: NDArray[np.int64]  # (e,) row of the grid
-    axis: NDArray[np.int64]  # (e,) 0, 1 or, in space, 2
-    value: NDArray[np.float64]  # (e,) N/m^3, m, m/s or m/s^2, times the factor of its profile
+    axis: NDArray[np.int64]  # (e,) 0, 1 or, in space, 2; 0 of a content
+    value: NDArray[np.float64]  # (e,) N/m^3, m, m/s or m/s^2; mol/(m^3 s) or mol/m^3; times the factor of its profile
     profile: NDArray[np.int64]  # (e,)
-    kind: NDArray[np.int64]  # (e,) of held motion; 0 for loads
+    kind: NDArray[np.int64]  # (e,) of held motion; 0 for loads and held contents
 
 
 class Drive(NamedTuple):
@@ -46,10 +46,10 @@ class Drive(NamedTuple):
     loads: Entries
     holds: Entries
     varies: bool  # whether any load changes with time
-    force: NDArray[np.floating]  # (n, d) body force now, N/m^3
+    force: NDArray[np.floating]  # (n, d) body force now, N/m^3; source now, mol/(m^3 s)
     before: NDArray[np.floating]  # (n, d) body force one step ago
     held_force: NDArray[np.float64]  # (holds,) force density on the held component one step ago, N/m^3
-    held_speed: NDArray[np.float64]  # (holds,) velocity of the held component one step ago, m/s
+    held_speed: NDArray[np.float64]  # (holds,) its velocity one step ago, m/s; both (0,) where contents are held
 
 
 def unbreakable(model: Model) -> NDArray[np.bool_]:
@@ -109,50 +109,88 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and if the
     length of the loaded edge (or the area of the loaded face) is known, its nodes share traction times that in
-    proportion to their `areas` (n,), m^2, or volumes. If two holds prescribe one component, the later one counts.
+    proportion to their `areas` (n,), m^2, or volumes.
     """
-    d = model.grid.dimension
+    d, nodes = model.grid.dimension, len(model.grid)
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
-    holds: dict[tuple[int, int], tuple[float, int, int]] = {}
+    holds: list[Entries] = []
     for condition in model.settings.conditions:
         if not isinstance(condition, Driving):
             continue
-        rows = model.selected(condition)
-        number = len(profiles)
-        profiles.append(condition.profile or ((0.0, 1.0),))
+        rows, number = model.selected(condition), len(profiles)
+        profiles.append(condition.profile)
         if isinstance(condition, Load):
             values = _body_force(condition, rows, model, areas, exact_total)
-            node, axis = np.repeat(rows, d), np.tile(np.arange(d), len(rows))
-            loads.append(Entries(node, axis, values.ravel(), np.full(len(node), number), np.zeros(len(node), int)))
+            loads.append(entries(np.repeat(rows, d), np.tile(np.arange(d), len(rows)), values.ravel(), number))
             continue
-        for axis_number, value in enumerate(components(condition, d)):
+        for axis, value in enumerate(components(condition, d)):
             if value is not None:
-                for row in rows.tolist():
-                    holds.pop((row, axis_number), None)
-                    holds[row, axis_number] = (value, number, HELD[type(condition)])
-    force, before = (np.zeros((len(model.grid), d), dtype=kind) for _ in range(2))  # of which most is never touched
+                holds.append(entries(rows, axis, value, number, HELD[type(condition)]))
+    return drive_of(profiles, loads, holds, (nodes, d), kind)
+
+
+def entries(
+    node: NDArray[np.int64],
+    axis: NDArray[np.int64] | int,
+    value: NDArray[np.float64] | float,
+    profile: int,
+    kind: int = DISPLACEMENT,
+) -> Entries:
+    """A condition on one component of each of these nodes (e,)."""
+    axes, profiles, kinds = (np.full(len(node), one, dtype=np.int64) for one in (axis, profile, kind))
+    return Entries(node, axes, np.full(len(node), value, dtype=float), profiles, kinds)
+
+
+def chosen(of: Entries, which: NDArray[np.bool_]) -> Entries:
+    """The entries selected by a mask (e,)."""
+    return Entries(of.node[which], of.axis[which], of.value[which], of.profile[which], of.kind[which])
+
+
+def drive_of(
+    profiles: Sequence[Sequence[tuple[float, float]]],
+    loads: Sequence[Entries],
+    holds: Sequence[Entries],
+    shape: tuple[int, int],
+    kind: type[np.floating] = np.float64,
+) -> Drive:
+    """Conditions on components (n, w) of this `shape`, with the body forces of time 0.
+
+    An empty profile is 1 at all times. If two holds prescribe one component, the later one counts.
+    """
+    points = [profile or ((0.0, 1.0),) for profile in profiles]
     table = Profiles(
-        np.cumsum([0, *(len(points) for points in profiles)]),
-        np.array([time for points in profiles for time, _ in points], dtype=float),
-        np.array([factor for points in profiles for _, factor in points], dtype=float),
+        np.cumsum([0, *(len(one) for one in points)]),
+        np.array([time for one in points for time, _ in one], dtype=float),
+        np.array([factor for one in points for _, factor in one], dtype=float),
     )
-    held = Entries(
-        np.array([node for node, _ in holds], dtype=np.int64),
-        np.array([axis for _, axis in holds], dtype=np.int64),
-        np.array([value for value, _, _ in holds.values()], dtype=float),
-        np.array([profile for _, profile, _ in holds.values()], dtype=np.int64),
-        np.array([held_kind for _, _, held_kind in holds.values()], dtype=np.int64),
+    nothing = entries(np.zeros(0, dtype=np.int64), 0, 0.0, 0)
+    all_loads, held = (
+        Entries(*(np.concatenate(column) for column in zip(nothing, *some, strict=True))) for some in (loads, holds)
     )
-    nothing = Entries(*(np.empty(0, dtype=kind_) for kind_ in (np.int64, np.int64, float, np.int64, np.int64)))
-    all_loads = Entries(*(np.concatenate(column) for column in zip(nothing, *loads, strict=True)))
-    varies = any(len(points) > 1 for points in profiles)
-    nodes_held = len(held.node)
-    result = Drive(table, all_loads, held, varies, force, before, np.zeros(nodes_held), np.zeros(nodes_held))
+    number, last = np.arange(len(held.node)), np.zeros(shape, dtype=np.int64)
+    last[held.node, held.axis] = number
+    held = chosen(held, last[held.node, held.axis] == number)
+    force, before = (np.zeros(shape, dtype=kind) for _ in range(2))  # of which most is never touched
+    varies = any(len(one) > 1 for one in points)
+    result = Drive(table, all_loads, held, varies, force, before, *np.zeros((2, len(held.node))))
     for each in (force, before):
         _add_loads(result, 0.0, each)
     result.held_force[:] = result.force[held.node, held.axis]
     return result
+
+
+def held(drive: Drive) -> NDArray[np.bool_]:
+    """Mask (n, w) of the components with a prescribed motion or value."""
+    found = np.zeros(drive.force.shape, dtype=np.bool_)
+    found[drive.holds.node, drive.holds.axis] = True
+    return found
+
+
+def hold_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
+    """Set the held components of `value` (n, w) to those prescribed at `time`, s."""
+    holds = drive.holds
+    value[holds.node, holds.axis] = holds.value * factors_at(drive.profiles, time)[holds.profile]
 
 
 def put_loads(drive: Drive, time: float) -> None:

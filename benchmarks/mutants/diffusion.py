@@ -6,21 +6,21 @@ from benchmarks.mutants.mutant import Mutant
 
 DIFFUSION = (
     Mutant(
-        "pdsolve/diffusion/theta.py",
-        "(self._operator.tangent() - diags_array(self._done.exchange))",
-        "self._operator.tangent()",
+        "pdsolve/diffusion/operator.py",
+        "(diags_array(self.outside) - self.exchange.tangent())",
+        "(-self.exchange.tangent())",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_what_all_nodes_exchange_dies_out_alike",
     ),
     Mutant(
-        "pdsolve/diffusion/theta.py",
-        "self._comes(value) - self._done.exchange * value",
-        "self._comes(value)",
+        "pdsolve/steppers/theta.py",
+        "content[free] = (fixed + dt * theta * rate)[free]",
+        "content[free] = (fixed + dt * rate)[free]",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_what_all_nodes_exchange_dies_out_alike",
     ),
     Mutant(
-        "pdsolve/diffusion/euler.py",
-        "(operator.stiffness_bound() / 2 + done.exchange)",
-        "(operator.stiffness_bound() / 2)",
+        "pdsolve/diffusion/operator.py",
+        "(faster * self.exchange.total + self.outside)",
+        "faster * self.exchange.total",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_the_bound_counts_what_is_exchanged",
     ),
     Mutant(
@@ -48,21 +48,21 @@ DIFFUSION = (
         "tests/unit/pdsolve/diffusion/test_masses.py::test_the_surface_of_a_solid",
     ),
     Mutant(
-        "pdsolve/diffusion/euler.py",
-        "supply -= done.exchange * potential",
-        "supply += done.exchange * potential",
-        "tests/unit/pdsolve/diffusion/test_masses.py::test_what_all_nodes_exchange_dies_out_alike",
+        "pdsolve/diffusion/operator.py",
+        "given = -self.outside * self.potential(content)",
+        "given = -self.outside * content",
+        "tests/unit/pdsolve/diffusion/test_masses.py::test_a_solid_exchanges_what_is_saturated",
     ),
     Mutant(
-        "pdsolve/diffusion/euler.py",
-        "done.supply((step - 1) * dt, supply)",
-        "done.supply(step * dt, supply)",
+        "pdsolve/steppers/euler.py",
+        "put_loads(drive, (step - 1) * dt)",
+        "put_loads(drive, step * dt)",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_a_source_follows_its_profile",
     ),
     Mutant(
-        "pdsolve/diffusion/euler.py",
-        "done.hold(content, step * dt)",
-        "done.hold(content, (step - 1) * dt)",
+        "pdsolve/steppers/euler.py",
+        "hold_values(drive, state.value, step * dt)",
+        "hold_values(drive, state.value, (step - 1) * dt)",
         "tests/unit/pdsolve/diffusion/test_masses.py",
     ),
     Mutant(

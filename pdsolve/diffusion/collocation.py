@@ -40,7 +40,8 @@ class Collocated:
 
     name = "collocation"
 
-    def __init__(self, linking: Linking, volume: NDArray[np.float64], threads: int) -> None:
+    def __init__(self, linking: Linking, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int) -> None:
+        """`free` (n,) nodes have no prescribed content."""
         self._model, self._linking, self.volume = linking.model, linking, volume
         self.position, self.delta, self.diffusivity = linking.position, linking.delta, linking.diffusivity
         grid = linking.model.grid
@@ -53,7 +54,7 @@ class Collocated:
         )  # in halves of the fine spacing
         steps, conductance = family(linking, spacing, D)
         found = stencil_of(3.0, diffusion(D, linking.dimension), linking.dimension)
-        self._look_whole(found, far, coarse, near)
+        self._look_whole(found, far, free[coarse], near)
         self._inner = _means(_lacking(far, 4 * found.xi, near), near)
         every = np.concatenate([far, self._inner.at])
         self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
@@ -108,19 +109,16 @@ class Collocated:
         return len(self._outer.at), len(self._inner.at)
 
     def _look_whole(
-        self, found: Stencil, far: NDArray[np.int64], coarse: NDArray[np.int64], near: NDArray[np.int64]
+        self, found: Stencil, far: NDArray[np.int64], free: NDArray[np.bool_], near: NDArray[np.int64]
     ) -> None:
-        """Raise ModelError for a coarse node without a whole stencil whose value is not prescribed."""
-        from pdsolve.diffusion.conditions import boundary_conditions
-
-        free = boundary_conditions(self._model, self.volume).free[coarse]
+        """Raise ModelError for a coarse node without a whole stencil that is `free`, not prescribed."""
         keys = _Keys(np.concatenate([far, near - 1]))
         whole = np.ones(len(far), dtype=bool)
         for step in found.xi:
             whole &= keys.rows(far + 4 * step) >= 0
         lost = np.flatnonzero(free & ~whole)
         if len(lost):
-            place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[coarse[lost[0]]])
+            place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[self._coarse[lost[0]]])
             raise ModelError(
                 f"{self._model.name}: $.run.adapt: found {len(lost)} coarse nodes near an edge that are not held, the"
                 f" first at ({place}) m, expected fine nodes or a held layer of {np.abs(found.xi).max()} there"

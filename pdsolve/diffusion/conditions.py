@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
+from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
 from pdsolve.diffusion.links import extended
 from pdsolve.diffusion.surfaces import Faces, Held, nothing
 from pdsolve.model import Model, ModelError
@@ -17,91 +18,67 @@ ON_EDGE = 1e-3  # of a spacing
 Profile = tuple[tuple[float, float], ...]
 
 
-class Act(NamedTuple):
-    """A condition on k nodes, multiplied by a factor in time."""
-
-    rows: NDArray[np.int64]  # (k,)
-    value: NDArray[np.float64]  # (k,)
-    profile: Profile
-
-    def at(self, time: float) -> NDArray[np.float64]:
-        """The values (k,) at `time`, s."""
-        return self.value * factor(self.profile, time)
-
-
 class BoundaryConditions(NamedTuple):
-    """All conditions on n nodes."""
+    """All conditions on n nodes; `Entries` name their profile by its number."""
 
-    held: tuple[Act, ...]  # mol/m^3; no node is in two of them
-    supplied: tuple[Act, ...]  # mol/(m^3 s)
+    profiles: list[Profile]
+    held: list[Entries]  # mol/m^3; of two of one node the later one counts
+    supplied: list[Entries]  # mol/(m^3 s), of nodes that are not held
     free: NDArray[np.bool_]  # (n,) nodes that are not held
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
     edges: Held
-    at_edges: tuple[Act, ...]  # mol/m^3, what is held there, by number of the edge; without rows
+    at_edges: list[tuple[float, int]]  # what each held edge holds, mol/m^3, and its profile
 
-    def hold(self, content: NDArray[np.float64], time: float) -> None:
-        """Set the prescribed contents (n,) at `time`, s."""
-        for act in self.held:
-            content[act.rows] = act.at(time)
-
-    def supply(self, time: float, out: NDArray[np.float64]) -> None:
-        """Set `out` (n,) to the sources at `time`, s, per volume and time."""
-        out[:] = 0
-        for act in self.supplied:
-            out[act.rows] += act.at(time)
+    def drive(self) -> Drive:
+        """Sources and prescribed contents for a stepper."""
+        found = drive_of(self.profiles, self.supplied, self.held, (len(self.free), 1))
+        return found._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
 
 
 def linked(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
     """Conditions with a conductance, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
-    acts = list(done.supplied)
-    for number, act in enumerate(done.at_edges):
+    supplied = list(done.supplied)
+    for number, (value, profile) in enumerate(done.at_edges):
         rows = np.flatnonzero((edge == number) & (to_edge > 0))
-        acts.append(Act(rows, to_edge[rows] * act.value, act.profile))
-    return done._replace(supplied=tuple(acts), exchange=done.exchange + np.where(edge >= 0, to_edge, 0.0))
-
-
-def factor(profile: Profile, time: float) -> float:
-    """The factor of a profile at `time`, s: linear between points, constant outside."""
-    return float(np.interp(time, *np.array(profile).T)) if profile else 1.0
+        supplied.append(entries(rows, 0, to_edge[rows] * value, profile))
+    return done._replace(supplied=supplied, exchange=done.exchange + np.where(edge >= 0, to_edge, 0.0))
 
 
 def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryConditions:
     """The conditions of a model. Raises ModelError if they contradict each other."""
     nodes = len(model.grid)
-    owner, exchange = np.full(nodes, -1), np.zeros(nodes)
-    held: dict[int, Concentration] = {}
-    supplied: list[Act] = []
-    at_edges: list[Act] = []
-    edges, on_edge = [nothing(len(extended(model)))], np.zeros(nodes, dtype=bool)
+    exchange, free, on_edge = np.zeros(nodes), np.ones(nodes, dtype=bool), np.zeros(nodes, dtype=bool)
+    profiles: list[Profile] = []
+    held: list[Entries] = []
+    supplied: list[Entries] = []
+    at_edges: list[tuple[float, int]] = []
+    edges = [nothing(len(extended(model)))]
     for number, condition in enumerate(model.settings.conditions):
-        rows = model.selected(condition)
+        if not isinstance(condition, Concentration | Source | Exchange):
+            continue
+        rows, profile = model.selected(condition), len(profiles)
+        profiles.append(condition.profile)
         if isinstance(condition, Concentration):
             _possible(model, f"$.conditions[{number}].value", _largest(condition.value, condition))
-            held[number] = condition
             if condition.edge is not None and _has_edges(model):
                 rows, faces = _edge(model, number, condition, len(at_edges))
                 edges.append(faces)
-                at_edges.append(Act(rows[:0], np.array([condition.value]), condition.profile))
+                at_edges.append((condition.value, profile))
                 on_edge[rows] = True
-            owner[rows] = number
-        elif isinstance(condition, Source):
-            rate = condition.rate
-            if rate is None:
-                rate = (condition.flux or 0.0) * _extent(condition) / volume[rows].sum()
-            supplied.append(Act(rows, np.full(len(rows), rate), condition.profile))
-        elif isinstance(condition, Exchange):
-            share = condition.coefficient * _extent(condition) / volume[rows].sum()
-            exchange[rows] += share
-            supplied.append(Act(rows, np.full(len(rows), share * condition.value), condition.profile))
-    free = owner < 0
-    acts = []
-    for number, condition in held.items():
-        rows = np.flatnonzero(owner == number)
-        acts.append(Act(rows, np.full(len(rows), condition.value), condition.profile))
-    mine = [act._replace(rows=act.rows[free[act.rows]], value=act.value[free[act.rows]]) for act in supplied]
+            held.append(entries(rows, 0, condition.value, profile))
+            free[rows] = False
+            continue
+        share = _extent(condition) / volume[rows].sum()
+        if isinstance(condition, Source):
+            rate = condition.rate if condition.rate is not None else (condition.flux or 0.0) * share
+        else:
+            exchange[rows] += condition.coefficient * share
+            rate = condition.coefficient * share * condition.value
+        supplied.append(entries(rows, 0, rate, profile))
+    supplied = [chosen(each, free[each.node]) for each in supplied]
     exchange[~free] = 0
     together = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
-    return BoundaryConditions(tuple(acts), tuple(mine), free, exchange, Held(on_edge, together), tuple(at_edges))
+    return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges)
 
 
 def _has_edges(model: Model) -> bool:
@@ -148,10 +125,10 @@ def _possible(model: Model, place: str, value: float) -> None:
         )
 
 
-def begin(model: Model, done: BoundaryConditions) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
-    content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
-    medium = model.settings.medium
+def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Contents (n, 1) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
+    content, solid = np.zeros((len(model.grid), 1)), np.zeros(len(model.grid), dtype=np.uint8)
+    medium, free = model.settings.medium, ~held(drive)[:, 0]
     assert medium is not None
     for number, condition in enumerate(model.settings.conditions):
         place = f"$.conditions[{number}]"
@@ -165,12 +142,12 @@ def begin(model: Model, done: BoundaryConditions) -> tuple[NDArray[np.float64], 
                     f"{model.name}: $.conditions[{number}]: found a solid, expected none, or medium.C_solid and C_sat"
                 )
             rows = model.selected(condition)
-            both = rows[~done.free[rows]]
+            both = rows[~free[rows]]
             if len(both):
                 raise ModelError(
                     f"{model.name}: $.conditions[{number}]: found node {model.grid.ids[both[0]]} solid and held,"
                     " expected one of them"
                 )
             content[rows], solid[rows] = medium.C_solid, 1
-    done.hold(content, 0.0)
+    hold_values(drive, content, 0.0)
     return content, solid

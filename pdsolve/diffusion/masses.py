@@ -36,6 +36,6 @@ def masses(transport: Transport, state: State, step: int, solid_at_start: float 
         solid = float((volume * share).sum())
         surface = operator.exchange.contrast(share) / transport.crossing
     gone = 0.0 if solid_at_start is None else (solid_at_start - solid) * (medium.C_solid or 0.0)
-    inside = float((volume * state.value[:, 0])[transport.done.free].sum())
+    inside = float((volume * state.value[:, 0])[transport.free].sum())
     through, supplied = (float((volume * column).sum()) for column in (state.dissipated, state.work))
     return Masses(step, step * transport.time_step, inside, through, supplied, solid, gone, surface)

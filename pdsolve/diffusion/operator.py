@@ -79,8 +79,13 @@ class Fick:
     unknowns: tuple[Unknown, ...] = (Unknown("h", 1, 1),)
     symmetric = True  # what leaves a node comes to others
 
-    def __init__(self, exchange: Exchange, links: Callable[[], Pull], medium: Medium) -> None:
+    def __init__(
+        self, exchange: Exchange, links: Callable[[], Pull], medium: Medium, outside: NDArray[np.float64] | None = None
+    ) -> None:
+        """`outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential."""
         self.exchange, self.medium, self._links = exchange, medium, links
+        self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
+        self._open = bool(self.outside.any())
         self.name, self.volume, self.count = exchange.name, exchange.volume, exchange.count
         self.kinetic = medium.dissolution == "kinetic"
         self.solid = np.zeros(len(self.volume), dtype=np.uint8)  # (n,) whether a node is solid; kinetic alone
@@ -90,15 +95,33 @@ class Fick:
         return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add the fluxes into each node along links to `out` (n, 1), mol/(m^3 s)."""
+        """Add the fluxes into each node to `out` (n, 1), mol/(m^3 s); those from outside are booked as supplied."""
         content = state.value[:, 0]
-        if not self.kinetic:
-            self.exchange.rates(potential(self.medium, content), out[:, 0])
-            return
-        self.solid = self._solid(content)
-        exchange: Dissolving = self.exchange  # type: ignore[assignment]  # which `system` lists for a kinetic solid
-        C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
-        exchange.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
+        if self.kinetic:
+            self.solid = self._solid(content)
+            exchange: Dissolving = self.exchange  # type: ignore[assignment]  # which `system` lists for a kinetic solid
+            C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
+            exchange.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
+        else:
+            self.exchange.rates(self.potential(content), out[:, 0])
+        if self._open:
+            given = -self.outside * self.potential(content)
+            state.work[:] += dt * given
+            out[:, 0] += given
+
+    def potential(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Potential (n,), mol/m^3, at these contents (n,)."""
+        return potential(self.medium, value)
+
+    def follows(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes that are not saturated at these contents (n,)."""
+        return np.asarray(value < (np.inf if self.medium.C_sat is None else self.medium.C_sat))
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Add the fluxes (n,) into each node at this `potential` (n,) to `out` (n,), mol/(m^3 s)."""
+        self.exchange.rates(potential, out)
+        if self._open:
+            out -= self.outside * potential
 
     def _solid(self, content: NDArray[np.float64]) -> NDArray[np.uint8]:
         """Mask (n,) of the solid nodes that are still solid at this content."""
@@ -122,7 +145,7 @@ class Fick:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the rates' eigenvalues, 1/s: forward Euler is stable up to 2 over it."""
         faster = max(1.0, self.medium.k_diss) if self.kinetic else 1.0
-        return 2 * faster * self.exchange.total
+        return 2 * (faster * self.exchange.total + self.outside)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the rates by the contents, (n, n), 1/s. Raises ModelError for a kinetic solid."""
@@ -130,9 +153,8 @@ class Fick:
 
         if self.kinetic:
             raise ModelError("medium.dissolution: found kinetic, whose rates jump, expected enthalpy for a tangent")
-        C_sat = np.inf if self.medium.C_sat is None else self.medium.C_sat
-        liquid = (state.value[:, 0] < C_sat).astype(float)
-        return csr_array(-self.exchange.tangent() @ diags_array(liquid))
+        liquid = diags_array(self.follows(state.value[:, 0]).astype(float))
+        return csr_array((diags_array(self.outside) - self.exchange.tangent()) @ liquid)
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False

@@ -11,24 +11,26 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdmesh.model.output_fields import OF_CONTENT, USUAL
+from pdsolve.conditions import Drive
 from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
 from pdsolve.diffusion.corrected import Corrected
 from pdsolve.diffusion.dissolution import check, crossing
-from pdsolve.diffusion.euler import Euler, bound
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.links import Linking, links_of, volumes
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Exchange, Fick
-from pdsolve.diffusion.theta import Theta
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 from pdsolve.state import State
+from pdsolve.steppers.euler import Euler, bound
 from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.theta import Theta
 
 SLACK = 1e-9  # of a step: what is typed
+FACTORED = 1_000_000  # links: implicit equations of more are not factored
 
 
 class NamedStepper(Stepper, Protocol):
@@ -45,7 +47,8 @@ class Transport:
 
     model: Model
     operator: Fick
-    done: BoundaryConditions
+    drive: Drive  # sources and prescribed contents
+    free: NDArray[np.bool_]  # (n,) nodes whose content is not prescribed
     stepper: NamedStepper
     time_step: float  # s
     bound: float  # s, surely stable
@@ -67,16 +70,18 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     if isinstance(exchange, Corrected):
         done = linked(done, exchange.change.to_edge, exchange.change.edge)
     base = exchange.base if isinstance(exchange, Corrected) else exchange
-    operator = Fick(exchange, (lambda: base) if isinstance(base, Collocated) else partial(Linking, model), medium)
-    content, operator.solid = begin(model, done)
-    most = bound(operator, done)
+    links = (lambda: base) if isinstance(base, Collocated) else partial(Linking, model)
+    operator, drive = Fick(exchange, links, medium, done.exchange), done.drive()
+    content, operator.solid = begin(model, drive)
+    most = bound(operator, done.free)
     step = _step(model, most)
-    stepper: NamedStepper = Euler(operator, done, step)
+    stepper: NamedStepper = Euler(operator, drive, step)
     if run.solver == "implicit":
-        stepper = Theta(operator, done, step, run.theta)
-    found = Transport(counted(model, step), operator, done, stepper, step, most, blocked, crossing(model), threads)
+        stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
+    steps = stepper, step, most
+    found = Transport(counted(model, step), operator, drive, done.free, *steps, blocked, crossing(model), threads)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
-    return found, State(content[:, None], rate[:, None], second, dissipated, work, damped)
+    return found, State(content, rate[:, None], second, dissipated, work, damped)
 
 
 def expect_usual(model: Model, options: Options) -> None:
@@ -105,7 +110,7 @@ def _exchange(
     kinetic = medium.dissolution == "kinetic"  # a link asks both of its ends
     found: Exchange | None = None
     if model.settings.run.adapt == "collocation":
-        found = near = Collocated(linking, volume, threads)
+        found = near = Collocated(linking, volume, done.free, threads)
         lacking = ~lacking
     elif not (kinetic or listed):
         found = slots = on_lattice(linking, volume, threads)

@@ -70,3 +70,18 @@ class Operator(Protocol):
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
+
+
+class FluxOperator(Operator, Protocol):
+    """An operator of one unknown of first order and one component, whose rates are linear in a potential of it."""
+
+    volume: NDArray[np.float64]  # (n,) m^d; times the rates' derivatives by the potentials it is symmetric
+
+    def potential(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The potential (n,) at these values (n,)."""
+
+    def follows(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes whose potential changes as their value does; that of others is constant."""
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Add the rates (n,) at this `potential` (n,) to `out` (n,); linear."""

@@ -165,7 +165,7 @@ def _diffusing(model: Model, options: Options) -> Prepared:
         scheme=SCHEMES["conservative"],
         operator=operator,
         stepper=found.stepper,
-        drive=drive(model, volume, True, np.float64),
+        drive=found.drive,
         area=volume,
         family=operator.count + found.blocked,
         count=operator.count,

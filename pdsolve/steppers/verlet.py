@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, apply_loads
+from pdsolve.conditions import Drive, apply_loads, held
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
@@ -34,8 +34,7 @@ class Verlet:
         """
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._damping = damping if damping is not None and damping.any() else None
-        self._held = np.zeros(drive.force.shape, dtype=np.bool_)
-        self._held[drive.holds.node, drive.holds.axis] = True
+        self._held = held(drive)
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""

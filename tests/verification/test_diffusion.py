@@ -75,7 +75,7 @@ def ring(spacing: float, corrected: bool) -> tuple[float, float]:
     system.stepper.march(state, 1, 4)
     out = np.zeros(len(r))
     system.operator.exchange.rates(state.value[:, 0], out)
-    off = (state.value[:, 0] - np.log(r) / np.log(0.3))[system.done.free]
+    off = (state.value[:, 0] - np.log(r) / np.log(0.3))[system.free]
     flux = -float((system.operator.volume * out)[r < 0.3].sum()) * np.log(1 / 0.3) / (2 * np.pi)
     return float(np.sqrt(np.mean(off**2))), flux
 

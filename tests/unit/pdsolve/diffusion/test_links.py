@@ -97,7 +97,7 @@ def test_collocation_passes_what_is_linear() -> None:
     operator.rates(C, out)
     inside = np.linalg.norm(position, axis=1) < 4.5
     assert np.abs(out[inside]).max() < 1e-11 * operator.total.max() * np.abs(C).max()
-    free = system.done.free & (system.model.grid.delta == 1.0)
+    free = system.free & (system.model.grid.delta == 1.0)
     assert set(operator.count[free].tolist()) == {122}
     assert min(operator.fictitious) > 0  # type: ignore[attr-defined]
 

@@ -52,7 +52,7 @@ def test_a_strip_conducts_D(listed: bool, rows: int, layer: int, ratio: int, pow
     system, state = rest(strip(rows, layer, ratio=ratio, power=power), listed)
     assert conducts(system, state, rows) == pytest.approx(1.0, abs=1e-6)
     x = system.model.grid.position[:, 0]
-    assert state.value[:, 0][system.done.free] == pytest.approx((1 - x / 40)[system.done.free], abs=1e-6)
+    assert state.value[:, 0][system.free] == pytest.approx((1 - x / 40)[system.free], abs=1e-6)
 
 
 def test_a_strip_without_correction() -> None:
@@ -84,7 +84,7 @@ def test_a_strip_that_lies_across_the_lattice(angle: float, found: float) -> Non
     out = np.zeros(len(u))
     system.operator.exchange.rates(state.value[:, 0], out)
     flux = -float(out[u < -20].sum())
-    assert flux * 40 / (system.done.free.sum() / 40) == pytest.approx(found, abs=2e-3)
+    assert flux * 40 / (system.free.sum() / 40) == pytest.approx(found, abs=2e-3)
 
 
 def full(system: Transport) -> NDArray[np.float64]:
@@ -109,7 +109,7 @@ def test_links_stay_symmetric_and_positive() -> None:
     matrix = full(system)
     assert matrix == pytest.approx(matrix.T, abs=1e-14 * np.abs(matrix).max())
     assert np.abs(matrix.sum(axis=1)).max() < 1e-13 * np.abs(matrix).max()
-    free = system.done.free
+    free = system.free
     leaves = -matrix.diagonal() / system.operator.volume
     assert (matrix - np.diag(matrix.diagonal()))[free].min() > -1e-14 * np.abs(matrix).max()
     assert system.bound == pytest.approx(1 / leaves[free].max(), rel=1e-12)
@@ -153,7 +153,7 @@ def test_a_side_of_a_body_holds_where_it_is() -> None:
     for value, some, way in ((1.0, x < 1, (-0.5, 0.0, 0.0)), (0.0, x > 15, (0.5, 0.0, 0.0))):
         ends.append(Concentration(nodes=ids(some), value=value, edge=(way,) * int(some.sum())))
     system, state = rest(model(position, 1.0, Medium(D=1.0), conditions=tuple(ends), run=REST))
-    assert system.done.free.all()
+    assert system.free.all()
     middle = (np.abs(y - 5) < 2) & (np.abs(z - 5) < 2)
     assert state.value[:, 0][middle] == pytest.approx((1 - x / 16)[middle], abs=2e-3)
     assert state.value[:, 0] == pytest.approx(1 - x / 16, abs=0.02)

@@ -1,0 +1,42 @@
+"""Forward Euler: explicit, first order. Sources act from the beginning of a step, prescribed values at its end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive, hold_values, put_loads
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
+
+
+class Euler:
+    """Forward Euler with any operator of one unknown of first order and one component."""
+
+    name = "forward Euler"
+
+    def __init__(self, operator: Operator, drive: Drive, dt: float) -> None:
+        """Steps of `dt`, s."""
+        self._operator, self._drive, self._dt = operator, drive, dt
+        self._change = np.zeros(drive.force.shape)
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+        drive, dt, held = self._drive, self._dt, self._drive.holds.node
+        for step in range(first, last):
+            state.rate[:] = 0
+            self._operator.add(state, state.rate, step, dt)
+            state.dissipated[held] += dt * state.rate[held, 0]
+            if drive.varies:
+                put_loads(drive, (step - 1) * dt)
+            if len(drive.loads.node):
+                state.work[:] += dt * drive.force[:, 0]
+                state.rate[:] += drive.force
+            state.value[:] += np.multiply(state.rate, dt, out=self._change)
+            hold_values(drive, state.value, step * dt)
+
+
+def bound(operator: Operator, free: NDArray[np.bool_]) -> float:
+    """The longest step without overshoot at any of the `free` nodes (n,), s; infinite without neighbours."""
+    most = float((operator.stiffness_bound() / 2)[free].max(initial=0.0))
+    return 1 / most if most > 0 else float("inf")

@@ -1,0 +1,136 @@
+"""An implicit step: theta of the flux at the end of the step, the rest at its beginning.
+
+With dissolution by enthalpy, the potential min(H, C_sat) has a kink; Newton's method iterates until it has found the
+nodes below it. The amounts booked are those that flowed along the links, so that masses balance to round-off regardless
+of the tolerance of the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive, held, hold_values, put_loads
+from pdsolve.errors import UnstableError
+from pdsolve.operators.protocol import FluxOperator
+from pdsolve.state import State
+
+TOLERANCE = 1e-12  # of the right-hand side
+ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
+
+Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class Theta:
+    """Implicit steps with an operator whose rates are linear in a potential."""
+
+    def __init__(self, operator: FluxOperator, drive: Drive, dt: float, theta: float, factored: bool) -> None:
+        """Steps of `dt`, s, with weight `theta` on their ends and 1 - theta on their beginnings.
+
+        `factored`: the equations are the same in all steps and few enough for an LU factorization; otherwise conjugate
+        gradients solve them.
+        """
+        self._operator, self._drive, self._dt, self._theta = operator, drive, dt, theta
+        self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
+        self._free, self._factored = ~held(drive)[:, 0], factored
+        self._factors: Solve | None = None
+        self._out = np.zeros(len(self._free))
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
+        drive, dt, theta, free = self._drive, self._dt, self._theta, self._free
+        content, source = state.value[:, 0], drive.force[:, 0]
+        for step in range(first, last):
+            before = content.copy()
+            put_loads(drive, (step - 1) * dt)
+            rate = self._booked(state, before, 1 - theta, step)
+            fixed = before + dt * (1 - theta) * (rate + source)
+            put_loads(drive, step * dt)
+            fixed += dt * theta * source
+            hold_values(drive, state.value, step * dt)
+            found = self._newton(state, fixed, step)
+            rate = self._booked(state, found, theta, step)
+            content[free] = (fixed + dt * theta * rate)[free]
+            state.rate[:, 0] = (content - before) / dt
+
+    def _booked(self, state: State, content: NDArray[np.float64], share: float, step: int) -> NDArray[np.float64]:
+        """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
+        out, weight = np.zeros((len(content), 1)), share * self._dt
+        self._operator.add(state._replace(value=content[:, None]), out, step, weight)
+        state.dissipated[:] += np.where(self._free, 0.0, weight * out[:, 0])
+        state.work[:] += weight * self._drive.force[:, 0]
+        return out[:, 0]
+
+    def _rates(self, potential: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rates (n,) at these potentials (n,), valid until the next call."""
+        self._out[:] = 0
+        self._operator.rates(potential, self._out)
+        return self._out
+
+    def _newton(self, state: State, fixed: NDArray[np.float64], step: int) -> NDArray[np.float64]:
+        """Contents (n,) at the end of a step that solve H - theta dt rates(H) = `fixed`, from those of a state on."""
+        operator, free, weight, content = self._operator, self._free, self._dt * self._theta, state.value[:, 0]
+        for _ in range(ITERATIONS):
+            follows = free & operator.follows(content)
+            left = fixed - content + weight * self._rates(operator.potential(content))
+            left[~free] = 0
+            change = np.where(follows, self._solve(state, follows, left), left)
+            if not np.array_equal(follows, free):
+                along = weight * self._rates(np.where(follows, change, 0.0))
+                change += np.where(free & ~follows, along, 0.0)
+            content = np.asarray(content + change)
+            if np.array_equal(follows, free & operator.follows(content)):
+                return content
+        raise UnstableError(
+            f"step {step}: found no end of Newton's method in {ITERATIONS} iterations, expected one; take a smaller"
+            " time step"
+        )
+
+    def _solve(self, state: State, follows: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Change (n,) of the nodes whose potential follows for the right-hand side `right` (n,), 0 elsewhere."""
+        volume, weight = self._operator.volume, self._dt * self._theta
+        right = np.where(follows, volume * right, 0.0)
+        if self._factored:
+            self._factors = self._factors or self._factors_of(state)
+            return self._factors(right)
+
+        def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.where(follows, volume * (change - weight * self._rates(change)), 0.0)
+
+        return gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
+
+    def _factors_of(self, state: State) -> Solve:
+        """A solver for the free nodes, reused for all steps."""
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import splu
+
+        volume, keep = diags_array(self._operator.volume), diags_array(self._free.astype(float))
+        matrix = volume + self._dt * self._theta * (keep @ volume @ self._operator.tangent(state) @ keep)
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        found: Solve = splu(matrix.tocsc(), **symmetric).solve
+        return found
+
+
+def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solution of `product` x = `right` (n,) by conjugate gradients, for a symmetric positive definite `product`.
+
+    `diagonal` (n,) is its diagonal. Sums are numpy's, not those of a threaded library, so that results are reproducible
+    to the bit. Raises UnstableError.
+    """
+    found, left = np.zeros_like(right), right.copy()
+    ahead = left / diagonal
+    along, gain = ahead.copy(), float((left * ahead).sum())
+    aim = TOLERANCE * float((right * right).sum()) ** 0.5
+    for _ in range(MOST):
+        if float((left * left).sum()) ** 0.5 <= aim:
+            return found
+        image = product(along)
+        way = gain / float((along * image).sum())
+        found += way * along
+        left -= way * image
+        ahead = left / diagonal
+        gain, before = float((left * ahead).sum()), gain
+        along = ahead + gain / before * along
+    raise UnstableError(f"found no end of conjugate gradients in {MOST} iterations, expected one; take smaller steps")
