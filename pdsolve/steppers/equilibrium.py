@@ -43,6 +43,7 @@ class Method(Protocol):
     """A method to find equilibrium."""
 
     said: str  # which it is, for the record
+    smallest: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""

@@ -22,11 +22,13 @@ from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, UnsettledError, forces, norm
+from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
 from pdsolve.steppers.rigid_body_modes import Loose, loose, unbalanced
 
 Array = NDArray[np.float64]
 
+FEW = 7  # iterations of an equilibrium: with fewer, the next part of a load step is larger by
+GROWTH = 1.5
 JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
 
@@ -151,19 +153,40 @@ class LoadSteps:
         return size if size > 0 else norm(state.value[self.held])
 
     def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
-        """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work."""
-        at, now = _held_at(self._drive, time), self._drive.force
-        half = np.where(self.held, (state.value + at) / 2, 0.0)
-        u, pushed = [state.value.copy()], [self._outside(state, before)]
-        iterations = 0
-        for load, place in (((before + now) / 2, half), (now.astype(float), at)):
-            settled = self.method.settle(state, Asked(load, self.held, place), self._tell(step, iterations))
+        """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work.
+
+        A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
+        """
+        at, now, start = _held_at(self._drive, time), self._drive.force.astype(float), state.value.copy()
+        done, part, iterations, settled = 0.0, 1.0, 0, Settled(0, 0.0)
+        while done < 1:
+            end = 1.0 if done + part > 1 - self.method.smallest else done + part
+            loads = [before + share * (now - before) for share in (done, (done + end) / 2, end)]
+            places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
+            value, kept = state.value.copy(), self._operator.keep()
+            try:
+                settled = self._part(state, loads, places, self._tell(step, iterations))
+            except UnsettledError:
+                if part / 2 < self.method.smallest:
+                    raise
+                state.value[:], part = value, part / 2
+                self._operator.back(kept, self._operator.broken())
+                continue
+            done, iterations = end, iterations + settled.iterations
+            part *= GROWTH if settled.iterations < 2 * FEW else 1.0
+        self._note(state)
+        return Settled(iterations, settled.residual)
+
+    def _part(self, state: State, loads: list[Array], places: list[Array], tell: Tell) -> Settled:
+        """Find equilibrium half the way to the last of three loads, and there; books the work."""
+        u, pushed, iterations = [state.value.copy()], [self._outside(state, loads[0])], 0
+        for load, place in zip(loads[1:], places, strict=True):
+            settled = self.method.settle(state, Asked(load, self.held, place), tell)
             iterations += settled.iterations
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
             self._remember(state)
         state.work[:] += _along(u, pushed).sum(axis=1)
-        self._note(state)
         return Settled(iterations, settled.residual)
 
     def _break(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:

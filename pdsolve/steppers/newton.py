@@ -1,8 +1,9 @@
-"""Newton's method, which reuses the tangent as long as it converges.
+"""Newton's method with the consistent tangent, and a line search.
 
-An outdated tangent, after bonds have rotated or broken, still gives useful directions: steps are mixed to minimize the
-residual (D. G. Anderson, J. ACM 12 (1965) 547-560). The tangent is recomputed if the iteration stalls, and after each
-`forget`, so that a resumed run continues bit by bit.
+Each iteration takes the tangent anew and halves the step while the residual does not fall, so that convergence near
+equilibrium is quadratic. An equilibrium that took few iterations is nearly linear: the next one begins with the old
+tangent, its steps mixed to minimize the residual (D. G. Anderson, J. ACM 12 (1965) 547-560), until that stalls.
+`forget` discards the old tangent, so that a resumed run continues bit by bit.
 
 Up to `FACTORED` free components, the tangent is factorized (SuperLU through SciPy). Above, where the factors would not
 fit into memory, equations are solved by conjugate gradients, or by BiCGStab for one-sided bonds.
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MOST = 300  # iterations
+MOST = 15  # iterations with new tangents; an equilibrium that needs more is too far away
 FACTORED = 60_000  # free components
 FACTORED_IN = {2: FACTORED, 3: 3_000}  # by dimension: in space each has ten times as many neighbours
-PATIENCE = 20  # iterations in which a tangent must bring the residual down by FALL
+NEARLY_LINEAR = 4  # iterations: an equilibrium that took no more leaves its tangent to the next one
+HALVINGS = 10  # of a step, at most
+PATIENCE = 6  # iterations in which an old tangent must bring the residual down by FALL
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away
 MIXED = 12  # steps that are mixed
@@ -39,6 +42,8 @@ SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is h
 
 class Newton:
     """Solves with an operator's tangent; see `Method`."""
+
+    smallest = 1 / 64
 
     def __init__(
         self,
@@ -58,10 +63,12 @@ class Newton:
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
+        self._fresh = False  # whether the tangent is that of the state as it is
 
     def forget(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = None
+        self._fresh = False
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
@@ -70,29 +77,64 @@ class Newton:
             self.forget()
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
-        """Move the values of the state to equilibrium by Newton's method, in place. Raises UnsettledError."""
-        free, done = ~asked.held, 0
+        """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
+
+        The values are those of the start then.
+        """
+        start, free, done = state.value.copy(), ~asked.held, 0
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
-        while done <= self._most:
-            if self._inverse is None:
-                self._take_tangent(state, free)
-            settled, done = self._iterate(state, asked, done, tell)
+        if self._inverse is not None and not self._fresh:
+            settled, done = self._mix(state, asked, tell)
             if settled is not None:
                 return settled
-            if not np.isfinite(state.value).all():
-                break
-            self.forget()
+        settled, done = self._renew(state, asked, done, tell)
+        if settled is not None:
+            return settled
+        state.value[:] = start
+        self.forget()
         raise UnsettledError(
-            f"found no rest after {min(done, self._most)} iterations of {self.said}, expected a residual"
+            f"found no rest after {done} iterations of {self.said}, expected a residual"
             f" of {self._tolerance:g} of the external forces; check the supports, or take smaller load steps"
         )
+
+    def _renew(self, state: State, asked: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
+        """Iterate with a new tangent each time; returns None without rest, and the iterations after those `before`."""
+        free = ~asked.held
+        weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
+        out = forces(self._operator, state)
+        residual = left_over(state, asked, out, self._least)
+        for done in range(before, before + self._most + 1):
+            if residual < self._tolerance:
+                if done - before > NEARLY_LINEAR:
+                    self.forget()
+                return Settled(done, residual), done
+            tell(done, residual)
+            if done == before + self._most or not np.isfinite(residual):
+                break
+            if not self._fresh or done > before:
+                self._take_tangent(state, free)
+            self._fresh = False
+            assert self._inverse is not None
+            value, step, size = state.value[free], self._inverse(weight * (out + asked.load)[free]), 1.0
+            for _ in range(HALVINGS):
+                state.value[free] = value + size * step
+                out = forces(self._operator, state)
+                found = left_over(state, asked, out, self._least)
+                if found < residual:
+                    break
+                size /= 2
+            else:
+                break
+            residual = found
+        return None, done
 
     def _lead(self, state: State, asked: Asked) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
         free = ~asked.held
         if self._matrix is None:
             self._take_tangent(state, free)
+            self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
         way = np.where(free, 0.0, asked.at - state.value).ravel()
@@ -101,15 +143,15 @@ class Newton:
         move[free.ravel()] = self._inverse(along)
         state.value[:] = np.where(free, state.value + move.reshape(free.shape), asked.at)
 
-    def _iterate(self, state: State, asked: Asked, done: int, tell: Tell) -> tuple[Settled | None, int]:
-        """Iterate with one tangent until equilibrium or a stall; returns the iterations so far, too."""
+    def _mix(self, state: State, asked: Asked, tell: Tell) -> tuple[Settled | None, int]:
+        """Iterate with the old tangent until equilibrium or a stall; returns the iterations, too."""
         assert self._inverse is not None
         free, weight = ~asked.held, np.repeat(self._area, asked.held.shape[1])
         inner, least, kept = free.ravel(), np.inf, state.value.copy()
         steps: list[tuple[Array, Array]] = []  # of values, and of what the tangent proposes
         last: tuple[Array, Array] | None = None
-        milestone, reached = np.inf, done
-        while done <= self._most:
+        milestone, reached, done = np.inf, 0, 0
+        while True:
             out = forces(self._operator, state)
             residual, rest = left_over(state, asked, out, self._least), (out + asked.load)[free]
             if residual < self._tolerance:
@@ -117,7 +159,7 @@ class Newton:
             tell(done, residual)
             if residual < FALL * milestone:
                 milestone, reached = residual, done
-            if done == self._most or not residual < GROWN * least or done - reached >= PATIENCE:
+            if not residual < GROWN * least or done - reached >= PATIENCE:
                 break
             if residual < least:
                 least, kept = residual, state.value.copy()
@@ -129,7 +171,7 @@ class Newton:
             state.value[free] = value + _mixed(proposed, steps)
             done += 1
         state.value[:] = kept
-        return None, done + 1
+        return None, done
 
     def _take_tangent(self, state: State, free: NDArray[np.bool_]) -> None:
         """Set up the equations of this state."""

@@ -48,6 +48,7 @@ class Relaxation:
     """Dynamic relaxation with any operator; see `Method`."""
 
     said = "adaptive dynamic relaxation"
+    smallest = 1.0  # smaller parts take as many iterations
 
     def __init__(
         self,
