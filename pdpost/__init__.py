@@ -1,6 +1,7 @@
 """Pictures, histories and crack figures from a database of peridynamic results.
 
-For scripts: `Results.open` reads a database, `crack` returns what its cracks did, `figures` draws it. `crack_table` and
+For scripts: `Results.open` reads a database, `crack` returns what its cracks did (`crack_in_space` of a
+body), `figures` draws it. `crack_table` and
 `study_table` are tables that `pandas.DataFrame` accepts directly. `pdpost.measures` holds the other measures,
 `pdpost.exports` writes files for other programs.
 """
@@ -12,6 +13,7 @@ from pdmesh.lazy_imports import lazily
 if TYPE_CHECKING:
     from pdpost import figures
     from pdpost.figures.notebook import notebook_png
+    from pdpost.measures.crack_in_space import SummaryInSpace, crack_in_space
     from pdpost.measures.crack_summary import Summary, crack, crack_table
     from pdpost.measures.deformation_maxima import largest_displacement, largest_stretch
     from pdpost.reading.table_columns import study_table
@@ -22,7 +24,9 @@ else:
         {
             "Results": "pdsolve.results",
             "Summary": "pdpost.measures.crack_summary",
+            "SummaryInSpace": "pdpost.measures.crack_in_space",
             "crack": "pdpost.measures.crack_summary",
+            "crack_in_space": "pdpost.measures.crack_in_space",
             "crack_table": "pdpost.measures.crack_summary",
             "figures": "pdpost.figures",
             "largest_displacement": "pdpost.measures.deformation_maxima",
@@ -35,7 +39,9 @@ else:
 __all__ = [
     "Results",
     "Summary",
+    "SummaryInSpace",
     "crack",
+    "crack_in_space",
     "crack_table",
     "figures",
     "largest_displacement",

@@ -28,8 +28,10 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "crack", "line", "nodes", "notch", "sif", "strain", "tradeoff")
-OF_BODIES = "damage and other fields, animate, slice, render, history, balance, reaction, report, export and study"
+OF_PLATES = ("bonds", "line", "nodes", "notch", "sif", "strain", "tradeoff")
+OF_BODIES = (
+    "damage and other fields, animate, slice, render, crack, history, balance, reaction, report, export and study"
+)
 
 
 def parser() -> argparse.ArgumentParser:

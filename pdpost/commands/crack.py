@@ -23,7 +23,8 @@ def add(commands: Commands) -> None:
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
         " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with a"
         " band, and left out where that is too wide to say anything or what cracked is no line; cracked nodes belong to"
-        " no piece.",
+        " no piece. Of a body in space, the surface of its cracks, coloured by when it opened, its area, energy, front"
+        " and fragments.",
     )
     add_results(crack)
     crack.add_argument(
@@ -33,6 +34,9 @@ def add(commands: Commands) -> None:
     add_window(crack)
     crack.add_argument(
         "--compare", type=Path, metavar="OTHER", help="lay the path of another run of this plate over it"
+    )
+    crack.add_argument(
+        "--surface", type=Path, metavar="FILE", help="of a body: write the crack's surface (.vtp for ParaView, .stl)"
     )
     commandline.add_common_options(
         crack,
@@ -55,6 +59,10 @@ def _crack(args: argparse.Namespace) -> int:
     path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
     with delivery.styled(path, look), Results.open(args.results) as results:
+        if results.dimension == 3:
+            return _of_body(args, results, threshold, path)
+        if args.surface is not None:
+            raise commandline.UsageError(f"--surface: found {args.surface}, expected none of a plate")
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -73,6 +81,29 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
     return delivery.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+
+
+def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
+    from pdpost.exports import surface_files
+    from pdpost.measures import crack_in_space
+
+    for option in ("along", "window", "compare"):
+        if getattr(args, option) is not None:
+            raise commandline.UsageError(f"--{option}: found it for a body in space, expected it for a plate")
+    if args.surface is not None:
+        surface_files.check_suffix(args.surface)
+        commandline.output_path(args.surface, args.results, args.surface.suffix, args.force)
+    found = crack_in_space.crack_in_space(results, _step(args, results), threshold)
+    lines = crack_in_space.sentences(found)
+    if path is not None:
+        from pdpost.figures import crack_surface_figure, style
+
+        style.save(crack_surface_figure.crack_surface(results, found), path)
+    if args.surface is not None:
+        surface_files.write(args.surface, found.surface, found.speed)
+        lines = [f"{args.surface}: the surface, {len(found.surface.faces)} faces", *lines]
+    header, rows = crack_in_space.table(found)
+    return delivery.deliver(args, crack_in_space.numbers(found), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:

@@ -15,7 +15,7 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     from pdpost.measures.plate_geometry import check_alike
     from pdpost.reading import studies
     from pdpost.reading.frame_steps import last_step
-    from pdsolve.results import Results
+    from pdsolve.results import Results, ResultsError
 
     if args.compare is not None or args.step is not None or args.along is not None:
         raise commandline.UsageError("found a study and --compare, --step or --along, expected a study alone")
@@ -23,6 +23,8 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     look = {name: value for name, value in args.assignments if name != "cracked"}
     found = studies.read(args.results)
     with delivery.styled(picture, look), Results.open(found.rows[0].file) as first:
+        if first.dimension == 3:
+            raise ResultsError(f"{args.results}: found runs of a body in space, expected those of a plate")
         check_window(first, args)
         lines = []
         for row in found.rows:

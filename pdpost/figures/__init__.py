@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pdpost.figures.bond_figure import bonds
     from pdpost.figures.charts import balance, histories, masses, reactions
     from pdpost.figures.crack_figure import comparison, crack
+    from pdpost.figures.crack_surface_figure import crack_surface
     from pdpost.figures.field_figure import field
     from pdpost.figures.frames_figure import frames
     from pdpost.figures.level_figure import nodes
@@ -26,6 +27,7 @@ else:
         "bonds": "bond_figure",
         "comparison": "crack_figure",
         "crack": "crack_figure",
+        "crack_surface": "crack_surface_figure",
         "field": "field_figure",
         "frames": "frames_figure",
         "gif": "animation",
@@ -47,6 +49,7 @@ __all__ = [
     "bonds",
     "comparison",
     "crack",
+    "crack_surface",
     "field",
     "frames",
     "gif",

@@ -120,7 +120,9 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdpost, ["velocity", "body.sqlite", "--component", "xx"], naming(expected=("magnitude", "x"))),
         (pdpost, ["content", "body.sqlite"], naming(found=("model", "mechanics"), expected=("diffusion", "content"))),
         (pdpost, ["history", "body.sqlite", "--at", "0.5,0.2"], naming("--at", found="2 numbers", expected="3")),
-        (pdpost, ["crack", "body.sqlite"], naming(found=("body", "space"), expected="plate")),
+        (pdpost, ["crack", "body.sqlite", "--along", "right"], naming("--along", found=("body", "space"))),
+        (pdpost, ["crack", "body.sqlite", "--window", "0,0,1,1"], naming("--window", found=("body", "space"))),
+        (pdpost, ["crack", "body.sqlite", "--surface", "body.obj"], naming("body.obj", found=".obj", expected=".vtp")),
         (
             pdpost,
             ["export", "body.sqlite", "--also", "strain"],

@@ -1,0 +1,110 @@
+"""The cracks of a body as a figure: their surface, coloured by when it opened, and its area and energy over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgba
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
+
+from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.labels import scaled
+from pdpost.measures.crack_faces import Surface
+from pdpost.measures.crack_in_space import SummaryInSpace
+from pdpost.reading.times import told
+from pdsolve.results import Results
+
+VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
+LIGHT = np.array([-0.35, -0.45, 0.82])  # from where the light comes
+DARKEST = 0.45  # of a face along the light
+TICKS = 6  # along the longest side
+NEARLY = 0.9  # of the area: what opens later has the last colour
+OLD, FRONT, BOX = "0.75", "black", "0.6"  # colours of pre-cracks, of the front and of the body's box
+ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+
+
+def crack_surface(results: Results, found: SummaryInSpace) -> Figure:
+    """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
+    opened = bool(found.surface.grown.any())
+    figure = Figure(figsize=(WIDTH, 8.0 if opened else 5.5), layout="constrained")
+    grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
+    axes = figure.add_subplot(grid[0, :], projection="3d")
+    assert isinstance(axes, Axes3D)
+    painted = _surface(axes, results, found)
+    when = told(found.step * float(results.meta()["time_step"]), micro="µs")
+    figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
+    if opened:
+        figure.colorbar(painted[0], ax=axes, label=f"opened at, {painted[1]}", shrink=0.6, pad=0.08, extend="max")
+        _over_time(figure.add_subplot(grid[1, 0]), found)
+        _release(figure.add_subplot(grid[1, 1]), found)
+    return figure
+
+
+def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[ScalarMappable, str]:
+    """Draw the faces, the front and the box of the body; returns the colours and the unit of time."""
+    nodes, surface = results.nodes(0), found.surface
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+    metre, metres = scaled([low, high], "m")
+    second, seconds = scaled([surface.time[surface.grown]], "s")
+    start, end = _span(surface)
+    painted = ScalarMappable(Normalize(start * second, end * second), "viridis")
+    colours = painted.to_rgba(surface.time * second)
+    colours[~surface.grown] = to_rgba(OLD)
+    if len(surface.faces):
+        quads = surface.corners[surface.faces]
+        colours[:, :3] *= _brightness(quads)[:, None]
+        axes.add_collection3d(
+            Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
+        )
+    front = [line * metre for line in found.fronts]
+    axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
+    box = (low + ENDS * (high - low)) * metre
+    axes.add_collection3d(Line3DCollection([box[list(side)] for side in SIDES], colors=BOX, linewidths=0.6, zorder=0))
+    axes.computed_zorder = False
+    for name, one, other in zip("xyz", low * metre, high * metre, strict=True):
+        getattr(axes, f"set_{name}lim")(one, other)
+        getattr(axes, f"set_{name}label")(f"{name}, {metres}")
+        axes.locator_params(
+            axis=name, nbins=max(2, round(TICKS * (other - one) / float(np.ptp([low, high], axis=0).max() * metre)))
+        )
+    axes.set_box_aspect(high - low)
+    axes.view_init(*VIEW)
+    axes.grid(visible=False)
+    return painted, seconds
+
+
+def _span(surface: Surface) -> tuple[float, float]:
+    """From when to when the colours go, s: until nearly all of the area was open."""
+    time, area = surface.time[surface.grown], np.cumsum(surface.area[surface.grown])
+    if not len(time):
+        return 0.0, 1.0
+    end = float(time[np.searchsorted(area, NEARLY * area[-1])])
+    return float(time[0]), end if end > time[0] else float(time[0]) + 1.0
+
+
+def _brightness(quads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The brightness (f,) of faces (f, 4, 3), lit alike on both sides."""
+    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.asarray(DARKEST + (1 - DARKEST) * np.abs(normal @ LIGHT))
+
+
+def _over_time(axes: Axes, found: SummaryInSpace) -> None:
+    second, seconds = scaled([found.time], "s")
+    plain(axes)
+    axes.plot(found.time * second, found.area * 1e6, lw=1.3, **look(0))
+    axes.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
+
+
+def _release(axes: Axes, found: SummaryInSpace) -> None:
+    second, seconds = scaled([found.time], "s")
+    plain(axes)
+    axes.plot(found.time * second, found.release / found.G0, lw=1.3, **look(1))
+    axes.axhline(1.0, color="0.5", lw=0.8, ls=":")
+    axes.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / $G_0$", ylim=(0, None))

@@ -1,0 +1,211 @@
+"""The surface of the cracks of a body: faces between neighbouring nodes that parted, smoothed.
+
+Two nodes whose cubes touch share a face. It may belong to a crack once their bond is broken and both are cracked. Bonds
+break in a band some nodes thick, and more than one layer of faces opens there; the crack is the layer in its middle. A
+cracked node belongs to the sound node that is nearest along the lattice, where a way over an open face counts more. A
+face is in the middle if the nodes on its two sides belong to sound nodes at least two spacings apart (the medial axis
+of what is sound; H. Blum, 1967).
+
+The faces of an inclined crack are stairs, whose area is up to sqrt(3) times too large. Their corners are moved to and
+fro until they are smooth (G. Taubin, SIGGRAPH 95, 351-358). A free edge is smoothed along itself; where a front meets
+the body's surface, and on edges of the body, corners stay.
+
+Symbols: n nodes, b pairs of neighbours, f faces, p corners, e edges.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from pdmesh.model.crack_surfaces import parted
+from pdmesh.model.output_fields import CRACKED
+from pdpost.measures.cracked_nodes import cracked_since
+from pdpost.measures.lattice_neighbours import NEAR, neighbours
+from pdsolve.results import Nodes, Results
+
+OPEN = 3.0  # what a way over an open face counts, in ways over a closed one
+ON_EDGE = 2  # of the eight cubes around a corner: it is on an edge of the body
+APART = 1.9  # spacings between the sound nodes that the sides of a crack belong to
+FORTH, BACK, ROUNDS = 0.5, -0.53, 30  # Taubin's smoothing
+SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+BEFORE = -1.0  # s: a face of a pre-crack
+PRE_CRACK, CLOSED = -1, -2  # steps in which neighbours parted
+
+
+class Surface(NamedTuple):
+    """Cracks as faces, those that opened first before the others."""
+
+    corners: NDArray[np.float64]  # (p, 3) m, smoothed; where they were at the start of the run
+    faces: NDArray[np.int64]  # (f, 4) corners around each face
+    time: NDArray[np.float64]  # (f,) s, when it opened; BEFORE of a pre-crack
+    area: NDArray[np.float64]  # (f,) m^2
+    edges: NDArray[np.int64]  # (e, 2) corners
+    sides: NDArray[np.int64]  # (f, 4) edges of each face
+    inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has its front there
+
+    @property
+    def grown(self) -> NDArray[np.bool_]:
+        """Mask (f,) of the faces that opened during the run."""
+        return np.asarray(self.time > BEFORE)
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """The middles (f, 3) of the faces, m."""
+        return np.asarray(self.corners[self.faces].mean(axis=1))
+
+    def area_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The area (t,) that opened during the run until times (t,), s, in m^2."""
+        grown = self.grown
+        whole = np.concatenate([[0.0], np.cumsum(self.area[grown])])
+        return np.asarray(whole[np.searchsorted(self.time[grown], time, side="right")])
+
+
+class Opened(NamedTuple):
+    """Pairs of neighbours and when they parted."""
+
+    pairs: NDArray[np.int64]  # (b, 2) rows of nodes
+    step: NDArray[np.int64]  # (b,) in which they parted; PRE_CRACK by a pre-crack, CLOSED not at all
+    sound: NDArray[np.bool_]  # (n,) nodes that are not cracked
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Mask (b,) of the pairs that are parted."""
+        return np.asarray(self.step != CLOSED)
+
+
+def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
+    """Which neighbours in a body parted until `step`: their bond is broken and both are cracked, or a pre-crack is
+    between them. Nodes are cracked above the damage `threshold`."""
+    nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
+    pairs, past, count = neighbours(nodes), breaks.step <= step, len(nodes.ids)
+    order = np.argsort(nodes.ids)
+    ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]
+    broken, own = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
+    place = np.searchsorted(own, broken).clip(max=len(own) - 1)
+    there = own[place] == broken
+    last = np.full(len(pairs), CLOSED)
+    np.maximum.at(last, place[there], breaks.step[past][there])
+    sound = (since < 0) | (since > step)
+    parts = (last >= 0) & ~sound[pairs].any(axis=1)
+    found = np.where(parts, np.maximum(last, since[pairs].max(axis=1)), CLOSED)
+    found[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
+    return Opened(pairs, found, sound)
+
+
+def surface(results: Results, step: int, found: Opened) -> Surface:
+    """The cracks of a body after `step` from the neighbours that parted, its pre-cracks included."""
+    nodes = results.nodes(step)
+    crack = np.flatnonzero((found.step == PRE_CRACK) | (found.mask & _in_the_middle(nodes, found)))
+    crack = crack[np.argsort(found.step[crack], kind="stable")]
+    when = found.step[crack]
+    time = np.where(when == PRE_CRACK, BEFORE, when * float(results.meta()["time_step"]))
+    return meshed(nodes, found.pairs[crack], time)
+
+
+def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The pairs (rows of `pairs`) that the triangles (t, 3, 3) of pre-cracks part."""
+    if not len(triangles):
+        return np.zeros(0, dtype=np.int64)
+    a, b = (nodes.position[pairs[:, side]] for side in (0, 1))
+    reach = float(nodes.delta.max())
+    low, high = triangles.min(axis=(0, 1)) - reach, triangles.max(axis=(0, 1)) + reach
+    near = np.flatnonzero(((a >= low) & (a <= high)).all(axis=1))
+    return np.asarray(near[parted(a[near], b[near], triangles)])
+
+
+def _in_the_middle(nodes: Nodes, found: Opened) -> NDArray[np.bool_]:
+    """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
+    pairs, sound = found.pairs, np.flatnonzero(found.sound)
+    if not len(sound):
+        return np.ones(len(pairs), dtype=bool)
+    cost = np.where(found.mask, OPEN, 1.0)
+    graph = csr_array((np.tile(cost, 2), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(len(nodes.ids),) * 2)
+    _, _, home = dijkstra(graph, indices=sound, min_only=True, return_predecessors=True)
+    one, other = home[pairs].T
+    way = nodes.position[one] - nodes.position[other]
+    spacing = nodes.delta[pairs].min(axis=1)
+    return np.asarray((one < 0) | (other < 0) | ((way * way).sum(axis=1) > (APART * spacing) ** 2))
+
+
+def meshed(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) -> Surface:
+    """The faces between `pairs` (f, 2) of neighbours that parted at `time` (f,), s, in this order."""
+    finer = np.take_along_axis(pairs, nodes.delta[pairs].argmin(axis=1)[:, None], axis=1)[:, 0]
+    way = nodes.position[pairs.sum(axis=1) - finer] - nodes.position[finer]
+    axis, spacing = np.abs(way).argmax(axis=1), nodes.delta[finer]
+    places = np.repeat(nodes.position[finer][:, None, :], 4, axis=1)
+    row = np.arange(len(pairs))
+    places[row, :, axis] += (np.sign(way[row, axis]) * spacing / 2)[:, None]
+    for turn in (0, 1):
+        places[row, :, (axis + 1 + turn) % 3] += SQUARE[:, turn] * spacing[:, None]
+    grain = float(nodes.delta.min()) / 4
+    keys = np.rint((places.reshape(-1, 3) - nodes.position.min(axis=0)) / grain).astype(np.int64)
+    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    faces, stairs = number.reshape(-1, 4), places.reshape(-1, 3)[first]
+    every = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, sides = np.unique(every, axis=0, return_inverse=True)
+    free = np.bincount(sides.ravel(), minlength=len(edges)) == 1
+    inside = _inside(nodes, stairs[edges])
+    corners = _smoothed(stairs, edges, free, _stays(nodes, stairs, edges[free], inside[free]))
+    return Surface(corners, faces, time, areas(corners[faces]), edges, sides.reshape(-1, 4), inside)
+
+
+def _inside(nodes: Nodes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (e,) of edges (e, 2, 3) of cubes that are between four cubes."""
+    if not len(edges):
+        return np.zeros(0, dtype=bool)
+    tree, row = cKDTree(nodes.position), np.arange(len(edges))
+    way = np.abs(edges[:, 1] - edges[:, 0])
+    axis, far = way.argmax(axis=1), way.max(axis=1) / 2
+    found = np.ones(len(edges), dtype=bool)
+    for u, v in SQUARE:
+        place = edges.mean(axis=1)
+        place[row, (axis + 1) % 3] += u * far
+        place[row, (axis + 2) % 3] += v * far
+        away, nearest = tree.query(place, p=np.inf)
+        found &= away < (0.5 + NEAR) * nodes.delta[nearest]
+    return found
+
+
+def _stays(
+    nodes: Nodes, stairs: NDArray[np.float64], free: NDArray[np.int64], inside: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Mask (p,) of corners on edges of the body, and of those where `free` (k, 2) edges inside meet others."""
+    tree, reach, cubes = cKDTree(nodes.position), float(nodes.delta.min()) / 4, np.zeros(len(stairs), dtype=int)
+    for way in itertools.product((-reach, reach), repeat=3):
+        away, nearest = tree.query(stairs + way, p=np.inf)
+        cubes += away < (0.5 + NEAR) * nodes.delta[nearest]
+    ends = np.zeros((2, len(stairs)), dtype=bool)
+    for row, some in zip(ends, (inside, ~inside), strict=True):
+        row[free[some]] = True
+    return np.asarray((cubes <= ON_EDGE) | ends.all(axis=0))
+
+
+def _smoothed(
+    stairs: NDArray[np.float64], edges: NDArray[np.int64], free: NDArray[np.bool_], stays: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """The corners (p, 3) of stairs, smoothed; those on `free` (e,) edges move with the corners on these alone."""
+    count, on = len(stairs), np.zeros(len(stairs), dtype=bool)
+    on[edges[free]] = True
+    one, other = np.concatenate([edges, edges[:, ::-1]]).T
+    used = ~on[one] | np.concatenate([free, free])
+    graph = csr_array((np.ones(used.sum()), (one[used], other[used])), shape=(count, count))
+    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
+    found = stairs.copy()
+    for _ in range(ROUNDS):
+        for share in (FORTH, BACK):
+            found += np.where(stays, 0.0, share)[:, None] * (mean @ found - found)
+    return found
+
+
+def areas(faces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Areas (f,) of quadrilaterals (f, 4, 3), each as two triangles, m^2."""
+    one, two, three = (faces[:, k] - faces[:, 0] for k in (1, 2, 3))
+    both = np.linalg.norm(np.cross(one, two), axis=1) + np.linalg.norm(np.cross(two, three), axis=1)
+    return np.asarray(both / 2)

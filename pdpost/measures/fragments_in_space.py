@@ -1,0 +1,90 @@
+"""Fragments of a body: nodes connected by neighbours that did not part."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Material, Region
+from pdmesh.model.graphs import connected
+from pdmesh.model.selection import selected
+from pdpost.measures.crack_faces import Opened
+from pdpost.reading.embedded_model import read
+from pdsolve.results import Results
+
+SMALLEST = 27  # nodes: less is a crumb
+
+
+class Fragment(NamedTuple):
+    """One fragment of a body."""
+
+    nodes: int
+    volume: float  # m^3
+    mass: float  # kg
+    centre: tuple[float, float, float]  # m, at the start
+    velocity: tuple[float, float, float] | None  # m/s, of its centre of mass; None in a frame without velocities
+
+
+class Fragments(NamedTuple):
+    """All fragments. Their masses and that of the crumbs add up to the body's."""
+
+    pieces: tuple[Fragment, ...]  # the heaviest first
+    crumbs: int  # pieces of fewer than 27 nodes
+    crumbs_mass: float  # kg
+
+
+class _Solid(msgspec.Struct):
+    """The keys of the grid file that densities come from."""
+
+    material: Material
+    regions: tuple[Region, ...] = ()
+
+
+def masses(results: Results, step: int) -> NDArray[np.float64]:
+    """The mass (n,) of the nodes of a body, kg. Raises ResultsError."""
+    model, nodes = read(results, _Solid), results.nodes(step)
+    rho = np.full(len(nodes.ids), model.material.rho)
+    for region in model.regions:
+        rho[selected(nodes, region.nodes, region.box)] = region.material.rho
+    return np.asarray(rho * nodes.area)
+
+
+def fragments(results: Results, step: int, found: Opened) -> Fragments:
+    """The fragments of a body after `step`, from the neighbours that parted."""
+    nodes, mass = results.nodes(step), masses(results, step)
+    piece = connected(len(nodes.ids), *found.pairs[~found.mask].T)
+    count = np.bincount(piece)
+    large = count >= SMALLEST
+    velocity = _velocity(results, step)
+    columns = np.column_stack([np.ones(len(mass)), nodes.position, *velocity])
+    sums = np.column_stack([np.bincount(piece, mass * column) for column in columns.T])
+    volume = np.bincount(piece, nodes.area)
+    pieces = [
+        Fragment(
+            int(count[one]),
+            float(volume[one]),
+            float(sums[one, 0]),
+            _mean(sums[one], 1),
+            _mean(sums[one], 4) if velocity else None,
+        )
+        for one in np.flatnonzero(large)
+    ]
+    pieces.sort(key=lambda each: (-each.mass, each.centre))
+    return Fragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
+
+
+def _mean(sums: NDArray[np.float64], first: int) -> tuple[float, float, float]:
+    """Three components of a mean, from sums weighted by mass."""
+    x, y, z = (float(each) for each in sums[first : first + 3] / sums[0])
+    return x, y, z
+
+
+def _velocity(results: Results, step: int) -> list[NDArray[np.float64]]:
+    """The components (n,) of velocity after `step`, m/s; none if they are not stored."""
+    names = ("vx", "vy", "vz")
+    if not set(names) <= set(results.stored(step) if step in results.frames()[0] else ()):
+        return []
+    return [results.field(name, step).astype(float) for name in names]

@@ -1,0 +1,37 @@
+"""Nodes of a body whose cubes share a face, in lattices of one or of nested spacings."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdsolve.results import Nodes
+
+NEAR = 1e-3  # of a spacing: by how much a cube may be off
+
+
+def neighbours(nodes: Nodes) -> NDArray[np.int64]:
+    """Pairs (b, 2) of rows of nodes whose cubes share a face, the smaller row first, sorted."""
+    levels = [np.flatnonzero(nodes.delta == spacing) for spacing in np.unique(nodes.delta)]
+    trees = [cKDTree(nodes.position[rows]) for rows in levels]
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for rows, tree in zip(levels, trees, strict=True):
+        found.append(rows[tree.query_pairs((1 + NEAR) * nodes.delta[rows[0]], output_type="ndarray")])
+    for (rows, tree), (others, other) in itertools.combinations(zip(levels, trees, strict=True), 2):
+        one, two = nodes.delta[rows[0]], nodes.delta[others[0]]
+        reach = np.hypot((one + two) / 2, np.sqrt(2) * (two - one) / 2)
+        near = tree.sparse_distance_matrix(other, (1 + NEAR) * reach, output_type="ndarray")
+        found.append(np.column_stack([rows[near["i"]], others[near["j"]]]))
+    pairs = np.sort(np.concatenate(found), axis=1)
+    pairs = pairs[_touch(nodes, pairs)]
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
+
+
+def _touch(nodes: Nodes, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask (b,) of pairs whose cubes touch along one axis and overlap along the others."""
+    half = nodes.delta[pairs].sum(axis=1)[:, None] / 2
+    way = np.sort(np.abs(np.diff(nodes.position[pairs], axis=1)[:, 0]), axis=1) / half
+    return np.asarray((np.abs(way[:, 2] - 1) < NEAR) & (way[:, 1] < 1 - NEAR))

@@ -1,0 +1,110 @@
+"""A block with an edge crack that is pulled apart: a crack runs through the 8 x 4 mm that are left of its middle plane.
+
+Two halves of 12 x 4 x 4 mm remain, and move apart.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from pdmesh.__main__ import main as pdmesh
+from pdpost.__main__ import main as pdpost
+from pdpost.measures.fragments_in_space import masses
+from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
+
+SCENE = """
+from pdmesh import Body, Box, Material
+from pdmesh.model.document import Run
+corners = [(-7e-3, -3e-3, 0), (-2e-3, -3e-3, 0), (-2e-3, 3e-3, 0), (-7e-3, 3e-3, 0)]
+ramp = ((0, 0), (2e-6, 1))
+glass = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
+scene = (
+    Body(Box((-6e-3, -2e-3, -4e-3), (6e-3, 2e-3, 4e-3)), 5e-4, glass, run=Run(duration=60e-6))
+    .crack([[corners[i] for i in (0, 1, 2)], [corners[i] for i in (0, 2, 3)]])
+    .move("top", velocity=(None, None, 0.15), profile=ramp)
+    .move("bottom", velocity=(None, None, -0.15), profile=ramp)
+)
+"""
+LIGAMENT = 32e-6  # m^2
+HALF = 12e-3 * 4e-3 * 4e-3 * 2235  # kg
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the block."""
+    folder = tmp_path_factory.mktemp("block")
+    (folder / "block.py").write_text(SCENE)
+    model, results = str(folder / "block.json"), folder / "block.sqlite"
+    assert pdmesh(["build", str(folder / "block.py"), "--trust", "-o", model, "-q"]) == 0
+    assert pdsolve([model, "-o", str(results), "--threads", "1", "-q"]) == 0
+    return results
+
+
+def numbers(results: Path, capsys: pytest.CaptureFixture[str], *more: str) -> dict[str, Any]:
+    """What `pdpost crack --json` says."""
+    assert pdpost(["crack", str(results), "--json", *more]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_area_speed_and_fragments(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Measured: area 1.002 of the ligament's, masses 0.997 of a half, 1.23 G0 (a running lattice crack breaks more),
+    a median of 0.57 of the Rayleigh speed."""
+    found = numbers(block, capsys)
+    assert found["area"] == pytest.approx(LIGAMENT, rel=0.02)
+    assert found["pre_crack_area"] == pytest.approx(16e-6, rel=0.02)
+    assert found["dissipated_over_area"] / found["G0"] == pytest.approx(1.23, rel=0.05)
+    assert 0.3 < found["speed"]["median"] / found["rayleigh_speed"] < 0.8
+    pieces = found["fragments"]["pieces"]
+    assert [piece["mass"] for piece in pieces] == pytest.approx([HALF, HALF], rel=0.01)
+    assert sorted(piece["centre"][2] for piece in pieces) == pytest.approx([-2e-3, 2e-3], abs=2e-5)
+    lower, upper = sorted(pieces, key=lambda piece: piece["centre"][2])
+    assert lower["velocity"][2] < 0 < upper["velocity"][2]
+    with Results.open(block) as results:
+        whole = masses(results, found["step"]).sum()
+    crumbs = found["fragments"]["crumbs_mass"]
+    assert sum(piece["mass"] for piece in pieces) + crumbs == pytest.approx(whole, rel=1e-12)
+    assert whole == pytest.approx(2 * HALF, rel=1e-12)
+
+
+def test_before_it_runs_its_front_is_that_of_the_pre_crack(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = numbers(block, capsys, "--step", "10")
+    assert (found["area"], found["speed"], found["first_opened"]) == (0, None, None)
+    (front,) = found["fronts"]
+    assert np.abs(np.diff(np.array(front)[:, 1])).sum() == pytest.approx(4e-3, rel=1e-6)
+    assert np.array(front)[:, 0] == pytest.approx(-2e-3, abs=1e-9)
+    assert len(found["fragments"]["pieces"]) == 1
+
+
+def test_its_surface_is_exported(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for suffix in (".stl", ".vtp"):
+        found = numbers(block, capsys, "--surface", str(tmp_path / f"crack{suffix}"))
+    mesh = meshio.read(tmp_path / "crack.stl")
+    (cells,) = mesh.cells
+    corners = mesh.points[cells.data]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(found["area"] + found["pre_crack_area"], rel=1e-6)
+    text = (tmp_path / "crack.vtp").read_text()
+    assert f'NumberOfPolys="{found["faces"]}"' in text
+    assert [name for name in ("opened", "speed", "area") if f'Name="{name}"' in text] == ["opened", "speed", "area"]
+    assert pdpost(["crack", str(block), "--json", "--surface", str(tmp_path / "crack.vtp")]) == 2
+    assert "--force" in capsys.readouterr().err
+
+
+def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, numbers = tmp_path / "crack.png", tmp_path / "crack.csv"
+    assert pdpost(["crack", str(block), "-o", str(picture), "--csv", str(numbers)]) == 0
+    assert picture.stat().st_size > 30_000
+    said = capsys.readouterr().out
+    assert "2 fragments" in said
+    head, *_, last = csv.reader(numbers.read_text().splitlines())
+    assert head[2] == "area, m^2"
+    assert float(last[2]) == pytest.approx(LIGAMENT, rel=0.02)
