@@ -22,6 +22,7 @@ SOLID: dict[str, Any] = {"model": "correspondence", "nu": 0.2}
 MATERIALS: dict[str, dict[str, Any]] = {
     "bond, brittle": {},
     "bond, bilinear": {"law": "bilinear", "kr": 2.0},
+    "bond, cohesive": {"law": "cohesive", "f_t": 1e6},
     "bond, your own law": {"law": "own"},
     "bond, sight diffraction": {"sight": "diffraction"},
     "ordinary": {"model": "ordinary", "nu": 0.2},

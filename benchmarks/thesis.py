@@ -28,6 +28,7 @@ from pdmesh.model.material_constants import critical_stretch
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdsolve.laws import limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.results import Results
 from pdsolve.run.system import Options, prepare
 
@@ -126,7 +127,8 @@ def _tables(cache: Path) -> str:
     ]
     rows6 = []
     for delta, claimed in ((1e-3, "0.00337, 0.00552"), (2e-3, "0.00238, 0.00390")):
-        peak, limit = limits(steel, critical_stretch(steel, np.array([3 * delta])))
+        horizon = np.array([3 * delta])
+        peak, limit = limits(steel, Sizes(critical_stretch(steel, horizon), horizon / 3, horizon, 3.0))
         rows6.append([f"{delta * 1e3:g} mm", claimed, f"{peak[0]:.5f}, {limit[0]:.5f}"])
     return "\n".join(
         [

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
+from pdmesh.model.cohesive_cracks import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.damping import MUCH, remark
 from pdmesh.model.document import MOST
 from pdmesh.model.full_lattice import lattice_ratios
@@ -70,6 +71,12 @@ def refuse(model: Model, partial_cells: bool) -> None:
             if value < LEAST:
                 raise ModelError(f"{place}.{name}: found {value:g}, expected {LEAST:g} to {MOST:g} in SI units")
         ratio = model.settings.horizon.ratio
+        if material.law == "cohesive" and (widest := _widest(model, number)) >= largest_horizon(material, ratio):
+            raise ModelError(
+                f"{place}.f_t: found l_ch = E G0 / f_t^2 = {characteristic_length(material):.4g} m with a horizon of"
+                f" {widest:g} m, expected a horizon below {largest_horizon(material, ratio):.4g} m: bonds hold more"
+                " than G0 when they begin to soften"
+            )
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c11 > ROUND_OFF:
             raise ModelError(
                 f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
@@ -98,6 +105,7 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
     _shapes(model)
     _probes(model)
     ratio = model.settings.horizon.ratio
+    _coarse(model)
     for material in model.materials:
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c66 > ROUND_OFF:
             warn(
@@ -106,6 +114,24 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
                 " expected 1.5 or more (3 is usual)",
             )
             return
+
+
+def _widest(model: Model, number: int) -> float:
+    """The largest horizon of the nodes of a material, m."""
+    return float(np.max(model.horizons[model.material_of == number], initial=0.0))
+
+
+def _coarse(model: Model) -> None:
+    """Warn of horizons at which the strength and the energy of cohesive bonds were not measured."""
+    for number, material in enumerate(model.materials):
+        if material.law == "cohesive":
+            widest, most = _widest(model, number), COARSE * characteristic_length(material)
+            if widest > most:
+                warn(
+                    model,
+                    f"$.horizon: found {widest:g} m, expected {most:.4g} m or less, {COARSE:.2g} of l_ch ="
+                    " E G0 / f_t^2: strengths of coarser lattices are not known; a finer spacing shortens it",
+                )
 
 
 def advise_unused(model: Model) -> None:

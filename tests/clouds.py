@@ -25,6 +25,8 @@ DELTA, LIMIT = 1e-3, 1e-3  # m; stretch at which a bond in space breaks, in the 
 
 def glass(law: str) -> Material:
     """Glass of this law, of a Poisson's ratio that springs do not have, where the law is not theirs."""
+    if law == "cohesive":
+        return msgspec.structs.replace(GLASS, law=law, G0=60.0, f_t=30e6)
     if law in LAWS:
         return msgspec.structs.replace(GLASS, law=law, kr=3.0)
     return msgspec.structs.replace(GLASS, **({"model": law, "nu": 0.2} | VARIANTS.get(law, {})))
@@ -66,6 +68,11 @@ class Case(NamedTuple):
     def softens(self) -> bool:
         """Whether bonds remember how far they were stretched."""
         return "worst" in EVERY[self.law].memory
+
+    @property
+    def kinked(self) -> bool:
+        """Whether stiffness jumps where a softened bond goes from tension to compression."""
+        return self.law == "cohesive"
 
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"

@@ -69,6 +69,8 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     law: str = USUAL_LAW  # of bonds: one of those that the solver knows
     kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
     keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
+    f_t: Positive | None = None  # cohesive: tensile strength, Pa
+    shape: Literal["linear", "bilinear", "exponential"] = "linear"  # cohesive: of the softening curve
     micromodulus: Literal["conical", "constant"] = "conical"
     plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
     influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import warnings
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pdmesh.model.document import Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.refused_settings import of_material
@@ -14,17 +11,22 @@ from pdsolve.laws import (
     bilinear,
     breitzman_dayal,
     brittle,
+    cohesive,
     correspondence,
     higher_order_correspondence,
     micropolar,
     ordinary,
     wan,
 )
-from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError, ModelWarning
 
-LAWS: dict[str, Law] = {"brittle": brittle.LAW, "bilinear": bilinear.LAW}  # of bonds alone
+LAWS: dict[str, Law] = {  # of bonds alone
+    "brittle": brittle.LAW,
+    "bilinear": bilinear.LAW,
+    "cohesive": cohesive.LAWS["linear"],  # and of other shapes there
+}
 MODELS: dict[str, Law] = {  # of families, and of beams
     "ordinary": ordinary.LAW,
     "correspondence": correspondence.LAW,
@@ -33,12 +35,11 @@ MODELS: dict[str, Law] = {  # of families, and of beams
 MIXED = (brittle.LAW, bilinear.LAW)  # in one plate: a bilinear bond whose peak is its limit is brittle
 
 
-def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
-    """Stretches at which a material's bonds change, by its law, from the stretches at which brittle bonds would
-    break."""
+def limits(material: Material, bonds: Sizes) -> Limits:
+    """Stretches (b,) at which a material's bonds change, by its law."""
     pair = LAWS[material.law].pair
     assert pair is not None
-    return pair.limits(material, critical)
+    return pair.limits(material, bonds)
 
 
 def law_of(model: Model) -> Law:
@@ -80,4 +81,6 @@ def law_named(material: Material, place: str) -> tuple[str, Law]:
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""
         raise ModelError(f"{place}.law: found '{material.law}', expected one of {', '.join(LAWS)}{hint}")
+    if material.law == "cohesive":
+        return f"cohesive, {material.shape}", cohesive.LAWS[material.shape]
     return material.law, LAWS[material.law]

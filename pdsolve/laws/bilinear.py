@@ -16,10 +16,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numba.extending import register_jitable
-from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
-from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import INNER, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
 
@@ -28,12 +27,13 @@ class Bilinear(PairColumns):
     """Columns of bonds under this law."""
 
 
-def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+def limits(material: Material, bonds: Sizes) -> Limits:
     """Stretches at the peak and at failure.
 
     A bond dissipates c xi s_p s_0 / 2, so that s_p = s_c / sqrt(kr) and s_0 = s_c sqrt(kr) keep G0. Without `keep_G0`
     they are the thesis's s_p = s_c / kr and s_0 = s_c, which dissipate G0 / kr.
     """
+    critical = bonds.critical
     if material.keep_G0:
         return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
     return Limits(critical / material.kr, critical)
@@ -52,6 +52,10 @@ def total(law, c, peak, limit):  # type: ignore[no-untyped-def]
     return c * (peak * limit)
 
 
+def slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return -peak / (limit - peak)
+
+
 @njit(**INNER)
 def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
     """Remaining share of a bond's stiffness after the stretch `worst`, between peak and limit."""
@@ -64,4 +68,4 @@ def spent_share(worst: float, peak: float, limit: float) -> float:
     return (worst - peak) / (limit - peak)
 
 
-LAW = pair_law(Bilinear, Pair(limits=limits, secant=secant, softening=Softening(spent, total)))
+LAW = pair_law(Bilinear, Pair(limits=limits, secant=secant, softening=Softening(spent, total, slope)))

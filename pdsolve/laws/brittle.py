@@ -7,11 +7,8 @@ it at each node.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pdmesh.model.document import Material
-from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Pair
 from pdsolve.laws.pair import PairColumns, pair_law
 
@@ -20,9 +17,9 @@ class Brittle(PairColumns):
     """Columns of bonds under this law."""
 
 
-def limits(material: Material, critical: NDArray[np.float64]) -> Limits:
+def limits(material: Material, bonds: Sizes) -> Limits:
     """Both stretches are the critical one: a bond dissipates c xi s_c^2 / 2."""
-    return Limits(critical, critical)
+    return Limits(bonds.critical, bonds.critical)
 
 
 LAW = pair_law(Brittle, Pair(limits=limits))

@@ -129,6 +129,11 @@ def total(law: Any, c: Any, peak: Any, limit: Any) -> Any:
     return _bound[type(law)]["total"](law, c, peak, limit)
 
 
+def slope(law: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """Slope of a bond's force over its stiffness while `worst` grows with its stretch."""
+    return _bound[type(law)]["slope"](law, worst, peak, limit)
+
+
 def released(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
     """Total energy dissipated by a bond that is found broken at a stretch and last pulled at `before`, J/m^3."""
     return _bound[type(law)]["released"](law, c, stretch, before, peak, limit)
@@ -223,9 +228,10 @@ def _functions(law: Law) -> dict[str, Function]:
 def _of_pair(pair: Pair) -> dict[str, Function]:
     """The functions of a pair law."""
     softens = pair.softening is not None
-    straight = _held_by_secant if softens else _held_by_line
+    by_secant = _held_by_secant_of_tension if pair.elastic_in_compression else _held_by_secant
+    straight = by_secant if softens else _held_by_line
     found: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
-    found |= vars(pair.softening or Softening(_spend_nothing, _hold_no_total))
+    found |= vars(pair.softening or Softening(_spend_nothing, _hold_no_total, _never_soften))
     if softens:
         found["released"] = _released_softly
     else:
@@ -250,12 +256,22 @@ def _held_by_secant(law, c, stretch, worst, peak, limit):  # type: ignore[no-unt
     return c * stretch * stretch
 
 
+def _held_by_secant_of_tension(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    if worst > 0 and stretch > 0:
+        c *= secant(law, stretch, worst, peak, limit)
+    return c * stretch * stretch
+
+
 def _spend_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     return 0.0
 
 
 def _hold_no_total(law, c, peak, limit):  # type: ignore[no-untyped-def]
     return 0.0
+
+
+def _never_soften(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return 1.0
 
 
 def _released_by_line(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
@@ -347,6 +363,10 @@ def _bind_pair(kind: type, said: dict[str, Function]) -> None:
     @overload(total, jit_options=INNER)
     def _total(law, c, peak, limit):  # type: ignore[no-untyped-def]
         return _chosen(law, kind, said["total"])
+
+    @overload(slope, jit_options=INNER)
+    def _slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["slope"])
 
     @overload(released, jit_options=INNER)
     def _released(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]

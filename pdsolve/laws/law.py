@@ -33,7 +33,7 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import INLINE as INLINE
 from pdsolve.laws.bond_arrays import INNER as INNER
 from pdsolve.laws.bond_arrays import AnyList, Tabled
-from pdsolve.laws.bond_limits import Limits
+from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.model import Model
 from pdsolve.state import Unknown
 
@@ -47,6 +47,7 @@ class Softening:
 
     spent: Function  # (law, c, worst, peak, limit) once it was stretched to `worst`, which is above the peak
     total: Function  # (law, c, peak, limit) once it is gone
+    slope: Function  # (law, worst, peak, limit) of force / stiffness by the stretch while `worst` grows with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +63,12 @@ class Pair:
                   0 until then, or without softening                    at unit stretch, if it were linear
     """
 
-    limits: Callable[[Material, NDArray[np.float64]], Limits]  # by the critical stretch (b,) of brittle bonds
+    limits: Callable[[Material, Sizes], Limits]
     secant: Function | None = None  # (law, stretch, worst, peak, limit), at most 1; None: 1
     held: Function | None = None  # (law, c, stretch, worst, peak, limit), J/m^3, of a bond that is no straight line;
     # None: it is one, through the origin
     softening: Softening | None = None  # None: a bond remembers nothing until it is gone
+    elastic_in_compression: bool = False  # a softened bond has its secant under tension, all its stiffness else
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,8 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
         worst = np.zeros(0 if linear else count, precision)
         return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, np.zeros(count, np.int32))
 
-    curve = _pull_straight if pair.held is None else _pull_curved
+    straight = _pull_one_sided if pair.elastic_in_compression else _pull_straight
+    curve = straight if pair.held is None else _pull_curved
     return Law(
         Columns=kind,
         columns=columns,
@@ -85,6 +86,15 @@ def _pull_straight(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-de
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         if law.worst[k] > 0:
+            force *= secant(law, bond.stretch, law.worst[k], law.peak[k], law.limit[k])
+        for a in range(len(bond.xi)):
+            f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
+
+
+def _pull_one_sided(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    if law.broken[k] == 0:
+        force = law.stiffness[k] * bond.stretch
+        if law.worst[k] > 0 and bond.stretch.real > 0:
             force *= secant(law, bond.stretch, law.worst[k], law.peak[k], law.limit[k])
         for a in range(len(bond.xi)):
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))

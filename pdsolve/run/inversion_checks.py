@@ -14,6 +14,7 @@ from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF
 from pdsolve.checks import named, warn
 from pdsolve.laws import limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
 from pdsolve.state import Broken
 
@@ -35,7 +36,9 @@ class MotionChecks:
         breaking = np.full(len(model.grid), np.inf)
         for number, material in enumerate(model.materials):
             own = model.material_of == number
-            stretch = limits(material, critical_stretch(material, model.horizons[own])).peak
+            horizon, ratio = model.horizons[own], model.settings.horizon.ratio
+            sizes = Sizes(critical_stretch(material, horizon), model.grid.delta[own], horizon, ratio)
+            stretch = limits(material, sizes).peak
             breaking[own] = stretch * model.grid.delta[own]
         self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
 

@@ -39,6 +39,7 @@ from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
 
 NU = BONDS_NU["space"]
@@ -169,7 +170,8 @@ def _mean_of_ends(
         else:
             counted = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
         c = counted * calibrated.stiffness * micromodulus(material, length, reach)
-        own = limits(material, calibrated.stretch * critical_stretch(material, reach))
+        critical = calibrated.stretch * critical_stretch(material, reach)
+        own = limits(material, Sizes(critical, length, reach, model.settings.horizon.ratio))
         if len(model.materials) == 1:
             return c, own.peak, own.limit
         for end in (pairs.source, pairs.target):

@@ -18,6 +18,7 @@ from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
 
 
@@ -41,7 +42,9 @@ class Rule:
         for number, material in enumerate(model.materials):
             own = model.material_of[pairs.source] == number
             stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
-            peak[own], limit[own] = limits(material, critical_stretch(material, reach[own]))
+            critical = critical_stretch(material, reach[own])
+            sizes = Sizes(critical, pairs.length[own], reach[own], model.settings.horizon.ratio)
+            peak[own], limit[own] = limits(material, sizes)
         weight = self.area[pairs.target] * hu_beta(pairs.length, reach, model.grid.delta[pairs.target])
         return Paired(pairs, ~self._sight.cut(pairs), stiffness * weight, peak, limit, weight)
 

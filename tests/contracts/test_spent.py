@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
+from pdmesh.model.cohesive_cracks import AREA
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import LAWS, law_of, limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
@@ -25,33 +27,44 @@ from pdsolve.state import State
 
 CRITICAL, STIFFNESS = 1e-3, 2.0
 RULE = np.array(np.polynomial.legendre.leggauss(12)).T.tolist()
-EVERY = [(law, kr) for law in LAWS for kr in ((1.0,) if law == "brittle" else (2.0, 5.0))]
-every = pytest.mark.parametrize(("law", "kr"), EVERY)
+EVERY: dict[str, dict[str, object]] = {
+    f"{law}-{kr:g}": {"law": law, "kr": kr}
+    for law in LAWS
+    if law != "cohesive"
+    for kr in ((1.0,) if law == "brittle" else (2.0, 5.0))
+} | {f"cohesive-{shape}": {"law": "cohesive", "shape": shape} for shape in AREA}
+every = pytest.mark.parametrize("law", EVERY)
+LENGTH = 30.0  # spacings, the characteristic length of cohesive bonds
 shapes = pytest.mark.parametrize("precision", ["float64", "float32"])
 
 
-def of(law: str, kr: float, **more: object) -> Material:
-    return Material(**{"E": 1.0, "rho": 1.0, "G0": 1.0, "law": law, "kr": kr} | more)  # type: ignore[arg-type]
+def of(law: str, G0: float) -> Material:
+    given: dict[str, object] = {"E": 1.0, "rho": 1.0, "G0": G0} | EVERY[law]
+    if "shape" in given:
+        given["f_t"] = float(np.sqrt(G0 / LENGTH))
+    return Material(**given)  # type: ignore[arg-type]
 
 
 @every
 @shapes
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, precision: str, dimension: int) -> None:
-    """One bond of unit length pulled until it is gone; over all a brittle one of the critical stretch spends."""
-    found = limits(of(law, kr), np.array([CRITICAL]))
+def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, precision: str, dimension: int) -> None:
+    """One bond of unit length pulled until it is gone; over all a brittle one of the critical stretch spends, or what
+    is below a cohesive one's curve."""
+    material, one = of(law, 1e-6), np.ones(1)
+    found = limits(material, Sizes(CRITICAL * one, one, 3 * one, 3.0))
     xi = np.zeros((2, dimension))
     xi[:, 0] = 1, -1
     each = np.ones(2)
     bonds = Bonds(
         np.array([0, 1, 2]), np.array([1, 0], np.int32), xi, STIFFNESS * each, *(c * each for c in found), each
     )
-    model = plate(square_grid(2, 1), material=of(law, kr))
+    model = plate(square_grid(2, 1), material=material)
     operator = BondList(law_of(model), model, bonds, True, precision)
     state = State(*np.zeros((3, 2, dimension), dtype=precision), *np.zeros((3, 2)))
     peak, limit = (float(np.dtype(precision).type(column[0])) for column in found)
     tight = 4 * float(np.finfo(precision).eps) / CRITICAL  # round-off of the length of a bond so little stretched
-    work, step, places = 0.0, 0, sorted({0.0, peak, peak + (limit - peak) / 4, limit})
+    work, step, places = 0.0, 0, sorted({0.0, peak, *(peak + (limit - peak) * part for part in (2 / 9, 1 / 4)), limit})
 
     def pulls(stretch: float) -> float:
         nonlocal step
@@ -72,7 +85,9 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, kr: float, prec
     assert len(operator.broken().step) == 2
     assert operator.energies(state)[0].sum() == 0
     assert state.dissipated.sum() == pytest.approx(work, rel=tight)
-    assert work == pytest.approx(STIFFNESS * CRITICAL**2 / 2, rel=tight)
+    below = peak**2 / 2 + peak * (limit - peak) * AREA[material.shape]
+    expected = below if material.law == "cohesive" else CRITICAL**2 / 2
+    assert work == pytest.approx(STIFFNESS * expected, rel=tight)
 
 
 STIFFER = """
@@ -114,7 +129,7 @@ def stiffer(folder: Path, times: int) -> Law:
 @shapes
 def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> None:
     """In one process, whichever ran before."""
-    model, pulls = plate(square_grid(4, 4), material=of("brittle", 1.0)), []
+    model, pulls = plate(square_grid(4, 4), material=of("brittle-1", 1.0)), []
     bonds = average_horizon.fill(model).whole().bonds
     once, twice = stiffer(tmp_path, 1), stiffer(tmp_path, 2)
     for law in (once, twice, once):
@@ -142,9 +157,9 @@ def block(material: Material, ratio: float) -> Model:
 
 @every
 @pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_a_crack_costs_G0(law: str, kr: float, dimension: int) -> None:
+def test_a_crack_costs_G0(law: str, dimension: int) -> None:
     """Halves of a lattice are moved apart: what the bonds of a node in the middle spend, over G0 and its cell."""
-    material = of(law, kr, G0=1e-12)
+    material = of(law, 1e-12)
     model = patch(material, 3.0) if dimension == 2 else block(msgspec.structs.replace(material, plane="space"), 2.0)
     bonds = average_horizon.fill(model).whole().bonds
     assert cost(law_of(model), model, bonds) / material.G0 == pytest.approx(1, abs=0.01)

@@ -19,6 +19,7 @@ from pdsolve.run.measures import books
 from pdsolve.run.system import Options, prepare
 
 FAMILY = ["material.model=correspondence", "material.nu=0.2"]
+COHESIVE = ["material.law=cohesive", "material.f_t=30e6"]
 FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_stress=1e8"]
 
 
@@ -32,6 +33,13 @@ FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_
         (["material.model=micropolar", "material.nu=0.34"], naming("$.material.nu", found="0.34", expected="0.3333")),
         ([*FAMILY, "material.order=7"], naming("$.material.order", found="7", expected="4")),
         ([*FAMILY, "material.order=8"], re.escape("material.order")),
+        (["material.law=cohesive"], naming("$.material.f_t", found="none", expected=("strength", "Pa"))),
+        ([*COHESIVE, "material.shape=round"], re.escape("material.shape")),
+        ([*COHESIVE, "material.nu=0.4"], naming("$.material.nu", found="0.4", expected="0.3333")),
+        (
+            [*COHESIVE, "material.f_t=120e6"],  # of a continuum 2 1.3^2 l_ch / (18 / 5 pi) = 2.716e-3 m
+            naming("$.material.f_t", found=("0.0009208 m", "0.003 m"), expected="0.002737 m"),
+        ),
         ([*FLOWS, "material.yield_stress=0"], re.escape("material.yield_stress")),
         ([*FLOWS, "material.hardening=-1e9"], naming("$.material.hardening", found="-1e+09", expected="0 Pa")),
     ],

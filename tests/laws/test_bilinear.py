@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from plates import GLASS
 
 from pdmesh.model.document import Material
@@ -14,21 +15,27 @@ from pdmesh.model.full_lattice import lattice_ratios, offsets
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
 from pdsolve.laws.bilinear import intact_share, spent_share
+from pdsolve.laws.bond_limits import Sizes
 
 MARAGING = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)
+
+
+def sizes(critical: NDArray[np.float64]) -> Sizes:
+    """Bonds (b,) of these critical stretches, whose lengths and horizons the law does not ask for."""
+    return Sizes(critical, np.ones(len(critical)), np.ones(len(critical)), 3.0)
 
 
 def law(kr: float, keep: bool = True) -> tuple[float, float]:
     """Peak and limit where the critical stretch is 1e-3."""
     material = msgspec.structs.replace(GLASS, law="bilinear", kr=kr, keep_G0=keep)
-    peak, limit = limits(material, np.array([1e-3]))
+    peak, limit = limits(material, sizes(np.array([1e-3])))
     return float(peak[0]), float(limit[0])
 
 
 @pytest.mark.parametrize(("delta", "peak", "limit"), [(1e-3, 0.00337, 0.00552), (2e-3, 0.00238, 0.00390)])
 def test_the_thesis_table_6(delta: float, peak: float, limit: float) -> None:
     """Kalthoff and Winkler's plate, m = 3, conical: all printed digits."""
-    found = limits(MARAGING, critical_stretch(MARAGING, np.array([3 * delta])))
+    found = limits(MARAGING, sizes(critical_stretch(MARAGING, np.array([3 * delta]))))
     assert f"{found.peak[0]:.5f} {found.limit[0]:.5f}" == f"{peak:.5f} {limit:.5f}"
 
 
@@ -53,7 +60,7 @@ def test_a_crack_spends_g0_or_g0_over_kr(keep: bool, profile: str) -> None:
     xi = offsets(m)
     length, horizon = delta * np.hypot(*xi.T), np.full(len(xi), m * delta)
     c = micromodulus(material, length, horizon)
-    peak, limit = limits(material, critical_stretch(material, horizon))
+    peak, limit = limits(material, sizes(critical_stretch(material, horizon)))
     # a bond that rises by y spacings crosses the crack from y rows: delta y a unit of area
     spent = float(np.sum(c * length * peak * limit / 2 * delta**2 * delta * np.maximum(xi[:, 1], 0)))
     row = lattice_ratios(m, profile, "stress", False).row

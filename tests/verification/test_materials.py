@@ -14,6 +14,7 @@ from pdmesh.model.full_lattice import calibration
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import brittle, law_of, limits
+from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, prepare
@@ -88,7 +89,8 @@ def test_the_thesis_rule_at_an_interface() -> None:
     there, back = between(bonds, left, right), between(bonds, right, left)
     assert bonds.stiffness[there] / bonds.stiffness[back] == pytest.approx(65 / 20, rel=1e-12)
     for at, material in ((there, GLASS), (back, SOFT)):
-        own = limits(material, critical_stretch(material, np.array([3e-3])))
+        horizon = np.array([3e-3])
+        own = limits(material, Sizes(critical_stretch(material, horizon), horizon / 3, horizon, 3.0))
         assert (bonds.peak[at], bonds.limit[at]) == pytest.approx((own.peak[0], own.limit[0]), rel=1e-14)
 
 

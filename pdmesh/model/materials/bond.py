@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from pdmesh.model.document import USUAL_LAW, Material
+from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.materials.kind import Kind, Parameter, Refusal, Refusals
+
+NEAR = 0.01  # Poisson's ratios this near are one
 
 
 def softens(material: Material) -> bool:
     """Whether the bonds are of a law that is not brittle."""
     return material.law != USUAL_LAW and not (material.law == "bilinear" and material.kr == 1)
+
+
+def wrong(material: Material) -> Refusals:
+    """A cohesive law needs its strength, and Poisson's ratio is that of springs at most."""
+    if material.law != "cohesive":
+        return
+    if material.f_t is None:
+        yield Refusal("f_t", "the tensile strength, Pa, with law 'cohesive'")
+    most = BONDS_NU[material.plane]
+    if material.nu is not None and material.nu > most + NEAR:
+        yield Refusal("nu", f"{most:.4g} of bonds in plane {material.plane}, or less, with law 'cohesive'")
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
@@ -21,6 +35,8 @@ def one_sided(material: Material) -> Refusals:
     """One-sided bonds do not go round the tips of cracks."""
     if material.sight != "visibility":
         yield Refusal("sight", "'visibility' in the thesis mode")
+    if material.law == "cohesive":
+        yield Refusal("law", f"'{USUAL_LAW}' or 'bilinear' in the thesis mode, whose lattice is not calibrated")
 
 
 def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
@@ -42,8 +58,11 @@ BOND = Kind(
         Parameter("law"),
         Parameter("kr", used=("law", "bilinear"), instead=USUAL_LAW),
         Parameter("keep_G0", used=("law", "bilinear"), instead=USUAL_LAW, refused=False),
+        Parameter("f_t", "Pa", used=("law", "cohesive"), instead=USUAL_LAW),
+        Parameter("shape", used=("law", "cohesive"), instead=USUAL_LAW),
     ),
     failures=("stretch",),
+    wrong=wrong,
     at_rest=at_rest,
     one_sided=one_sided,
     adaptive=adaptive,

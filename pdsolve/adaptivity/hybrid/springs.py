@@ -17,6 +17,7 @@ from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, hu_beta, offsets
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
+from pdsolve.laws.bond_limits import Sizes
 
 X, Y, X2, Y2, INVERSE, STIFFNESS = range(6)  # columns of a table of springs
 COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -49,7 +50,9 @@ def fine_springs(material: Material, ratio: float, h: float) -> Springs:
     n_x, n_y = (xi / length[:, None]).T
     stiffness = c / length  # of a lattice of spacing 1 and horizon `ratio`, which has the same springs
     c11, c66 = (float(0.5 * np.sum(c * length * term)) for term in (n_x**4, (n_x * n_y) ** 2))
-    stretch = limits(material, factors.stretch * critical_stretch(material, np.array([ratio * h])))
+    horizon = np.array([ratio * h])
+    critical = factors.stretch * critical_stretch(material, horizon)
+    stretch = limits(material, Sizes(critical, np.full(1, h), horizon, ratio))
     dx, dy = np.round(xi.T).astype(np.int64)
     return Springs(dx, dy, _table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
 

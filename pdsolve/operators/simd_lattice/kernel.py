@@ -15,7 +15,8 @@ Layout, after the sliced ELL format of sparse matrices:
 Symbols as in pdsolve.laws.law; pdsolve.laws.pair computes the same in a few lines and is the reference in tests. A lane
 has an `edge`: an e up to which its bond does not change. It is the e of the limit or, for a softening law, of the peak
 and then of the largest stretch so far. All laws with straight lines are summed in one way, with their secant as
-stiffness; for other laws (`Pair.held`), the secant is computed in lanes. A slot is processed lane by lane only in steps
+stiffness; for other laws (`Pair.held`), the secant is computed in lanes. Where softened bonds have all their stiffness
+under compression, the blocks with one choose between the two in lanes. A slot is processed lane by lane only in steps
 in which one of its bonds exceeds its edge.
 """
 
@@ -33,7 +34,15 @@ from pdsolve.laws.law import Pair
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice import lanes, vectors
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import beside, keep, listed, same, unless_none, which_above
+from pdsolve.operators.simd_lattice.packed import (
+    beside,
+    keep,
+    listed,
+    same,
+    unless_none,
+    where_above,
+    which_above,
+)
 from pdsolve.operators.simd_lattice.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.operators.simd_lattice.vectors import BOUND, FAR, PULL, VECTOR, add_any, add_far, add_slots
 
@@ -95,7 +104,10 @@ def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, 
 
 @overload(sum_lanes, jit_options=INNER | {"forceinline": True})
 def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    return _sum_straight if _pair(blocks).held is None else _sum_curved
+    pair = _pair(blocks)
+    if pair.elastic_in_compression:
+        return _sum_one_sided
+    return _sum_straight if pair.held is None else _sum_curved
 
 
 def _pair(blocks: Any) -> Pair:
@@ -113,6 +125,13 @@ def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[
         slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
             slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, own, lane, s)
+
+
+def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+    if blocks.softened[b]:
+        sum_in_lanes(blocks, tracks, u, before, step, b, lane, s)
+    else:
+        sum_of_straight(blocks, tracks, u, before, step, b, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -139,13 +158,35 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
             q = np.sqrt(1.0 + e)
             over_q = e / (q + q * q)
             stretch = over_q * q
-        kind = blocks.slots[slot, LIMITS]
-        peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
-        worst = worst_lanes(blocks.law, tracks.worst, slot, lane, none)
-        pull = w * over_q * secant(blocks.law, stretch, worst, peak, limit)
+        pull = pulls(blocks, tracks.worst, slot, lane, w, over_q, stretch, none)
         fx, fy = fx + pull * (x + v[0]), fy + pull * (y + v[1])
     keep((fx,), s, 0)
     keep((fy,), s, ROW)
+
+
+sum_of_straight = register_jitable(**INNER)(_sum_straight)
+sum_in_lanes = register_jitable(**INNER)(_sum_curved)
+
+
+def pulls(blocks: Any, worst: Any, slot: Any, lane: Any, w: Any, over_q: Any, stretch: Any, none: Any) -> Any:
+    """Force densities over |xi + eta| of the lanes from `lane` on, of stiffness over length w."""
+
+
+@overload(pulls, jit_options=INNER | {"forceinline": True})
+def _pulls(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
+    return _pulls_one_sided if _pair(blocks).elastic_in_compression else _pulls_curved
+
+
+def _pulls_curved(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
+    kind = blocks.slots[slot, LIMITS]
+    peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
+    largest = worst_lanes(blocks.law, worst, slot, lane, none)
+    return w * over_q * secant(blocks.law, stretch, largest, peak, limit)
+
+
+def _pulls_one_sided(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
+    whole = row_of(blocks.stiffness, blocks.whole[slot], lane)  # of broken bonds too, whose stretch is set to 0
+    return where_above(over_q, none, w, whole) * over_q
 
 
 @njit(forceinline=True, **INNER)
@@ -320,9 +361,19 @@ def holds(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stret
 
 @overload(holds, jit_options=INNER)
 def _holds(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
-    if pair_of(law).held is None:
+    pair = pair_of(law)
+    if pair.elastic_in_compression:
+        return _holds_one_sided
+    if pair.held is None:
         return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
     return _holds_curved
+
+
+def _holds_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+    if stretch < 0 and c > 0:
+        inverse = blocks.vectors[blocks.slots[slot, VECTOR], 4]
+        c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
+    return c * stretch * stretch
 
 
 def _holds_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]

@@ -252,11 +252,15 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
     return source, target
 
 
-def springs(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reference vectors (k, 2), m, and remaining force densities at unit stretch (k,), N/m^3, of bonds."""
+def springs(
+    blocks: Blocks, numbers: NDArray[np.int64], whole: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reference vectors (k, 2), m, and force densities at unit stretch (k,), N/m^3, of bonds: what remains, or the
+    `whole`."""
     slot, lane = np.divmod(numbers, LANES)
     table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
-    return table[:, :2], blocks.stiffness[blocks.slots[slot, PULL], lane] / np.sqrt(table[:, 4])
+    row = blocks.whole[slot] if whole else blocks.slots[slot, PULL]
+    return table[:, :2], blocks.stiffness[row, lane] / np.sqrt(table[:, 4])
 
 
 def find(
@@ -299,7 +303,7 @@ def revive(
     blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
     torn = np.flatnonzero((gone | soft).any(axis=1))
     pull, bound = (len(table) - len(intact) + torn for table in (blocks.stiffness, blocks.edge))
-    row, gone, soft = blocks.slots[torn, LIMITS], gone[torn], soft[torn] & ~gone[torn]
+    row, gone, ever, soft = blocks.slots[torn, LIMITS], gone[torn], soft, soft[torn] & ~gone[torn]
     stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[row], blocks.edge[row]
     assert law.pair is not None
     if len(worst):
@@ -314,7 +318,7 @@ def revive(
     blocks.slots[torn, PULL], blocks.slots[torn, BOUND] = pull, bound
     block = np.searchsorted(blocks.start, torn, side="right") - 1
     blocks.softened[:] = False
-    blocks.softened[block[soft.any(axis=1)]] = True
+    blocks.softened[block[ever[torn].any(axis=1)]] = True
 
 
 def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:

@@ -90,8 +90,12 @@ class SimdLattice:
         numbers = layout.there(self.blocks.mask)
         if self._pair.held is not None:
             return self._curved_tangent(numbers, state)
-        xi, pull = layout.springs(self.blocks, numbers)
-        return of_springs(*self._ends(numbers), xi, pull, state.value)
+        (source, target), (xi, pull) = self._ends(numbers), layout.springs(self.blocks, numbers)
+        if self._pair.elastic_in_compression:
+            eta = state.value[target].astype(np.float64) - state.value[source]
+            shorter = ((2 * xi + eta) * eta).sum(axis=1) < 0
+            pull = np.where(shorter, layout.springs(self.blocks, numbers, whole=True)[1], pull)
+        return of_springs(source, target, xi, pull, state.value)
 
     def _curved_tangent(self, numbers: NDArray[np.int64], state: State) -> csr_array:
         """The tangent of intact bonds (k,) whose law is not linear, bond by bond."""

@@ -153,6 +153,16 @@ def larger(typingctx, a, b):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def where_above(typingctx, a, b, one, other):  # type: ignore[no-untyped-def]
+    """`one` in lanes where a > b, `other` in the rest."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return builder.select(builder.fcmp_ordered(">", *values[:2]), *values[2:])
+
+    return one(a, b, one, other), generate
+
+
+@intrinsic
 def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
     """A bit for each lane, from the lowest on: whether a > b."""
 

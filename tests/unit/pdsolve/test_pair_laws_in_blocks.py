@@ -23,8 +23,8 @@ class Curved(PairColumns):
     pass
 
 
-def limits(material, critical):
-    return Limits(critical / np.sqrt(material.kr), critical * np.sqrt(material.kr))
+def limits(material, bonds):
+    return Limits(bonds.critical / np.sqrt(material.kr), bonds.critical * np.sqrt(material.kr))
 
 
 def secant(law, stretch, worst, peak, limit):
@@ -45,7 +45,13 @@ def total(law, c, peak, limit):
     return c * limit * limit
 
 
-LAW = pair_law(Curved, Pair(limits=limits, secant=secant, held=held, softening=Softening(spent, total)))
+def slope(law, worst, peak, limit):
+    share = worst / peak
+    weak, root = 1 + worst / limit, np.sqrt(1 + share * share)
+    return (1 - share * share * worst / limit) / (weak * weak * root * root * root)
+
+
+LAW = pair_law(Curved, Pair(limits=limits, secant=secant, held=held, softening=Softening(spent, total, slope)))
 """
 RUN = """
 import json
