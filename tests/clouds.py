@@ -11,6 +11,7 @@ from plates import GLASS, plate, square_grid
 from scipy.spatial import cKDTree
 
 from pdmesh.model.document import Material, Run
+from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.conditions import Drive, drive
 from pdsolve.laws import LAWS, MODELS, breitzman_dayal, correspondence, higher_order_correspondence, wan
@@ -87,6 +88,7 @@ CASES = [  # but for beams, which have a third unknown and small rotations (test
     ),
     *(Case(law, "listed", 2, "float64") for law in VARIANTS if law not in MODELS),
     *(Case(law, "blocks", 2, kind) for law in (*LAWS, "ordinary", "correspondence") for kind in ("float64", "float32")),
+    *(Case(law, "blocks", 3, kind) for law in LAWS for kind in ("float64", "float32")),
     Case("neo-hooke", "blocks", 2, "float64"),
     *(Case("wan", "blocks", 2, kind) for kind in ("float64", "float32")),
     Case("wan", "listed", 3, "float64"),
@@ -147,25 +149,37 @@ def idle(nodes: int, dimension: int) -> Drive:
 
 def cloud(case: Case, side: int, order: NDArray[np.int64] | None = None, threads: int = 1) -> Cloud:
     """A lattice of side^d nodes in this order; row by row if None."""
-    return in_the_plane(case, side, order, threads) if case.dimension == 2 else in_space(case, side, order, threads)
+    if case.dimension == 3 and case.operator == "listed":
+        return in_space(case, side, order, threads)
+    return on_a_lattice(case, side, order, threads)
 
 
-def in_the_plane(case: Case, side: int, order: NDArray[np.int64] | None, threads: int) -> Cloud:
-    """A plate of the conservative mode, m = 3."""
-    grid = square_grid(side, side)
+def on_a_lattice(case: Case, side: int, order: NDArray[np.int64] | None, threads: int) -> Cloud:
+    """A plate of the conservative mode, m = 3, or a cube, m = 2."""
+    grid = square_grid(side, side) if case.dimension == 2 else cubic_grid(side)
     if order is not None:
         grid.position[:] = grid.position[order]
-    model = plate(grid, 3, material=glass(case.law), run=Run(time_step=1e-9))
+    material = glass(case.law)
+    if case.dimension == 3:
+        material = msgspec.structs.replace(material, plane="space")
+    model = plate(grid, 5 - case.dimension, material=material, run=Run(time_step=1e-9))
     system, state = prepare(model, Options("conservative", case.precision, threads, case.operator))
     assert system.operator.name == case.operator
     rho = model.rho.astype(case.precision)
     return Cloud(system.operator, state, grid.position, system.area, rho, system.bound)
 
 
+def cubic_grid(side: int) -> Grid:
+    """A cube of side^3 nodes, the last axis changing fastest."""
+    position = DELTA * np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    nowhere = np.full(len(position), -1)
+    ids, delta = np.arange(len(position)) + 1, np.full(len(position), DELTA)
+    return Grid(ids, position, delta, nowhere >= 0, nowhere, np.zeros((0, 9)))
+
+
 def in_space(case: Case, side: int, order: NDArray[np.int64] | None, threads: int) -> Cloud:
     """A cube, m = 2."""
-    position = DELTA * np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    position = position if order is None else position[order]
+    position = cubic_grid(side).position[slice(None) if order is None else order]
     nodes = len(position)
     pairs = cKDTree(position).query_pairs(2.001 * DELTA, output_type="ndarray")
     source, target = np.concatenate([pairs, pairs[:, ::-1]]).T

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Counted, Filling, listed
 from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.laws import law_of
-from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
@@ -33,7 +32,7 @@ def operator_of(
     tiles = _tiled(model, options, scheme, lasting)
     if tiles is not None:
         threads = threads_of(options, nodes, True)
-        return SpaceLattice(tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
+        return SpaceLattice(law, tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
     survey = BondStatistics(filling, scheme.symmetric)
     if law.pair is not None and options.kernel != "listed" and blocked:
@@ -71,15 +70,9 @@ def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np
 
 def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
-    if options.kernel == "listed" or numba.config.DISABLE_JIT or not (scheme.symmetric and is_straight(law_of(model))):
+    if options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
     return tiled(model, np.dtype(options.precision).type, lasting)
-
-
-def is_straight(law: Law) -> bool:
-    """Whether the bonds of a law are linear until they break."""
-    pair = law.pair
-    return pair is not None and pair.secant is None and pair.softening is None and pair.held is None
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

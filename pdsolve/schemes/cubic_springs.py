@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import Pairs, lengths, row_chunks
 from pdmesh.model.visibility import SightInSpace
 from pdsolve.bonds.assembly import Counted
+from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice import families, layout
@@ -39,6 +40,9 @@ class Tiled(NamedTuple):
 
 def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled | None:
     """The bonds of a body in precision `kind`; None where tiles cannot be. Bonds that are `lasting` do not break."""
+    law = law_of(model)
+    if law.pair is None or law.pair.held is not None:
+        return None
     if model.grid.dimension == 2 or (model.materials[0].detour is not None and len(model.grid.cracks)):
         return None
     sites = sites_of(model.grid, model.settings.horizon.ratio + 0.5)
@@ -54,7 +58,7 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
     if not bits.any():
         return None
     count = families.counts(bits, sites)
-    tiles = layout.tiles_of(sites, bits, springs)
+    tiles = layout.tiles_of(law, sites, bits, springs)
     _correct(tiles, sites, rule)
     layout.sort(tiles)
     stiffest = _bound(tiles, sites)
@@ -62,8 +66,8 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
 
 
 def _springs(model: Model, rule: Rule, sites: Sites, lasting: bool) -> tuple[Sites, Springs] | None:
-    """The bonds' constants, and the sites with those offsets alone that have bonds; None for what tiles do not have:
-    bonds of two limits, and materials whose stiffness falls differently with distance."""
+    """The bonds' constants, and the sites with those offsets alone that have bonds; None where materials'
+    stiffness falls differently with distance."""
     number = model.material_of
     which, first = np.unique(number, return_index=True)
     count, h = len(which), sites.spacing
@@ -86,11 +90,12 @@ def _springs(model: Model, rule: Rule, sites: Sites, lasting: bool) -> tuple[Sit
         return None
     if (np.abs(ratio - half[:, None] - half) > SAME * ratio).any():
         return None
-    breaks = float(limit[0, 0, 0])
-    if (peak != limit).any() or (np.isfinite(breaks) and (np.abs(limit - breaks) > SAME * breaks).any()):
-        return None
-    of_nodes = rule.area / h**3, half[np.searchsorted(which, number)], rule.held
-    return sites, Springs(modulus[0, 0] * h**3, *of_nodes, np.inf if lasting else breaks)
+    if lasting:
+        peak[:] = limit[:] = np.inf
+    material = np.searchsorted(which, number)
+    of_nodes = rule.area / h**3, half[material], rule.held, material.astype(np.uint8)
+    stretches = (np.ascontiguousarray(each.reshape(count**2, -1)) for each in (peak, limit))
+    return sites, Springs(modulus[0, 0] * h**3, *of_nodes, *stretches)
 
 
 def _part(bits: NDArray[np.uint16], sites: Sites, rule: Rule) -> NDArray[np.int64]:

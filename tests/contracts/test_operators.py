@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import msgspec
@@ -16,12 +16,13 @@ from plates import GLASS, plate
 from scipy.sparse.linalg import eigs
 from zones import H, rectangle
 
-from pdmesh.model.document import Collocation, InitialVelocity, Run, Split
+from pdmesh.model.document import Collocation, InitialVelocity, Region, Run, Split
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.hybrid.arrays import BORDERS
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.model import Model
+from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.protocol import Operator
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, Prepared, prepare
@@ -45,17 +46,21 @@ def notched(run: Run, **more: Any) -> Model:
     return plate(rectangle(40, 40, H, [(0.0, 20.5, 12.0, 20.5)]), 3.0, run=run, conditions=start, **more)
 
 
-def cubic(run: Run, sides: tuple[int, int, int] = (14, 12, 10)) -> Model:
-    """A block of glass with a crack of two triangles into it, that spins slowly."""
+def cubic(run: Run, sides: tuple[int, int, int] = (14, 12, 10), **material: Any) -> Model:
+    """A block of glass with a crack of two triangles into it, that spins slowly; its right end is twice as tough."""
     along = np.meshgrid(*((np.arange(side) + 0.5) * H for side in sides), indexing="ij")
     position = np.stack(along, axis=-1).reshape(-1, 3)
     nowhere = np.full(len(position), -1)
-    far, up = 14 * H, 5 * H
+    far, up, end = 14 * H, 5 * H, 11 * H
     corners = ((0, -H, up), (6 * H, -H, up), (6 * H, far, up), (0, far, up))
     cracks = np.array([[*corners[0], *corners[k], *corners[k + 1]] for k in (1, 2)])
     grid = Grid(np.arange(len(position)) + 1, position, np.full(len(position), H), nowhere >= 0, nowhere, cracks)
     start = (InitialVelocity(box=(-1.0, -1.0, -1.0, 1.0, 1.0, up), x=0.5, z=0.1),)
-    return plate(grid, 3.0, run=run, conditions=start, material=msgspec.structs.replace(GLASS, plane="space"))
+    glass = msgspec.structs.replace(GLASS, plane="space", **material)
+    tough = Region(
+        material=msgspec.structs.replace(glass, E=0.5 * glass.E, G0=2 * glass.G0), box=(end, -1, -1, 1, 1, 1)
+    )
+    return plate(grid, 3.0, run=run, conditions=start, material=glass, regions=(tough,))
 
 
 def stencilled(run: Run) -> Model:
@@ -70,6 +75,7 @@ CASES = {
     "blocks, float32": Case(notched, Run(), "blocks", "float32", 3e-5),
     "space, listed": Case(cubic, Run(), "listed"),
     "space, blocks": Case(cubic, Run(), "blocks"),
+    "space, blocks, softening": Case(partial(cubic, law="bilinear", kr=3.0), Run(), "blocks"),
     "space, blocks, float32": Case(cubic, Run(), "blocks", "float32", 3e-5),
     "split": Case(notched, Run(adapt="split", split=Split())),
     "hybrid": Case(notched, Run(adapt="hybrid")),
@@ -243,7 +249,7 @@ IN_SPACE = (7 * H, 6 * H, 5 * H)
 TIPS = {False: (0.012, 0.020), True: (0.010, 0.030)}
 
 
-@pytest.mark.parametrize("name", DOUBLE)
+@pytest.mark.parametrize("name", [name for name in DOUBLE if "softening" not in name])
 def test_breaking_spends_what_bonds_held(name: str) -> None:
     """At rest: what bonds hold no more is what is booked, at the nodes that have lost them."""
     problem, state, _ = torn(name)
@@ -278,24 +284,43 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
 
 
 @pytest.mark.parametrize(("precision", "digits"), [("float64", 1e-13), ("float32", 2e-6)])
-def test_a_body_in_tiles_is_the_one_in_a_list(precision: str, digits: float) -> None:
-    """Forces, energies, bonds, and which bonds break; measured 3e-15 in double, 7e-7 in single precision."""
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+def test_a_body_in_tiles_is_the_one_in_a_list(law: str, precision: str, digits: float) -> None:
+    """Forces, energies, bonds, which break and what softening remembers; measured 3e-15, in single precision 7e-7."""
+    model = cubic(Run(), law=law, kr=3.0)
     listed, tiled = (
-        prepare(cubic(Run()), Options(kernel=kernel, precision=precision, threads=1)) for kernel in ("listed", None)
+        prepare(model, Options(kernel=kernel, precision=precision, threads=1)) for kernel in ("listed", None)
     )
     assert (listed.system.operator.name, tiled.system.operator.name) == ("listed", "blocks")
-    for strain in (1e-5, 1e-3, 0.05):  # of which the last two break bonds
+    for strain in (1e-5, 1e-3, 0.05, 1e-3):  # of which the second and third break or soften bonds, and the last lets go
         found = [forces(each.system.operator, at(each.system, strain)) for each in (listed, tiled)]
-        held = [each.system.operator.energies(at(each.system, strain))[0] for each in (listed, tiled)]
+        energies = [each.system.operator.energies(at(each.system, strain)) for each in (listed, tiled)]
         broken = [each.system.operator.broken() for each in (listed, tiled)]
+        kept = [each.system.operator.keep() for each in (listed, tiled)]
         assert found[1] == nearly(digits, found[0])
-        assert held[1] == nearly(digits, held[0])
-        assert (len(broken[0].step) > 0) == (strain > 1e-4)
+        for one, other in zip(*energies, strict=True):
+            assert one == nearly(digits, other)
+        assert (len(broken[0].step) > 0) >= (strain > 0.01)
         for one, other in zip(*(sorted(zip(*each, strict=True)) for each in broken), strict=True):
             assert one == other
         for one, other in zip(*(each.system.operator.bonds() for each in (listed, tiled)), strict=True):
             assert np.array_equal(one, other)
+        assert kept[0].keys() == kept[1].keys()
     assert tiled.system.operator.stiffness_bound() == pytest.approx(listed.system.operator.stiffness_bound())
+
+
+def test_softened_tiles_are_kept_to_the_same_bits() -> None:
+    """On one thread and on two, and from what a checkpoint has."""
+    model, found = cubic(Run(), law="bilinear", kr=3.0), []
+    for threads in (1, min(2, cores())):
+        system = prepare(model, Options(threads=threads)).system
+        forces(system.operator, at(system, 1e-3))
+        other = prepare(model, Options(threads=threads)).system
+        other.operator.back(system.operator.keep(), system.operator.broken())
+        assert len(system.operator.keep()["worst"]) > 100
+        found += [forces(each.operator, at(each, 5e-4)) for each in (system, other)]
+    for one in found[1:]:
+        assert np.array_equal(one, found[0])
 
 
 @pytest.mark.parametrize(("sides", "kernel"), [((7, 7, 8), "blocks"), ((6, 12, 10), "listed"), ((12, 6, 10), "listed")])

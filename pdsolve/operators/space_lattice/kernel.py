@@ -6,18 +6,24 @@ Layout:
     slot     the bonds of a tile with one offset between sites: there are no lists of neighbours
     bits     of a slot, one a lane: there is a bond, and it is intact. What a lane reads over the edge of the box is
              some other site's, and does not count.
+    memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
+             share of its stiffness that is left
 
-Symbols as in pdsolve.laws.law; pdsolve.laws.brittle says the same in a few lines and is what this is tested against.
+Any pair law that is linear until it first softens, and then has a secant (`Pair.held` is None). A slot is looked at
+bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in pdsolve.laws.law;
+pdsolve.laws.pair says the same in a few lines and is what this is tested against.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.laws.calls import held, pair_of, released, secant, spent
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice import lanes
 from pdsolve.operators.simd_lattice.kernel import INNER
@@ -33,16 +39,22 @@ from pdsolve.operators.space_lattice.vectors import (
     add_corrected_far,
     add_general,
     add_general_far,
+    add_softened,
+    add_softened_far,
 )
 
-EMPTY, ALIKE, CORRECTED, GENERAL = 0, 1, 2, 3  # tiles: without a node; what their bonds' stiffnesses are made of
+EMPTY, ALIKE, CORRECTED, GENERAL, SOFTENED = range(
+    5
+)  # tiles: without a node; what their bonds' stiffnesses are made of
 ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
 VOLUME, MODULUS = 0, 1  # rows of `cells`
 
 
 class Tiles(NamedTuple):
-    """Bonds of n nodes in t tiles, with k offsets; m sites, of which the first and last `margin` have no node."""
+    """Bonds of n nodes in t tiles, with k offsets; m sites, of which the first and last `margin` have no node; p pairs
+    of materials; r tiles with a memory."""
 
+    law: Any  # columns of no bonds, by whose type kernels are compiled
     offsets: NDArray[np.int32]  # (k,) from a site to that of its neighbour
     table: NDArray[np.floating]  # (k, 12) xi, 2 xi / |xi|^2, 1 / |xi|^2, w = stiffness / |xi|, w n_a^2 / 2
     bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
@@ -51,9 +63,14 @@ class Tiles(NamedTuple):
     kind: NDArray[np.uint8]  # (t,) EMPTY to GENERAL
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
     held: NDArray[np.bool_]  # (n,) whose bonds must not break
+    material: NDArray[np.uint8]  # (n,)
+    peak: NDArray[np.float64]  # (p, k) stretch above which bonds soften; of materials i and j in row i sqrt(p) + j
+    limit: NDArray[np.float64]  # (p, k) stretch above which they are gone
+    memory: NDArray[np.int32]  # (t,) row of what follows, or -1
+    share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left
+    worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
     margin: int
-    near: float  # |e| up to which no bond breaks and the polynomial holds
-    limit: float  # stretch at which bonds break
+    near: float  # |e| up to which nothing happens to bonds and the polynomial holds
 
 
 class Breaks(NamedTuple):
@@ -72,12 +89,14 @@ def place_rows(site, value, u, first, last):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sum_tiles(tiles, u, rate, dt, out, dissipated, breaks, first, last):  # type: ignore[no-untyped-def]
-    """Add the force densities, N/m^3, of the tiles `first` to `last` - 1 to `out` (n, 3); bonds over their limit break.
+def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  # type: ignore[no-untyped-def]
+    """Add the force densities, N/m^3, of the tiles `first` to `last` - 1 to `out` (n, 3); if bonds age now, those over
+    their limit break and those over their peak soften.
 
-    Returns the tile that there was no room left to write breaks of, or `last`.
+    Returns the tile to go on with: `last`, or one that there was no room left to write breaks of, or one whose bonds
+    soften and that has no memory.
     """
-    s, count = np.empty(SCRATCH, u.dtype), len(tiles.offsets)
+    s, f, count = np.empty(SCRATCH, u.dtype), np.empty((3, ROW)), len(tiles.offsets)
     near = u.dtype.type(tiles.near)
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
@@ -85,13 +104,23 @@ def sum_tiles(tiles, u, rate, dt, out, dissipated, breaks, first, last):  # type
         if breaks.used[0] + ROW * count > len(breaks.ends):
             return t
         for lane in range(0, ROW, _across(s)):
-            _sum_lanes(tiles, u, rate, dt, dissipated, breaks, near, t, lane, s)
+            if not _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):
+                return t
             for k in range(_across(s)):
-                i = tiles.node[t * ROW + lane + k]
-                if i >= 0:
-                    for axis in range(3):
-                        out[i, axis] += s[ROW * axis + k]
+                for axis in range(3):
+                    f[axis, lane + k] = s[ROW * axis + k]
+        _write(tiles, t, f, out)
     return last
+
+
+@njit(**INNER)
+def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
+    """Add the force densities f (3, 16) of a tile to `out` (n, 3)."""
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        if i >= 0:
+            for axis in range(3):
+                out[i, axis] += f[axis, lane]
 
 
 @njit(**INNER)
@@ -100,50 +129,66 @@ def _across(s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_lanes(tiles, u, rate, dt, dissipated, breaks, near, t, lane, s):  # type: ignore[no-untyped-def]
-    """Force densities on some lanes of a tile, from `lane` on, at the beginning of s."""
+def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):  # type: ignore[no-untyped-def]
+    """Force densities on some lanes of a tile, from `lane` on, at the beginning of s; False if it needs a memory."""
     for k in range(SCRATCH):
         s[k] = 0
-    offsets, table, bits, c, cells, count = (
-        tiles.offsets,
-        tiles.table,
-        tiles.bits,
-        tiles.c,
-        tiles.cells,
-        len(tiles.offsets),
-    )
-    own, slot, kind = tiles.margin + t * ROW + lane, 0, tiles.kind[t]
+    count, slot, kind = len(tiles.offsets), 0, tiles.kind[t]
+    own, row = tiles.margin + t * ROW + lane, np.int64(tiles.memory[t])
+    to = (tiles.offsets, tiles.table, tiles.bits, tiles.c, tiles.cells, tiles.share)
     while True:
-        if kind == ALIKE:
-            slot = add_alike(u, offsets, table, bits, c, cells, near, slot, count, t, own, lane, count, s)
-        elif kind == CORRECTED:
-            slot = add_corrected(u, offsets, table, bits, c, cells, near, slot, count, t, own, lane, count, s)
-        else:
-            slot = add_general(u, offsets, table, bits, c, cells, near, slot, count, t, own, lane, count, s)
+        at = (t, own, lane, row, count)
+        slot = _add(kind, u, to, near, slot, count, at, s)
         if slot == count:
-            return
-        _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, _across(s))
-        if kind == ALIKE:
-            slot = add_alike_far(u, offsets, table, bits, c, cells, near, slot, slot + 1, t, own, lane, count, s)
-        elif kind == CORRECTED:
-            slot = add_corrected_far(u, offsets, table, bits, c, cells, near, slot, slot + 1, t, own, lane, count, s)
-        else:
-            slot = add_general_far(u, offsets, table, bits, c, cells, near, slot, slot + 1, t, own, lane, count, s)
+            return True
+        if ages and not _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, _across(s)):
+            return False
+        slot = _add_far(kind, u, to, near, slot, at, s)
 
 
 @njit(**INNER)
-def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across):  # type: ignore[no-untyped-def]
-    """Take out the bonds of a slot that are over their limit, and book what they have spent."""
+def _add(kind, u, to, near, slot, count, at, s):  # type: ignore[no-untyped-def]
+    """Add bonds from a slot on; returns the first that is left alone, or `count`."""
+    if kind == ALIKE:
+        return add_alike(u, *to, near, slot, count, *at, s)
+    if kind == CORRECTED:
+        return add_corrected(u, *to, near, slot, count, *at, s)
+    if kind == GENERAL:
+        return add_general(u, *to, near, slot, count, *at, s)
+    return add_softened(u, *to, near, slot, count, *at, s)
+
+
+@njit(**INNER)
+def _add_far(kind, u, to, near, slot, at, s):  # type: ignore[no-untyped-def]
+    """Add the bonds of one slot, however long; returns the next slot."""
+    if kind == ALIKE:
+        return add_alike_far(u, *to, near, slot, slot + 1, *at, s)
+    if kind == CORRECTED:
+        return add_corrected_far(u, *to, near, slot, slot + 1, *at, s)
+    if kind == GENERAL:
+        return add_general_far(u, *to, near, slot, slot + 1, *at, s)
+    return add_softened_far(u, *to, near, slot, slot + 1, *at, s)
+
+
+@njit(**INNER)
+def _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across):  # type: ignore[no-untyped-def]
+    """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
+    peak. False if there is no memory for it."""
     row, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
     for k in range(lane, lane + across):
         if not (word >> np.uint16(k)) & np.uint16(1):
             continue
         site = t * ROW + k
         i, j = tiles.node[site], tiles.node[site + offset]
-        own = tiles.margin + site
+        own, pair = tiles.margin + site, pair_number(tiles, i, j)
+        peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
         x, y, z = _relative(u, own, offset)
         stretch = _stretch(row, x, y, z)
-        if stretch <= tiles.limit or tiles.held[i] or tiles.held[j]:
+        if stretch <= peak or tiles.held[i] or tiles.held[j]:
+            continue
+        if stretch <= limit:
+            if not soften(tiles, t, slot, k, stretch, peak, limit):
+                return False
             continue
         last = _stretch(
             row,
@@ -151,10 +196,42 @@ def _break_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across): 
             y - dt * (rate[j, 1] - rate[i, 1]),
             z - dt * (rate[j, 2] - rate[i, 2]),
         )
-        dissipated[i] += stiffness(tiles, row, t, own, offset) / row[INVERSE] * stretch * last / 4
+        c = stiffness(tiles, row, t, own, offset) / row[INVERSE] / 4
+        dissipated[i] += released(tiles.law, c, stretch, last, peak, limit)
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
         breaks.ends[breaks.used[0], 0], breaks.ends[breaks.used[0], 1] = i, j
         breaks.used[0] += 1
+    return True
+
+
+@njit(**INNER)
+def pair_number(tiles, i, j):  # type: ignore[no-untyped-def]
+    """The row of `peak` and `limit` of bonds between two nodes."""
+    if len(tiles.peak) == 1:
+        return 0
+    return tiles.material[i] * int(np.sqrt(len(tiles.peak)) + 0.5) + tiles.material[j]
+
+
+def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> bool:
+    """Store the stretch of a bond above its peak, if its law softens; False if its tile has no memory."""
+    raise NotImplementedError("compiled for each law")
+
+
+@overload(soften, jit_options=INNER)
+def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    if pair_of(tiles.types[Tiles._fields.index("law")]).softening is None:
+        return lambda tiles, t, slot, lane, stretch, peak, limit: True
+    return _weaken
+
+
+def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    row = tiles.memory[t]
+    if row < 0:
+        return False
+    if stretch > tiles.worst[row, slot, lane]:
+        tiles.worst[row, slot, lane] = stretch
+        tiles.share[row, slot, lane] = secant(tiles.law, stretch, stretch, peak, limit)
+    return True
 
 
 @njit(**INNER)
@@ -179,26 +256,35 @@ def stiffness(tiles, row, t, own, offset):  # type: ignore[no-untyped-def]
     c, cells, w = tiles.c, tiles.cells, np.float64(0)
     for axis in range(3):
         w += row[SHARES + axis] * (np.float64(c[axis, own]) + np.float64(c[axis, own + offset]))
-    if tiles.kind[t] == GENERAL:
+    if tiles.kind[t] >= GENERAL:
         w *= cells[VOLUME, own + offset] * (cells[MODULUS, own] + cells[MODULUS, own + offset])
     return w
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_tiles(tiles, u, held, first, last):  # type: ignore[no-untyped-def]
-    """Fill the energy density, J/m^3, that the bonds of nodes (n,) in the tiles `first` to `last` - 1 hold."""
+def hold_tiles(tiles, u, own_held, own_spent, first, last):  # type: ignore[no-untyped-def]
+    """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
+    softening has spent, to arrays (n,)."""
     for t in range(first, last):
-        if tiles.kind[t] == EMPTY:
-            continue
-        for k in range(ROW):
-            if tiles.node[t * ROW + k] >= 0:
-                held[tiles.node[t * ROW + k]] = 0
+        row = tiles.memory[t]
         for slot in range(len(tiles.offsets)):
-            row, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
+            field, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
             for k in range(ROW):
                 if (word >> np.uint16(k)) & np.uint16(1):
-                    own = tiles.margin + t * ROW + k
+                    own, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
                     x, y, z = _relative(u, own, offset)
-                    stretch = _stretch(row, x, y, z)
-                    pull = stiffness(tiles, row, t, own, offset)
-                    held[tiles.node[t * ROW + k]] += pull / row[INVERSE] / 4 * stretch * stretch
+                    pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
+                    peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
+                    c = stiffness(tiles, field, t, own, offset) / field[INVERSE] / 4
+                    own_held[i] += held(tiles.law, c, _stretch(field, x, y, z), worst, peak, limit)
+                    if worst > 0:
+                        own_spent[i] += spent(tiles.law, c, worst, peak, limit)
+
+
+@cached_njit(error_model="numpy")
+def recall(tiles, tile, slot, lane, worst):  # type: ignore[no-untyped-def]
+    """Enter the largest stretches `worst` (b,) of bonds in the memory of their tiles."""
+    for b in range(len(tile)):
+        site = tile[b] * ROW + lane[b]
+        pair = pair_number(tiles, tiles.node[site], tiles.node[site + tiles.offsets[slot[b]]])
+        soften(tiles, tile[b], slot[b], lane[b], worst[b], tiles.peak[pair, slot[b]], tiles.limit[pair, slot[b]])

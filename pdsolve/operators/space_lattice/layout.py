@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint import expect_found
+from pdsolve.laws.law import Law
+from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.pull import NARROW
 from pdsolve.operators.space_lattice import families
-from pdsolve.operators.space_lattice.kernel import MODULUS, VOLUME, Tiles
+from pdsolve.operators.space_lattice.kernel import MODULUS, SOFTENED, VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.space_lattice.vectors import FIELDS, INVERSE, PULL, SHARES, X2
 
@@ -27,15 +29,19 @@ class Springs(NamedTuple):
     volume: NDArray[np.float64]  # (n,) cell over h^3
     modulus: NDArray[np.float64]  # (n,) half of the modulus over that of the first material
     held: NDArray[np.bool_]  # (n,) whose bonds must not break
-    limit: float  # stretch at which bonds break
+    material: NDArray[np.uint8]  # (n,)
+    peak: NDArray[np.float64]  # (p, k) stretches above which bonds soften; see `Tiles`
+    limit: NDArray[np.float64]  # (p, k) and above which they are gone
 
 
-def tiles_of(sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
+def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
     """The bonds of n nodes at these sites, in double precision and without corrections."""
     c, cells = np.zeros((3, sites.size)), np.zeros((2, sites.size))
     c[:, sites.site] = 1.0
     cells[VOLUME, sites.site], cells[MODULUS, sites.site] = springs.volume, springs.modulus
+    least, nothing = float(springs.peak.min()), np.zeros((0, len(sites.ways), ROW))
     tiles = Tiles(
+        law=no_bonds(law),
         offsets=sites.steps.astype(np.int32),
         table=table_of(sites.ways, sites.spacing, springs.strength),
         bits=bits,
@@ -44,9 +50,14 @@ def tiles_of(sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
         kind=np.zeros(sites.tiles, dtype=np.uint8),
         node=sites.node,
         held=springs.held,
-        margin=sites.margin,
-        near=min(springs.limit * (springs.limit + 2) * (1 - ROUNDED), NARROW),
+        material=springs.material,
+        peak=springs.peak,
         limit=springs.limit,
+        memory=np.full(sites.tiles, -1, dtype=np.int32),
+        share=nothing,
+        worst=nothing,
+        margin=sites.margin,
+        near=min(least * (least + 2) * (1 - ROUNDED), NARROW),
     )
     sort(tiles)
     return tiles
@@ -55,7 +66,28 @@ def tiles_of(sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
 def in_precision(tiles: Tiles, kind: type[np.floating]) -> Tiles:
     """The tiles with their numbers rounded to a precision."""
     c, cells = (aligned(array.astype(kind, copy=False)) for array in (tiles.c, tiles.cells))
-    return tiles._replace(table=tiles.table.astype(kind), c=c, cells=cells)
+    return tiles._replace(table=tiles.table.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
+
+
+def extended(tiles: Tiles, some: NDArray[np.int64]) -> Tiles:
+    """The tiles, of which `some` (s,) have a memory from now on."""
+    used, room = int(tiles.memory.max(initial=-1)) + 1, len(tiles.share)
+    if used + len(some) > room:
+        more = max(used + len(some) - room, room // 4)
+        share, worst = (
+            np.concatenate([each, np.zeros((more, *each.shape[1:]), each.dtype)]) for each in (tiles.share, tiles.worst)
+        )
+        tiles = tiles._replace(share=share, worst=worst)
+    tiles.memory[some], tiles.kind[some] = used + np.arange(len(some)), SOFTENED
+    tiles.share[used : used + len(some)], tiles.worst[used : used + len(some)] = 1, 0
+    return tiles
+
+
+def forgetful(tiles: Tiles) -> Tiles:
+    """The tiles without a memory."""
+    tiles.memory[:] = -1
+    sort(tiles)
+    return tiles._replace(share=tiles.share[:0], worst=tiles.worst[:0])
 
 
 def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,6 +130,9 @@ def springs(
     c, cells = tiles.c, tiles.cells
     w = (row[:, SHARES : SHARES + 3] * (c[:, i].astype(np.float64) + c[:, j]).T).sum(axis=1)
     w *= cells[VOLUME, j].astype(np.float64) * (cells[MODULUS, i] + cells[MODULUS, j])
+    tile, lane = np.divmod(i - tiles.margin, ROW)
+    softened = tiles.memory[tile] >= 0
+    w[softened] *= tiles.share[tiles.memory[tile[softened]], slot[softened], lane[softened]]
     return row[:, :3], w / np.sqrt(row[:, INVERSE])
 
 

@@ -1,4 +1,4 @@
-"""The kernel in space as an operator: brittle bonds on a cubic lattice."""
+"""The kernel in space as an operator: pair laws on a cubic lattice."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.checkpoint import entry
+from pdsolve.laws.calls import bind
+from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.kernel import Breaks, Tiles, hold_tiles, place_rows, sum_tiles
+from pdsolve.operators.space_lattice.kernel import Breaks, Tiles, hold_tiles, place_rows, recall, sum_tiles
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
 
@@ -24,16 +27,17 @@ ROOM = 16  # tiles all of whose bonds may break before the kernel asks for more 
 
 
 class SpaceLattice:
-    """The bonds of n nodes on a cubic lattice under the brittle law; see `Operator`."""
+    """The bonds of n nodes on a cubic lattice under a pair law; see `Operator`."""
 
     name = "blocks"
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
     def __init__(
-        self, tiles: Tiles, sites: Sites, stiffest: NDArray[np.float64], symmetric: bool, threads: int
+        self, law: Law, tiles: Tiles, sites: Sites, stiffest: NDArray[np.float64], symmetric: bool, threads: int
     ) -> None:
         """`stiffest` (n,), N/m^4, bounds the stiffness of nodes."""
-        self.tiles, self.symmetric = tiles, symmetric
+        bind(law)
+        self._law, self.tiles, self.symmetric = law, tiles, symmetric
         self._sites, self._stiffest, self._threads = sites, stiffest, threads
         self._u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
@@ -46,30 +50,37 @@ class SpaceLattice:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         self._place(state.value)
-        tiles = self.tiles if step > 0 else self.tiles._replace(limit=np.inf)
-        found: dict[int, NDArray[np.int64]] = {}
-        room = ROOM * ROW * len(tiles.offsets)
+        found: list[tuple[int, NDArray[np.int64]]] = []  # first tile of a sum, and the bonds that broke in it
+        waiting: list[int] = []  # tiles whose bonds soften for the first time
+        room = ROOM * ROW * len(self.tiles.offsets)
 
         def work(first: int, last: int) -> None:
             breaks = Breaks(np.zeros(1, dtype=np.int64), np.empty((room, 2), dtype=np.int32))
+            of_state = state.rate, dt, step > 0, out, state.dissipated
             while first < last:
                 begin, breaks.used[0] = first, 0
-                first = sum_tiles(tiles, self._u, state.rate, dt, out, state.dissipated, breaks, first, last)
+                first = sum_tiles(self.tiles, self._u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    found[begin] = breaks.ends[: breaks.used[0]].astype(np.int64)
+                    found.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+                elif first == begin:
+                    waiting.append(first)
+                    first += 1
 
-        share(work, len(tiles.kind), self._threads)
-        for begin in sorted(found):
-            source, target = found[begin].T
+        share(work, len(self.tiles.kind), self._threads)
+        if waiting:
+            self.tiles = layout.extended(self.tiles, np.array(sorted(waiting)))
+            for tile in sorted(waiting):
+                work(tile, tile + 1)
+        for _, ends in sorted(found, key=lambda one: one[0]):
+            source, target = ends.T
             self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
         self._place(state.value)
         held, spent = np.zeros((2, len(self._stiffest)))
-        share(
-            lambda first, last: hold_tiles(self.tiles, self._u, held, first, last), len(self.tiles.kind), self._threads
-        )
+        tiles, u = self.tiles, self._u
+        share(lambda first, last: hold_tiles(tiles, u, held, spent, first, last), len(tiles.kind), self._threads)
         return held, spent
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -113,15 +124,36 @@ class SpaceLattice:
         return Broken(*(column[later] for column in self._broken))
 
     def keep(self) -> Kept:
-        """Nothing: brittle bonds remember only whether they have broken."""
-        return {}
+        """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""
+        if not self._law.memory:
+            return {}
+        tiles = self.tiles
+        tile = np.flatnonzero(tiles.memory >= 0)
+        there = (tiles.bits[tile][..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1)
+        worst = tiles.worst[tiles.memory[tile]] * there
+        which, slot, lane = np.nonzero(worst)
+        site = tile[which] * ROW + lane
+        source, target = (tiles.node[at].astype(np.int64) for at in (site, site + tiles.offsets[slot]))
+        return {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
 
     def back(self, kept: Kept, broken: Broken) -> None:
-        """Restore the broken bonds of a checkpoint."""
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits = self._whole()
         layout.cleared(self._sites, broken.source, broken.target, bits)
+        if self._law.memory:
+            self._recall(kept, bits)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
+
+    def _recall(self, kept: Kept, bits: NDArray[np.uint16]) -> None:
+        """Restore what the bonds in the bits (t, k) remember."""
+        worst = entry(kept, "worst", (None,), np.float64)
+        nodes = len(self._stiffest) - 1
+        source, target = (entry(kept, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target"))
+        layout.cleared(self._sites, source, target, bits.copy())  # raises for what is no bond
+        tile, slot, bit = layout.placed(self._sites, source, target)
+        self.tiles = layout.extended(layout.forgetful(self.tiles), np.unique(tile))
+        recall(self.tiles, tile, slot, np.log2(bit).astype(np.int64), worst)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

@@ -3,6 +3,7 @@
 u           (3, m) displacements of all sites, m           offsets  (k,) from a site to its neighbour's
 table       (k, FIELDS), see `Tiles`                       bits     (tiles, k) lanes whose bond is there
 c, cells    (3, m), (2, m) of nodes, see `Tiles`           near     |e| beyond which a slot is left alone
+share       (r, k, 16) of tiles with a memory; row         the tile's
 lane        of the tile, the first of those summed; own    its site
 s           (SCRATCH,) a thread's scratch: sums of forces along x, y and z
 """
@@ -26,20 +27,21 @@ X2, INVERSE, PULL, SHARES = 3, 6, 7, 8  # where 2 xi / xi.xi, 1 / xi.xi, w and w
 class _Slots:
     """The bonds of some lanes of a tile, offset by offset."""
 
-    def __init__(self, code: Code, kinds: Any, values: Any, corrections: int) -> None:
+    def __init__(self, code: Code, kinds: Any, values: Any, corrections: int, softened: bool) -> None:
         """`values` are the arguments of a loop, of these `kinds`; bonds have so many numbers of nodes in them."""
         self._code, self._corrections = code, corrections
+        self._share = code.data(kinds[6], values[6]) if softened else None
         self._u = [_component(code, kinds[0], values[0], axis) for axis in range(3)]
         self._offsets, self._table, self._bits = (
             code.data(kind, array) for kind, array in zip(kinds[1:4], values[1:4], strict=True)
         )
         self._c = [_component(code, kinds[4], values[4], axis) for axis in range(3 if corrections else 0)]
         self._cells = [_component(code, kinds[5], values[5], row) for row in range(corrections - 3)]
-        self._tile, self._site, self._lane = values[9:12]
+        self._tile, self._site, self._lane, row, count = values[10:15]
         self._own_u = [code.load(component, self._site) for component in self._u]
         self._own_c = [code.load(component, self._site) for component in self._c]
         self._own_cells = [code.load(component, self._site) for component in self._cells]
-        self._begin = code.builder.mul(self._tile, values[12])
+        self._begin, self._memory = (code.builder.mul(each, count) for each in (self._tile, row))
 
     def deformed(self, slot: Any) -> tuple[list[list[Any]], list[list[Any]], list[Any]]:
         """Reference xi and eta (3), and e, which is 0 without a bond."""
@@ -74,6 +76,9 @@ class _Slots:
         if self._cells:
             volume, modulus = (code.load(component, at) for component in self._cells)
             w = code.mul(code.mul(w, volume), code.add(modulus, self._own_cells[1]))
+        if self._share is not None:
+            at = builder.add(builder.mul(builder.add(self._memory, slot), INT(ROW)), self._lane)
+            w = code.mul(w, code.load(self._share, at))
         return w
 
     def _field(self, begin: Any, number: int) -> list[Any]:
@@ -88,24 +93,25 @@ def _component(code: Code, kind: Any, array: Any, number: int) -> Any:
     return code.builder.gep(made.data, [code.builder.mul(columns, INT(number))])
 
 
-def _loop(corrections: int, exact: bool) -> Callable[..., Any]:
-    """The loop for bonds with so many numbers of nodes in them; `exact`: with a root and a division."""
+def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[..., Any]:
+    """The loop for bonds with so many numbers of nodes in them; `exact`: with a root and a division; `softened`: of
+    tiles with a memory."""
 
     @intrinsic
-    def add(typingctx, u, offsets, table, bits, c, cells, near, first, last, tile, own, lane, count, s):  # type: ignore[no-untyped-def]
+    def add(typingctx, u, offsets, table, bits, c, cells, share, near, first, last, tile, own, lane, row, count, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
-            slots, kept = _Slots(code, signature.args, values, corrections), code.data(s, values[-1])
+            slots, kept = _Slots(code, signature.args, values, corrections, softened), code.data(s, values[-1])
             head, go_on, leave = (builder.function.append_basic_block(name) for name in ("head", "add", "leave"))
             look, began = builder.function.append_basic_block("look"), builder.block
             before = [code.load(kept, INT(ROW * axis)) for axis in range(3)]
-            near = code.same(values[6])
+            near = code.same(values[7])
             builder.branch(head)
             builder.position_at_end(head)
             slot = builder.phi(INT)
-            slot.add_incoming(values[7], began)
+            slot.add_incoming(values[8], began)
             sums = [code.merge([(total, began)]) for total in before]
-            builder.cbranch(builder.icmp_signed("<", slot, values[8]), look, leave)
+            builder.cbranch(builder.icmp_signed("<", slot, values[9]), look, leave)
             builder.position_at_end(look)
             some, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
             builder.cbranch(slots.is_empty(slot), skip, some)
@@ -140,8 +146,8 @@ def _loop(corrections: int, exact: bool) -> Callable[..., Any]:
                 code.store(total, kept, INT(ROW * axis))
             return slot
 
-        numbers_of = (types.int64,) * 6
-        return types.int64(u, offsets, table, bits, c, cells, u.dtype, *numbers_of, s), generate
+        numbers_of = (types.int64,) * 7
+        return types.int64(u, offsets, table, bits, c, cells, share, u.dtype, *numbers_of, s), generate
 
     made: Callable[..., Any] = add
     return made
@@ -149,3 +155,4 @@ def _loop(corrections: int, exact: bool) -> Callable[..., Any]:
 
 add_alike, add_corrected, add_general = (_loop(corrections, False) for corrections in (0, 3, 5))
 add_alike_far, add_corrected_far, add_general_far = (_loop(corrections, True) for corrections in (0, 3, 5))
+add_softened, add_softened_far = (_loop(5, exact, True) for exact in (False, True))

@@ -19,7 +19,9 @@ from pdsolve.schemes import average_horizon
 from pdsolve.schemes.cubic_springs import tiled
 
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
-ALIKE = msgspec.structs.replace(GLASS, E=130e9, G0=408.0)  # as GLASS, but twice as stiff: it breaks at the same stretch
+ALIKE = msgspec.structs.replace(GLASS, E=130e9, G0=408.0)  # twice as stiff; it breaks at the same stretch
+TOUGH = msgspec.structs.replace(GLASS, E=40e9, G0=408.0)
+SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=3.0)
 BLOCK = Box((0, 0, 0), (1.4, 1.2, 1.1))
 CRACK = [[-0.1, -0.1, 0.52, 0.7, -0.1, 0.52, 0.7, 1.3, 0.61], [-0.1, -0.1, 0.52, 0.7, 1.3, 0.61, -0.1, 1.3, 0.61]]
 
@@ -56,6 +58,8 @@ CASES = {
     "corner": lambda: body(BLOCK - Box((0.8, -1, 0.5), (2, 2, 2))),
     "partial cells in no order": lambda: uneven(cracked(body(BLOCK))),
     "two moduli": lambda: changed(body(BLOCK), regions=(Region(material=ALIKE, box=(0, 0, 0, 0.6, 9, 9)),)),
+    "two limits": lambda: changed(body(BLOCK), regions=(Region(material=TOUGH, box=(0, 0, 0, 0.6, 9, 9)),)),
+    "softening": lambda: body(BLOCK, SOFT),
     "held": lambda: changed(body(BLOCK), conditions=(Displacement(box=(0, 0, 0, 0.2, 9, 9), x=0.0, breakable=False),)),
 }
 
@@ -78,15 +82,18 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
     for one, other in zip(found.counted, listed.counted, strict=True):
         assert np.array_equal(one, other)
     assert np.abs(found.stiffest / stiffness_bound(bonds, bonds.stiffness, True) - 1).max() < 1e-12
-    held = found.tiles.held[source] | found.tiles.held[target]
-    assert np.allclose(np.where(held, np.inf, found.tiles.limit), bonds.limit, rtol=1e-12, atol=0)
+    tiles = found.tiles
+    held, number = tiles.held[source] | tiles.held[target], model.material_of
+    pair = number[source] * len(model.materials) + number[target]
+    for table, column in ((tiles.peak, bonds.peak), (tiles.limit, bonds.limit)):
+        assert np.allclose(np.where(held, np.inf, table[pair, slot]), column, rtol=1e-12, atol=0)
 
 
 def test_what_tiles_cannot_have_is_listed() -> None:
-    """Two limits, a crack that bonds go round, two spacings."""
+    """Stiffnesses that fall differently with distance, a crack that bonds go round, two spacings."""
     block = body(BLOCK)
-    tough = Region(material=msgspec.structs.replace(GLASS, G0=2 * GLASS.G0), box=(0, 0, 0, 0.6, 9, 9))
-    assert tiled(changed(block, regions=(tough,)), np.float64) is None
+    conical = Region(material=msgspec.structs.replace(GLASS, micromodulus="conical"), box=(0, 0, 0, 0.6, 9, 9))
+    assert tiled(changed(block, regions=(conical,)), np.float64) is None
     around = changed(cracked(block), material=msgspec.structs.replace(GLASS, sight="diffraction"))
     assert tiled(around, np.float64) is None
     delta = np.where(block.grid.position[:, 0] < 0.5, 0.1, 0.1001)
