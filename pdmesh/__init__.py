@@ -12,9 +12,9 @@ VERSION = "1.0.0"
 if TYPE_CHECKING:
     from shapely import box
 
+    from pdmesh.drawing.building import build
     from pdmesh.drawing.file_reading import read_scene
     from pdmesh.drawing.geo import read_outline
-    from pdmesh.grid.building import build
     from pdmesh.model.document import GridError, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
@@ -40,7 +40,7 @@ else:
             "Sphere": "pdmesh.scene.solids",
             "Static": "pdmesh.model.document",
             "box": "shapely",
-            "build": "pdmesh.grid.building",
+            "build": "pdmesh.drawing.building",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
             "read_scene": "pdmesh.drawing.file_reading",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import msgspec
@@ -12,13 +13,14 @@ from pdmesh.grid.cubic import Cubic, place_nodes
 from pdmesh.model.document import AnyCondition, Concentration, Horizon, Load, Material, MediumRegion, Region, Settings
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.triangulated_surface import distances
-from pdmesh.scene.body import SIDES, Body, SolidCondition
+from pdmesh.scene.body import SIDES, Body, CrackFace, SolidCondition
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
 
 SLACK = 1e-6  # of a spacing: what still counts as on a side
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
+MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
 
 
 class Cloud(NamedTuple):
@@ -33,20 +35,21 @@ class Cloud(NamedTuple):
         return np.concatenate([level.within(shell, place) for level in self.levels])
 
 
-def build_body(body: Body) -> tuple[Grid, Settings]:
-    """The nodes of a body whose solids are shells, and what is done to them. Raises SceneError."""
+def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
+    """The nodes of a body whose solids are shells, what is done to them, and remarks. Raises SceneError."""
     levels = place_nodes(body)
     counts = [len(level.at) for level in levels]
     delta = np.repeat([level.cubes.spacing for level in levels], counts)
     cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
-    _clear(body, cloud)
+    cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
+    cracks = [crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared]
     grid = Grid(
         ids=np.arange(1, len(delta) + 1),
         position=cloud.position,
         delta=delta,
         border=np.concatenate([level.border for level in levels]),
         hole_id=np.full(len(delta), -1),
-        cracks=np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack in body.cracks)]),
+        cracks=np.concatenate([np.zeros((0, 9)), *cracks]),
         outline=tuple(body.shell.triangles),
         areas=np.concatenate([level.volume for level in levels]),
         source=body.source,
@@ -63,7 +66,7 @@ def build_body(body: Body) -> tuple[Grid, Settings]:
         media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
         run=body.run,
     )
-    return grid, settings
+    return grid, settings, tuple(remark for _, remarks in cleared for remark in remarks)
 
 
 def in_space(material: Material) -> Material:
@@ -71,22 +74,45 @@ def in_space(material: Material) -> Material:
     return msgspec.structs.replace(material, plane="space")
 
 
-def _clear(body: Body, cloud: Cloud) -> None:
-    """Raises SceneError for a crack that passes through nodes, is none, or is beside the body."""
-    for crack in body.cracks:
-        if not crack.sheet.areas.all():
-            flat = int(np.flatnonzero(crack.sheet.areas == 0)[0])
-            raise SceneError(f"crack '{crack.name}': found triangle {flat} without area, expected three corners apart")
-        near = distances(cloud.position, crack.sheet.triangles, float(cloud.delta.max()))
-        if not (near < cloud.delta).any():
-            raise SceneError(f"crack '{crack.name}': found outside the body, expected inside")
-        on = np.flatnonzero(near < CLEARANCE * cloud.delta)
-        if len(on):
-            x, y, z = cloud.position[on[0]]
-            raise SceneError(
-                f"crack '{crack.name}': found through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m, expected"
-                " between nodes, which are the middles of cubes around the body's own: another spacing, or place"
-            )
+def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[str, ...]]:
+    """A crack that passes between nodes, and a remark if it had to be moved across its faces for that.
+
+    It moves by the least sixteenths of the finest spacing, fewer than eight, that are enough. Raises SceneError for a
+    crack that is none, is beside the body, or meets nodes wherever it is moved.
+    """
+    triangles, place = crack.sheet.triangles, f"crack '{crack.name}'"
+    if not crack.sheet.areas.all():
+        flat = int(np.flatnonzero(crack.sheet.areas == 0)[0])
+        raise SceneError(f"{place}: found triangle {flat} without area, expected three corners apart")
+    near = distances(cloud.position, triangles, float(cloud.delta.max()))
+    if not (near < cloud.delta).any():
+        raise SceneError(f"{place}: found outside the body, expected inside")
+    on = np.flatnonzero(near < CLEARANCE * cloud.delta)
+    if not len(on):
+        return crack, ()
+    beside = np.flatnonzero(near < 2 * cloud.delta)
+    spacing, across = float(cloud.delta[beside].min()), _across(crack.sheet)
+    for sixteenths in (sign * step for step in range(1, 8) for sign in (1, -1)):
+        moved = triangles + sixteenths / 16 * spacing * across
+        apart = distances(cloud.position[beside], moved, spacing)
+        if (apart >= MOVED * cloud.delta[beside]).all():
+            way = ", ".join(f"{step + 0.0:.3g}" for step in sixteenths / 16 * spacing * across)
+            remark = f"{place}: moved by ({way}) m, as it met {len(on)} nodes"
+            return replace(crack, sheet=Sheet(moved)), (remark,)
+    x, y, z = cloud.position[on[0]]
+    raise SceneError(
+        f"{place}: found through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m, expected between nodes, which"
+        " are the middles of cubes around the body's own, after a move of less than half a spacing"
+    )
+
+
+def _across(sheet: Sheet) -> NDArray[np.float64]:
+    """The direction (3,) across most of a sheet, its largest component positive."""
+    a, b, c = sheet.triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    _, axes = np.linalg.eigh(np.einsum("ti,tj->ij", normal, normal / np.linalg.norm(normal, axis=1, keepdims=True)))
+    across = axes[:, -1]
+    return np.asarray(across * np.sign(across[np.abs(across).argmax()]))
 
 
 def _region(solid: object, region: Region, cloud: Cloud) -> Region:

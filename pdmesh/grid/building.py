@@ -45,7 +45,8 @@ def build(scene: Scene | Body) -> Built:
     Raises SceneError if it does not represent the drawing.
     """
     if isinstance(scene, Body):
-        return Built(*build_body(scene), scene.notes)
+        grid, settings, moved = build_body(scene)
+        return Built(grid, settings, (*scene.notes, *moved))
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)

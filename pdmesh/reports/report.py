@@ -212,7 +212,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     given = scene
     if isinstance(scene, Scene) and scene.run.adapt == "split":
         scene, _ = undivided(scene)
-    grid, settings = build_body(scene) if isinstance(scene, Body) else build_grid(scene)[:2]
+    grid, settings = (build_body(scene) if isinstance(scene, Body) else build_grid(scene))[:2]
     own = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     ratio = 1.0 if own is None else own.bonds / counted

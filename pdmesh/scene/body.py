@@ -120,7 +120,7 @@ class Body:
         """The triangulated surface of this body. Raises SceneError before Gmsh has made it."""
         if not isinstance(self.solid, Shell):
             found = type(self.solid).__name__
-            raise SceneError(f"body: found a {found}, expected its surface: read_scene makes one of a .py file's scene")
+            raise SceneError(f"body: found a {found}, expected its surface: pdmesh.build and read_scene make one")
         return self.solid
 
     @property

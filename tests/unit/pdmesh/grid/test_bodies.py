@@ -15,6 +15,7 @@ import pytest
 from messages import naming
 
 from pdmesh import Body, Box, Cylinder, Material, Medium, SceneError, Sphere
+from pdmesh.drawing.building import build as make
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import Built, build
 from pdmesh.grid.cubic import Cubic, _given, _thin
@@ -172,14 +173,33 @@ def test_what_makes_no_body_is_refused() -> None:
     crossing = np.concatenate([whole.triangles, other.triangles])
     with pytest.raises(SceneError, match=naming("surface", "crosses", "itself")):
         build(Body(Shell(crossing, volume(crossing)), 0.1))
-    with pytest.raises(SceneError, match=naming("crack 'flat'", found="100 nodes")):
-        build(Body(whole, 0.1).crack([[[-9, -9, 0.55], [9, -9, 0.55], [0, 20, 0.55]]], "flat"))
+    stack = [[[-9, -9, z], [9, -9, z], [0, 20, z]] for z in 0.55 + 0.1 / 16 * np.arange(-8, 8)]
+    with pytest.raises(SceneError, match=naming("crack 'stack'", found="100 nodes")):
+        build(Body(whole, 0.1).crack(stack, "stack"))
     with pytest.raises(SceneError, match=naming("radius", found="-1 m")):
         Body(Sphere((0, 0, 0), -1), 0.1)
     with pytest.raises(SceneError, match=naming("body", found="nothing")):
         meshed(Body(Box((0, 0, 0), (1, 1, 1)) & Box((2, 2, 2), (3, 3, 3)), 0.1))
     with pytest.raises(SceneError, match=naming(expected=("left", "right"))):
         Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")
+
+
+def test_a_crack_through_nodes_is_moved_across_itself_by_less_than_half_a_spacing() -> None:
+    """Flat, and at 45 degrees through the middle of the block, where it meets the ten nodes of a diagonal in each row.
+
+    Moved as little as is enough, it parts the nodes of its plane from those in front of it.
+    """
+    block = Body(Box((0, 0, 0), (1, 1, 1)), 0.1, GLASS)
+    flat = make(block.crack([[[-9, -9, 0.55], [9, -9, 0.55], [0, 20, 0.55]]], "flat"))
+    assert flat.grid.cracks[:, [2, 5, 8]] == pytest.approx(np.full((1, 3), 0.55 + 0.1 / 16))
+    assert re.search(naming("crack 'flat'", "(0, 0, 0.00625) m", "100 nodes"), flat.notes[0])
+    corners = np.array([[0.2, -1, 0.2], [0.8, -1, 0.8], [0.8, 2, 0.8], [0.2, 2, 0.2]])
+    slanted = make(block.crack([corners[[0, 1, 2]], corners[[0, 2, 3]]]))
+    moved = slanted.grid.cracks.reshape(-1, 3) - corners[[0, 1, 2, 0, 2, 3]]
+    assert np.linalg.norm(moved, axis=1) == pytest.approx(np.full(6, 0.1 / 16))
+    assert np.abs(moved.sum(axis=1)).max() < 1e-12
+    assert re.search(naming("crack '1'", "60 nodes"), slanted.notes[0])
+    assert not make(block.crack([[[-9, -9, 0.5], [9, -9, 0.5], [0, 20, 0.5]]])).notes
 
 
 @pytest.mark.parametrize(
