@@ -51,7 +51,7 @@ def cubic(run: Run, sides: tuple[int, int, int] = (14, 12, 10), **material: Any)
     along = np.meshgrid(*((np.arange(side) + 0.5) * H for side in sides), indexing="ij")
     position = np.stack(along, axis=-1).reshape(-1, 3)
     nowhere = np.full(len(position), -1)
-    far, up, end = 14 * H, 5 * H, 11 * H
+    far, up, end = 14 * H, 5 * H, (sides[0] - 3) * H
     corners = ((0, -H, up), (6 * H, -H, up), (6 * H, far, up), (0, far, up))
     cracks = np.array([[*corners[0], *corners[k], *corners[k + 1]] for k in (1, 2)])
     grid = Grid(np.arange(len(position)) + 1, position, np.full(len(position), H), nowhere >= 0, nowhere, cracks)
@@ -284,15 +284,15 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
 
 
 @pytest.mark.parametrize(("precision", "digits"), [("float64", 1e-13), ("float32", 2e-6)])
-@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive"])
 def test_a_body_in_tiles_is_the_one_in_a_list(law: str, precision: str, digits: float) -> None:
     """Forces, energies, bonds, which break and what softening remembers; measured 3e-15, in single precision 7e-7."""
-    model = cubic(Run(), law=law, kr=3.0)
+    model = cubic(Run(), law=law, kr=3.0, **({"f_t": 40e6} if law == "cohesive" else {}))
     listed, tiled = (
         prepare(model, Options(kernel=kernel, precision=precision, threads=1)) for kernel in ("listed", None)
     )
     assert (listed.system.operator.name, tiled.system.operator.name) == ("listed", "blocks")
-    for strain in (1e-5, 1e-3, 0.05, 1e-3):  # of which the second and third break or soften bonds, and the last lets go
+    for strain in (1e-5, 1e-3, 0.05, 1e-3, -1e-3):  # the second and third break or soften bonds, the rest lets go
         found = [forces(each.system.operator, at(each.system, strain)) for each in (listed, tiled)]
         energies = [each.system.operator.energies(at(each.system, strain)) for each in (listed, tiled)]
         broken = [each.system.operator.broken() for each in (listed, tiled)]

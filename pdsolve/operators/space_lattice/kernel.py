@@ -70,6 +70,7 @@ class Tiles(NamedTuple):
     share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left
     worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
     margin: int
+    floor: float  # e above which softened bonds have what is left of their stiffness alone
     near: float  # |e| up to which nothing happens to bonds and the polynomial holds
 
 
@@ -97,7 +98,7 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
     soften and that has no memory.
     """
     s, f, count = np.empty(SCRATCH, u.dtype), np.empty((3, ROW)), len(tiles.offsets)
-    near = u.dtype.type(tiles.near)
+    near = u.dtype.type(tiles.near), u.dtype.type(tiles.floor)
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
             continue
@@ -150,24 +151,24 @@ def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s): 
 def _add(kind, u, to, near, slot, count, at, s):  # type: ignore[no-untyped-def]
     """Add bonds from a slot on; returns the first that is left alone, or `count`."""
     if kind == ALIKE:
-        return add_alike(u, *to, near, slot, count, *at, s)
+        return add_alike(u, *to, *near, slot, count, *at, s)
     if kind == CORRECTED:
-        return add_corrected(u, *to, near, slot, count, *at, s)
+        return add_corrected(u, *to, *near, slot, count, *at, s)
     if kind == GENERAL:
-        return add_general(u, *to, near, slot, count, *at, s)
-    return add_softened(u, *to, near, slot, count, *at, s)
+        return add_general(u, *to, *near, slot, count, *at, s)
+    return add_softened(u, *to, *near, slot, count, *at, s)
 
 
 @njit(**INNER)
 def _add_far(kind, u, to, near, slot, at, s):  # type: ignore[no-untyped-def]
     """Add the bonds of one slot, however long; returns the next slot."""
     if kind == ALIKE:
-        return add_alike_far(u, *to, near, slot, slot + 1, *at, s)
+        return add_alike_far(u, *to, *near, slot, slot + 1, *at, s)
     if kind == CORRECTED:
-        return add_corrected_far(u, *to, near, slot, slot + 1, *at, s)
+        return add_corrected_far(u, *to, *near, slot, slot + 1, *at, s)
     if kind == GENERAL:
-        return add_general_far(u, *to, near, slot, slot + 1, *at, s)
-    return add_softened_far(u, *to, near, slot, slot + 1, *at, s)
+        return add_general_far(u, *to, *near, slot, slot + 1, *at, s)
+    return add_softened_far(u, *to, *near, slot, slot + 1, *at, s)
 
 
 @njit(**INNER)

@@ -57,6 +57,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         share=nothing,
         worst=nothing,
         margin=sites.margin,
+        floor=0.0 if law.pair is not None and law.pair.elastic_in_compression else -np.inf,
         near=min(least * (least + 2) * (1 - ROUNDED), NARROW),
     )
     sort(tiles)
@@ -125,15 +126,27 @@ def intact(
 def springs(
     tiles: Tiles, sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], slot: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reference vectors (b, 3), m, and force densities for a unit stretch (b,), N/m^3, of bonds."""
+    """Reference vectors (b, 3), m, and force densities for a unit stretch (b,), N/m^3, of bonds that have not
+    softened."""
     row, i, j = tiles.table[slot].astype(np.float64), sites.site[source], sites.site[target]
     c, cells = tiles.c, tiles.cells
     w = (row[:, SHARES : SHARES + 3] * (c[:, i].astype(np.float64) + c[:, j]).T).sum(axis=1)
     w *= cells[VOLUME, j].astype(np.float64) * (cells[MODULUS, i] + cells[MODULUS, j])
-    tile, lane = np.divmod(i - tiles.margin, ROW)
-    softened = tiles.memory[tile] >= 0
-    w[softened] *= tiles.share[tiles.memory[tile[softened]], slot[softened], lane[softened]]
     return row[:, :3], w / np.sqrt(row[:, INVERSE])
+
+
+def shares(
+    tiles: Tiles,
+    sites: Sites,
+    source: NDArray[np.int64],
+    slot: NDArray[np.int64],
+    e: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """What is left (b,) of the stiffness of bonds at e (b,)."""
+    tile, lane = np.divmod(sites.site[source] - sites.margin, ROW)
+    found, which = np.ones(len(e)), np.flatnonzero((tiles.memory[tile] >= 0) & (e > tiles.floor))
+    found[which] = tiles.share[tiles.memory[tile[which]], slot[which], lane[which]]
+    return found
 
 
 def placed(

@@ -97,6 +97,9 @@ class SpaceLattice:
 
         source, target, slot = layout.intact(self._sites, self.tiles.bits, np.arange(len(self._stiffest)))
         xi, pull = layout.springs(self.tiles, self._sites, source, target, slot)
+        eta = state.value[target].astype(np.float64) - state.value[source]
+        e = ((2 * xi + eta) * eta).sum(axis=1) / (xi**2).sum(axis=1)
+        pull *= layout.shares(self.tiles, self._sites, source, slot, e)
         return of_springs(source, target, xi, pull, state.value)
 
     def bonds(

@@ -4,6 +4,7 @@ u           (3, m) displacements of all sites, m           offsets  (k,) from a 
 table       (k, FIELDS), see `Tiles`                       bits     (tiles, k) lanes whose bond is there
 c, cells    (3, m), (2, m) of nodes, see `Tiles`           near     |e| beyond which a slot is left alone
 share       (r, k, 16) of tiles with a memory; row         the tile's
+floor       e above which the share counts
 lane        of the tile, the first of those summed; own    its site
 s           (SCRATCH,) a thread's scratch: sums of forces along x, y and z
 """
@@ -31,13 +32,14 @@ class _Slots:
         """`values` are the arguments of a loop, of these `kinds`; bonds have so many numbers of nodes in them."""
         self._code, self._corrections = code, corrections
         self._share = code.data(kinds[6], values[6]) if softened else None
+        self._floor = values[8]
         self._u = [_component(code, kinds[0], values[0], axis) for axis in range(3)]
         self._offsets, self._table, self._bits = (
             code.data(kind, array) for kind, array in zip(kinds[1:4], values[1:4], strict=True)
         )
         self._c = [_component(code, kinds[4], values[4], axis) for axis in range(3 if corrections else 0)]
         self._cells = [_component(code, kinds[5], values[5], row) for row in range(corrections - 3)]
-        self._tile, self._site, self._lane, row, count = values[10:15]
+        self._tile, self._site, self._lane, row, count = values[11:16]
         self._own_u = [code.load(component, self._site) for component in self._u]
         self._own_c = [code.load(component, self._site) for component in self._c]
         self._own_cells = [code.load(component, self._site) for component in self._cells]
@@ -62,8 +64,8 @@ class _Slots:
         word = builder.load(builder.gep(self._bits, [builder.add(self._begin, slot)]))
         return builder.icmp_unsigned("==", word, word.type(0))
 
-    def stiffness(self, slot: Any) -> list[Any]:
-        """Stiffness over length."""
+    def stiffness(self, slot: Any, e: list[Any]) -> list[Any]:
+        """Stiffness over length of bonds at e."""
         code, builder = self._code, self._code.builder
         field = builder.mul(slot, INT(FIELDS))
         if not self._corrections:
@@ -78,7 +80,8 @@ class _Slots:
             w = code.mul(code.mul(w, volume), code.add(modulus, self._own_cells[1]))
         if self._share is not None:
             at = builder.add(builder.mul(builder.add(self._memory, slot), INT(ROW)), self._lane)
-            w = code.mul(w, code.load(self._share, at))
+            counts = code.above(e, code.same(self._floor))
+            w = code.mul(w, code.choose(counts, code.load(self._share, at), code.same(1.0)))
         return w
 
     def _field(self, begin: Any, number: int) -> list[Any]:
@@ -98,7 +101,9 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
     tiles with a memory."""
 
     @intrinsic
-    def add(typingctx, u, offsets, table, bits, c, cells, share, near, first, last, tile, own, lane, row, count, s):  # type: ignore[no-untyped-def]
+    def add(  # type: ignore[no-untyped-def]
+        typingctx, u, offsets, table, bits, c, cells, share, near, floor, first, last, tile, own, lane, row, count, s
+    ):
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             slots, kept = _Slots(code, signature.args, values, corrections, softened), code.data(s, values[-1])
@@ -109,9 +114,9 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             builder.branch(head)
             builder.position_at_end(head)
             slot = builder.phi(INT)
-            slot.add_incoming(values[8], began)
+            slot.add_incoming(values[9], began)
             sums = [code.merge([(total, began)]) for total in before]
-            builder.cbranch(builder.icmp_signed("<", slot, values[9]), look, leave)
+            builder.cbranch(builder.icmp_signed("<", slot, values[10]), look, leave)
             builder.position_at_end(look)
             some, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
             builder.cbranch(slots.is_empty(slot), skip, some)
@@ -134,7 +139,7 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
                 g = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
             else:
                 g = code.polynomial(code.coefficients[0], e)
-            pull = code.mul(slots.stiffness(slot), code.mul(e, g))
+            pull = code.mul(slots.stiffness(slot, e), code.mul(e, g))
             after = [code.fma(pull, code.add(x, y), total) for x, y, total in zip(xi, eta, sums, strict=True)]
             slot.add_incoming(builder.add(slot, INT(1)), go_on)
             for phis, totals in zip(sums, after, strict=True):
@@ -147,7 +152,7 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             return slot
 
         numbers_of = (types.int64,) * 7
-        return types.int64(u, offsets, table, bits, c, cells, share, u.dtype, *numbers_of, s), generate
+        return types.int64(u, offsets, table, bits, c, cells, share, u.dtype, u.dtype, *numbers_of, s), generate
 
     made: Callable[..., Any] = add
     return made
