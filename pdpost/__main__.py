@@ -28,9 +28,9 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "line", "nodes", "notch", "sif", "strain", "tradeoff")
+OF_PLATES = ("bonds", "nodes", "notch", "sif", "tradeoff")
 OF_BODIES = (
-    "damage and other fields, animate, slice, render, crack, history, balance, reaction, report, export and study"
+    "damage and other fields, animate, slice, render, crack, line, history, balance, reaction, report, export and study"
 )
 
 

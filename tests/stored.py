@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
 
@@ -25,19 +26,44 @@ def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: 
     return nodes, Families(start, np.nonzero(near)[1])
 
 
+def block(
+    sides: tuple[int, int, int] = (9, 8, 7), spacing: float = 1e-3, horizon: float = 3.01
+) -> tuple[Nodes, Families]:
+    """A block of cubes with a corner at the origin, each bonded to those near it."""
+    along = [(np.arange(side) + 0.5) * spacing for side in sides]
+    position = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
+    tree, count = cKDTree(position), len(position)
+    near = tree.query_pairs(horizon * spacing, output_type="ndarray")
+    own, other = np.concatenate([near, near[:, ::-1]]).T
+    order = np.lexsort((other, own))
+    family = np.bincount(own, minlength=count)
+    start = np.concatenate([[0], np.cumsum(family)])
+    delta, volume = np.full(count, spacing), np.full(count, spacing**3)
+    nodes = Nodes(np.arange(1, count + 1), position, delta, volume, family, np.zeros(count, dtype=np.int64))
+    return nodes, Families(start, other[order])
+
+
 MODEL = {"notch": [], "nodes": [], "material": {"E": 70e9, "rho": 2000.0, "G0": 10.0}}
 
 
 def results_of(
-    nodes: Nodes, families: Families, u: NDArray[np.float64], broken: list[tuple[int, int, int]], model: object = MODEL
+    nodes: Nodes,
+    families: Families,
+    u: NDArray[np.float64],
+    broken: list[tuple[int, int, int]],
+    model: object = MODEL,
+    cracks: NDArray[np.float64] | None = None,
 ) -> Results:
-    """Results with one frame, at step 10, of displacements (n, 2), and bonds (step, node, neighbour) broken."""
+    """Results with one frame, at step 10, of displacements (n, d), and bonds (step, node, neighbour) broken."""
 
     def part(first: int, last: int) -> Families:
         start = families.start[first : last + 1]
         return Families(start - start[0], families.neighbour[start[0] : start[-1]])
 
-    writer = Writer.create(None, nodes, part, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
+    d = u.shape[1]
+    cracks = np.empty((0, {2: 4, 3: 9}[d])) if cracks is None else cracks
+    meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
+    writer = Writer.create(None, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(10, 1e-5, {"ux": u[:, 0], "uy": u[:, 1]}, breaks, [], [], {}))
+    writer.write(Frame(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
     return Results(writer.connection, "memory")

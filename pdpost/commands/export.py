@@ -69,7 +69,6 @@ def _export(args: argparse.Namespace) -> int:
     if kind == ".xdmf" and numbers.exists() and not args.force:
         raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
     with Results.open(args.results) as results:
-        frame_files.check_also(results, args.also)
         steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
         progress = counted(args, "writing")
         if kind == ".vtu":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pdpost.commands import delivery
 from pdpost.commands.pictures import FIELDS
-from pdpost.commands.shared import add_frame, chosen_frame, point
+from pdpost.commands.shared import add_frame, chosen_frame, place
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -21,9 +21,9 @@ def add(commands: Commands) -> None:
             word,
             dest=where,
             required=True,
-            type=point,
-            metavar="X,Y",
-            help=f"where the line {where}, m ({word}=X,Y if X is negative)",
+            type=place,
+            metavar="X,Y[,Z]",
+            help=f"where the line {where}, m, of a body with z ({word}=X,... if X is negative)",
         )
     line.add_argument("--field", choices=FIELDS, default="displacement", help="which one (default: displacement)")
     line.add_argument(
@@ -46,8 +46,9 @@ def _line(args: argparse.Namespace) -> int:
 
     path = delivery.picture_path(args, ".line.png")
     field = fields.FIELDS[args.field]
-    parts = list(dict.fromkeys(fields.component(args.field, one) for one in args.components or [None]))
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        asked = args.components or [None]
+        parts = list(dict.fromkeys(fields.component(args.field, one, results.dimension) for one in asked))
         step, time = chosen_frame(results, args)
         found = lines.line(results, args.field, step, args.begins, args.ends)
         if path is not None:
@@ -61,11 +62,15 @@ def _line(args: argparse.Namespace) -> int:
         said = f"nothing known at {len(values)} places"
         if len(known):
             low, high = (int(known[at]) for at in (values[known].argmin(), values[known].argmax()))
-            ends = (f"{values[at]:.4g} at ({found.place[at][0]:.4g}, {found.place[at][1]:.4g}) m" for at in (low, high))
+            ends = (f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in found.place[at])}) m" for at in (low, high))
             said = f"{len(known)} of {len(values)} places known, from {' to '.join(ends)}"
         words.append(f"{f'{args.field} {part}'.strip()} at {told(time)}: {said}")
     names = {f"{args.field}_{part}" if part else args.field: values for part, values in found.values.items()}
-    header = ("along, m", "x, m", "y, m", *(f"{name}, {field.unit}" if field.unit else name for name in names))
+    header = (
+        "along, m",
+        *(f"{axis}, m" for axis in "xyz"[: found.place.shape[1]]),
+        *(f"{name}, {field.unit}" if field.unit else name for name in names),
+    )
     result = {
         "step": step,
         "time": time,

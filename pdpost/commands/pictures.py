@@ -58,8 +58,8 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y, of a body z"),
-    "strain": "largest principal (default), smallest; xx, yy, xy, zz",
-    "stress": "largest principal (default), smallest; xx, yy, xy, zz; mises",
+    "strain": "largest principal (default), smallest; xx, yy, xy, zz, of a body xz, yz",
+    "stress": "largest principal (default), smallest; xx, yy, xy, zz, of a body xz, yz; mises",
 }
 
 

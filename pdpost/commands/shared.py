@@ -171,6 +171,11 @@ def point(text: str) -> tuple[float, float]:
     return x, y
 
 
+def place(text: str) -> tuple[float, ...]:
+    """A place x,y or x,y,z, m, as an option's type."""
+    return finite_numbers(text, 3 if text.count(",") == 2 else 2)
+
+
 def check_window(results: Results, args: argparse.Namespace) -> None:
     """Raise ResultsError if --window shows nothing of the plate."""
     if args.window is None:

@@ -54,15 +54,9 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     for name in also:
         part = fields.components(results, name, step)
         zero = np.zeros_like(part["xx"])
-        xx, yy, xy, zz = (part[which] for which in ("xx", "yy", "xy", "zz"))
-        data[name] = np.column_stack([xx, xy, zero, xy, yy, zero, zero, zero, zz])
+        rows = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
+        data[name] = np.column_stack([part.get(each, zero) for each in rows])
     return data
-
-
-def check_also(results: Results, also: Sequence[str]) -> None:
-    """Raise ExportError for a field in `also` that cannot be fitted."""
-    if also and results.dimension == 3:
-        raise ExportError(f"--also: found {also[0]}, expected none of a body in space; stress is written if stored")
 
 
 def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:

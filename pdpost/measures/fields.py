@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
+from pdmesh.model.gradients_in_space import green_in_space, hooke_in_space
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.strain import gradients, stiffness
@@ -40,11 +41,9 @@ class Field:
         return self.components[: len(TENSOR)] == TENSOR
 
     def parts(self, dimension: int = 2) -> tuple[str, ...]:
-        """The components of this field in 2 or 3 dimensions. Raises FieldError for a field that bodies do not have."""
+        """The components of this field in 2 or 3 dimensions."""
         if dimension == 2 or not self.components:
             return self.components
-        if self.name == "strain":
-            raise FieldError("found no field 'strain' of a body in space, which nothing fits, expected another")
         return (*self.components, *(("z",) if self.components == VECTOR else ("xz", "yz")))
 
 
@@ -130,9 +129,8 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     if field.components == VECTOR:
         ways = vector(results, name, step).T
         return {"magnitude": reduce(np.hypot, ways), **dict(zip("xyz", ways, strict=False))}
-    field.parts(results.dimension)
     if results.dimension == 3:
-        return _in_space(vector(results, "stress", step))
+        return _in_space(results, name, step)
     if name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
@@ -151,11 +149,21 @@ def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}
 
 
-def _in_space(stress: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Symmetric tensors (n, 6), in the order xx, yy, xy, zz, xz, yz, by component name."""
-    xx, yy, xy, zz, xz, yz = stress.T
-    principal = np.linalg.eigvalsh(np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0))
-    mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
-    names = ("xx", "yy", "xy", "zz", "xz", "yz")
-    found = {"largest": principal[:, 2], "smallest": principal[:, 0], "mises": mises}
-    return found | dict(zip(names, stress.T, strict=True))
+def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+    """All components (n,) of the strain or stress of a body, by name."""
+    if name == "stress" and "sxx" in results.stored(step):
+        tensor = vector(results, "stress", step)
+    else:
+        tensor = green_in_space(gradients(results, step))
+        if name == "stress":
+            tensor = hooke_in_space(tensor, stiffness(results, step))
+    xx, yy, xy, zz, xz, yz = tensor.T
+    whole = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+    known = np.isfinite(tensor).all(axis=1)
+    principal = np.full((len(tensor), 3), np.nan)
+    principal[known] = np.linalg.eigvalsh(whole[known])
+    found = {"largest": principal[:, 2], "smallest": principal[:, 0]}
+    found |= dict(zip(("xx", "yy", "xy", "zz", "xz", "yz"), tensor.T, strict=True))
+    if name == "stress":
+        found["mises"] = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
+    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -10,47 +12,51 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pdpost.measures import fields
+from pdpost.measures.lattice_neighbours import NEAR
 from pdpost.measures.plate_geometry import plate
-from pdpost.measures.segments import distances
 from pdpost.measures.strain import intact
 from pdsolve.results import Nodes, Results, ResultsError
 
 AROUND = 3.0  # of the coarsest spacing: nodes further from the line do not count
 PER_SPACING = 2  # points for the finest spacing
 MOST = 5000  # points
+SHEARED = np.array([[1.0, 2e-3, 3e-3], [0.0, 1.0, 5e-3], [0.0, 0.0, 1.0]])  # a cubic lattice, so that no eight nodes
+# are on one sphere, of which Delaunay's tetrahedra would be any
 
 
 class Line(NamedTuple):
     """A field at k places of a line."""
 
-    place: NDArray[np.float64]  # (k, 2) m
+    place: NDArray[np.float64]  # (k, d) m
     along: NDArray[np.float64]  # (k,) m, from the start
     values: dict[str, NDArray[np.float64]]  # (k,) each, SI, by component, a scalar's under ""; NaN where there is none
 
 
-def line(results: Results, name: str, step: int, start: tuple[float, float], end: tuple[float, float]) -> Line:
+def line(results: Results, name: str, step: int, start: tuple[float, ...], end: tuple[float, ...]) -> Line:
     """All components of the field `name` after `step`, at two places a spacing from `start` to `end`, m.
 
-    A value is linear in the triangle of three nodes that are all bonded to each other. Where bonds are cut or broken,
-    and at the edge of the plate, it is that of the nearest node. It is NaN off the plate and where the nearest node's
-    value is unreliable (see `fields.torn`). Raises ResultsError for a line without length or outside the plate, and for
-    a frame without the field.
+    A value is linear in the triangle of three nodes (in a body the tetrahedron of four) that are all bonded to each
+    other. Where bonds are cut or broken, and at the edge, it is that of the nearest node. It is NaN off the plate or
+    the body and where the nearest node's value is unreliable (see `fields.torn`). Raises ResultsError for ends of
+    another dimension, a line without length or outside, and for a frame without the field.
     """
+    for word, place in (("--from", start), ("--to", end)):
+        if len(place) != results.dimension:
+            raise ResultsError(f"{word}: found {len(place)} numbers, expected {results.dimension}, a place in m")
     ends = np.array([start, end], dtype=float)
-    length = float(np.hypot(*(ends[1] - ends[0])))
+    length = float(np.sqrt(((ends[1] - ends[0]) ** 2).sum()))
     if not length > 0:
-        raise ResultsError(f"--to: found {end[0]:g},{end[1]:g}, where the line begins, expected another place")
+        raise ResultsError(f"--to: found {_told(end)}, where the line begins, expected another place")
     nodes = results.nodes(step)
-    rows = np.flatnonzero(distances(nodes.position, ends[:1], ends[1:]) <= AROUND * nodes.delta.max())
+    rows = np.flatnonzero(_from_line(nodes.position, *ends) <= AROUND * nodes.delta.max())
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))
     places = ends[0] + share[:, None] * (ends[1] - ends[0])
-    on = _on_plate(results, nodes, places)
+    on = _covered(nodes, places) if results.dimension == 3 else _on_plate(results, nodes, places)
     if not len(rows) or not on.any():
-        x0, y0, x1, y1 = plate(results).shape.bounds
         raise ResultsError(
-            f"{results.name}: found no place of the plate from {start[0]:g},{start[1]:g} to {end[0]:g},{end[1]:g},"
-            f" expected some of {x0:g},{y0:g},{x1:g},{y1:g}"
+            f"{results.name}: found no place of the {'body' if results.dimension == 3 else 'plate'} from"
+            f" {_told(start)} to {_told(end)}, expected some of {_told(_bounds(results, nodes))}"
         )
     known = fields.components(results, name, step)
     silent = fields.torn(results, name, step)[rows]
@@ -64,6 +70,33 @@ def line(results: Results, name: str, step: int, start: tuple[float, float], end
     return Line(places, share * length, found)
 
 
+def _told(numbers: Iterable[float]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
+
+
+def _bounds(results: Results, nodes: Nodes) -> tuple[float, ...]:
+    """The corners of the box around a plate or around the cubes of a body, m."""
+    if results.dimension == 2:
+        return tuple(map(float, plate(results).shape.bounds))
+    half = nodes.delta[:, None] / 2
+    return (*(nodes.position - half).min(axis=0).tolist(), *(nodes.position + half).max(axis=0).tolist())
+
+
+def _from_line(
+    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances (n,) of points (n, d) from the segment between two places (d,), m."""
+    away, way = points - start, end - start
+    share = (away @ way / (way @ way)).clip(0, 1)
+    return np.asarray(np.sqrt(((away - share[:, None] * way) ** 2).sum(axis=1)))
+
+
+def _covered(nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (k,) of the places in the cube of their nearest node."""
+    away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
+    return np.asarray(away <= (0.5 + NEAR) * nodes.delta[nearest])
+
+
 def _on_plate(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     slack = 1e-6 * float(nodes.delta.min())
     return np.asarray(shapely.dwithin(plate(results).shape, shapely.points(places), slack))
@@ -72,14 +105,16 @@ def _on_plate(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> ND
 def _weights(
     results: Results, nodes: Nodes, rows: NDArray[np.int64], places: NDArray[np.float64], step: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """For each place, three indices into `rows` (k, 3) and their weights (k, 3)."""
+    """For each place, d + 1 indices into `rows` (k, d + 1) and their weights (k, d + 1)."""
     unit, origin = float(nodes.delta.min()), nodes.position[rows].mean(axis=0)
     points, targets = (nodes.position[rows] - origin) / unit, (places - origin) / unit
-    nearest = cKDTree(points).query(targets)[1]
-    corners, weights = np.repeat(nearest[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(places), 1))
+    nearest, d = cKDTree(points).query(targets)[1], results.dimension
+    corners, weights = np.repeat(nearest[:, None], d + 1, axis=1), np.tile([1.0] + d * [0.0], (len(places), 1))
+    if d == 3:
+        points, targets = points @ SHEARED, targets @ SHEARED
     try:
         mesh = Delaunay(points)
-    except (QhullError, ValueError):  # fewer than three, or all on a line
+    except (QhullError, ValueError):  # fewer than d + 1, or all on a line or a plane
         return corners, weights
     simplex = mesh.find_simplex(targets)
     inside = np.flatnonzero(simplex >= 0)
@@ -87,7 +122,7 @@ def _weights(
     bonded = _bonded(results, rows, some, len(nodes.ids), step)
     inside, some = inside[bonded], some[bonded]
     turn = mesh.transform[simplex[inside]]
-    first = np.einsum("kab,kb->ka", turn[:, :2], targets[inside] - turn[:, 2])
+    first = np.einsum("kab,kb->ka", turn[:, :d], targets[inside] - turn[:, d])
     corners[inside] = some
     weights[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
     return corners, weights
@@ -96,10 +131,10 @@ def _weights(
 def _bonded(
     results: Results, rows: NDArray[np.int64], corners: NDArray[np.int64], count: int, step: int
 ) -> NDArray[np.bool_]:
-    """Whether the three nodes of each triangle (k, 3) are all bonded to each other after `step`."""
+    """Whether the nodes of each triangle (k, 3) or tetrahedron (k, 4) are all bonded to each other after `step`."""
     start, neighbour = intact(results, results.families(step), step)
     keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
     whole = np.ones(len(corners), dtype=bool)
-    for one, other in ((0, 1), (1, 2), (2, 0)):
+    for one, other in combinations(range(corners.shape[1]), 2):
         whole &= np.isin(rows[corners[:, one]] * count + rows[corners[:, other]], keys)
     return whole

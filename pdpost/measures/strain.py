@@ -1,10 +1,10 @@
 """Strain and stress at the nodes: the gradient of the displacement fitted to each family's intact bonds.
 
 The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
-difference of the displacements, the weight the neighbour's area over |xi|. The fit is exact for affine displacements,
-at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress follows from it by
-Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not count. A node without bonds, or with bonds
-along one line only, has strain NaN.
+difference of the displacements, the weight the neighbour's area (in a body its volume) over |xi|. The fit is exact for
+affine displacements, at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress
+follows from it by Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not count. A node without
+bonds, or with bonds along one line (in a body in one plane) only, has strain NaN.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
 from pdmesh.model.gradients import Stiffness, gradients_of
+from pdmesh.model.gradients_in_space import gradients_in_space
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
@@ -31,16 +32,18 @@ class _Materials(msgspec.Struct):
 
 
 def gradients(results: Results, step: int) -> NDArray[np.float64]:
-    """The displacement gradient (n, 2, 2) of a frame, H[i, a, b] = du_a / dx_b; NaN where it is undefined.
+    """The displacement gradient (n, d, d) of a frame, H[i, a, b] = du_a / dx_b; NaN where it is undefined.
 
-    Raises ResultsError if the frame does not hold ux and uy.
+    Raises ResultsError if the frame does not hold the displacement.
     """
     families = intact(results, results.families(step), step)
     return fitted(results.nodes(step), vector(results, "displacement", step), families)
 
 
 def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
-    """The gradient (n, k, 2) of nodal values (n, k), fitted to the bonds of `families`."""
+    """The gradient (n, k, d) of nodal values (n, k), fitted to the bonds of `families`."""
+    if nodes.position.shape[1] == 3:
+        return gradients_in_space(nodes.position, nodes.area, values, families.start, families.neighbour)
     return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
 
 

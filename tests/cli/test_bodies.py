@@ -107,7 +107,7 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdsolve, ["body.json", "--cracks", "particles"], naming(found="particles", expected=("bonds", "space"))),
         (
             pdpost,
-            ["strain", "body.sqlite"],
+            ["nodes", "body.sqlite"],
             naming(found=("body", "space"), expected=("damage", "animate")),
         ),
         (
@@ -125,8 +125,8 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (pdpost, ["crack", "body.sqlite", "--surface", "body.obj"], naming("body.obj", found=".obj", expected=".vtp")),
         (
             pdpost,
-            ["export", "body.sqlite", "--also", "strain"],
-            naming("--also", found="strain", expected=("none", "body")),
+            ["line", "body.sqlite", "--from", "0,0", "--to", "1,0,0"],
+            naming("--from", found="2 numbers", expected="3"),
         ),
     ],
 )
@@ -169,6 +169,38 @@ def test_planes_through_a_body_show_what_their_nodes_have(solved: Path) -> None:
         assert middle == pytest.approx(1e3 * np.delete(position[rows], axis, axis=1))
         expected = colormaps["coolwarm"]((uz[rows] / largest + 1) / 2)
         assert np.abs(squares.get_facecolor() - expected).max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["strain", "stress"])
+def test_strain_and_stress_of_a_body_are_drawn_and_tabled(
+    solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    picture, table, exported = tmp_path / "drawn.png", tmp_path / "drawn.csv", tmp_path / "drawn.vtu"
+    results = str(solved / "body.sqlite")
+    assert pdpost([name, results, "--component", "yz", "-o", str(picture), "--csv", str(table), "-q"]) == 0
+    assert picture.stat().st_size > 10_000
+    rows = np.genfromtxt(table, delimiter=",", names=True)
+    assert rows.dtype.names[4:] == (
+        *("damage", *(f"{name}_{part}" for part in ("largest", "smallest", "xx", "yy", "xy", "zz", "xz", "yz"))),
+        *(["stress_mises"] * (name == "stress")),
+    )
+    assert np.isfinite(rows[f"{name}_largest"]).all()
+    assert pdpost(["export", results, "-o", str(exported), "--also", name, "-q"]) == 0
+    tensors = meshio.read(exported).point_data[name].reshape(-1, 3, 3)
+    assert np.array_equal(tensors, tensors.transpose(0, 2, 1))
+    assert tensors[:, 1, 2] == pytest.approx(rows[f"{name}_yz"], rel=1e-6, abs=1e-12)
+
+
+def test_a_line_through_a_body_has_its_places(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["line", str(solved / "body.sqlite"), "--from", "0.05,0.15,0.15", "--to", "0.95,0.15,0.15"]
+    assert pdpost([*words, "--component", "z", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    with Results.open(solved / "body.sqlite") as results:
+        nodes, uz = results.nodes(), results.field("uz", 20)
+    row = np.isclose(nodes.position[:, 1:], 0.15).all(axis=1)
+    assert found["values"]["displacement_z"][::2] == pytest.approx(uz[row][np.argsort(nodes.position[row, 0])])
+    assert pdpost([*words, "--csv", "-"]) == 0
+    assert capsys.readouterr().out.startswith('"along, m","x, m","y, m","z, m",')
 
 
 def test_a_film_of_a_body_has_its_frames(solved: Path) -> None:
