@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
+    from pdmesh.scene.heat import Heat
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError
     from pdmesh.scene.solids import Box, Cylinder, Sphere
@@ -31,6 +32,7 @@ else:
             "Circle": "pdmesh.scene.shapes",
             "Cylinder": "pdmesh.scene.solids",
             "GridError": "pdmesh.model.document",
+            "Heat": "pdmesh.scene.heat",
             "Material": "pdmesh.model.document",
             "Medium": "pdmesh.model.medium",
             "ParticleRules": "pdmesh.model.document",
@@ -53,6 +55,7 @@ __all__ = [
     "Circle",
     "Cylinder",
     "GridError",
+    "Heat",
     "Material",
     "Medium",
     "ParticleRules",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from pdmesh.model import durations, selection
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import (
+    LARGEST,
     SPACE_VERSION,
     GridError,
+    InitialConcentration,
     Material,
     OfDiffusion,
     OfMechanics,
@@ -134,8 +136,17 @@ class Model:
     def diffusing_part(self, time_step: float) -> Model:
         """The diffusion of a model that swells, in steps of `time_step`, s."""
         mine, run = tuple(one for one in self.settings.conditions if isinstance(one, OfDiffusion)), self.settings.run
+        mine = (*self._unstressed(), *mine)
         steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
         return self._part(physics="diffusion", material=None, regions=(), conditions=mine, run=steps)
+
+    def _unstressed(self) -> Iterator[InitialConcentration]:
+        """The contents T0 of the materials, which nodes begin with where no condition says another."""
+        assert self.settings.material is not None
+        every = self.grid.dimension * (-LARGEST,) + self.grid.dimension * (LARGEST,)
+        yield InitialConcentration(box=every, value=self.settings.material.T0 or 0.0)
+        for region in self.settings.regions:
+            yield InitialConcentration(nodes=region.nodes, box=region.box, value=region.material.T0 or 0.0)
 
     def _part(self, **settings: Any) -> Model:
         return replace(self, settings=msgspec.structs.replace(self.settings, **settings))

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.solids import sheet_of, shell_of
@@ -97,30 +98,9 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
         body = body.dissolve(_shell(found, group, parameters), name)
-    return _diffusing(
-        body, places | {"exchange": _places(found, groups["exchange"], parameters, "exchange")}, parameters
-    )
-
-
-def _diffusing(body: Body, places: Mapping[str, Placed], parameters: Parameters) -> Body:
-    """The body with its medium and the conditions of diffusion."""
-
-    def shared(folder: str) -> dict[str, Any]:
-        return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
-
-    for name, (where, folder) in places["begin"].items():
-        if isinstance(where, Shell):
-            body = body.begin(where, parameters.number(f"{folder}/Concentration"), name)
-    for name, (where, folder) in places["hold"].items():
-        body = body.hold(where, parameters.number(f"{folder}/Concentration"), name=name, **shared(folder))
-    for name, (where, folder) in places["supply"].items():
-        flux, rate = parameters.maybe(f"{folder}/Flux"), parameters.maybe(f"{folder}/Rate")
-        body = body.supply(where, flux, rate, name=name, **shared(folder))
-    for name, (where, folder) in places["exchange"].items():
-        assert isinstance(where, Sheet)
-        coefficient, outside = parameters.number(f"{folder}/Coefficient"), parameters.number(f"{folder}/Outside", 0.0)
-        body = body.exchange(where, coefficient, outside, name=name, **shared(folder))
-    return body
+    places["exchange"] = _places(found, groups["exchange"], parameters, "exchange")
+    diffusing = {kind: [(name, *place) for name, place in places[kind].items()] for kind in diffusion_conditions.KINDS}
+    return diffusion_conditions.diffusing(body, diffusing, parameters)
 
 
 def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, dict[str, Any]]:

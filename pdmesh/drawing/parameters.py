@@ -14,6 +14,7 @@ from pdmesh.model.document import ADAPTS, Material, Run
 from pdmesh.model.medium import Medium
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import Profile, parse_profile
+from pdmesh.scene.heat import Heat
 from pdmesh.scene.shapes import SceneError
 from pdmesh.spelling import nearest
 
@@ -37,6 +38,8 @@ NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr")} | {
     "control_factor": "Control factor",
     "yield_stress": "Yield stress",
     "hardening": "Hardening",
+    "alpha": "alpha",
+    "T0": "T0",
 }
 MATERIAL = (*NUMBERS.values(), *WORDS.values(), "Keep G0", "Order", "Constant term")
 FOLDERS = {
@@ -48,12 +51,12 @@ FOLDERS = {
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    f"Holds/{ANY}": ("Concentration", *SHARED[:2], "Box"),
-    f"Supplies/{ANY}": ("Flux", "Rate", *SHARED[:2], "Box"),
-    f"Exchanges/{ANY}": ("Coefficient", "Outside", *SHARED[:2]),
-    f"Begins/{ANY}": ("Concentration", "Box"),
+    f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], "Box"),
+    f"Supplies/{ANY}": ("Flux", "Rate", "Heat flux", "Heat rate", *SHARED[:2], "Box"),
+    f"Exchanges/{ANY}": ("Coefficient", "h", "Outside", *SHARED[:2]),
+    f"Begins/{ANY}": ("Concentration", "Temperature", "Box"),
     f"Media/{ANY}": ("D",),
-    "Medium": ("D", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped", "Surface correction"),
+    "Medium": ("D", "k", "c", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped", "Surface correction"),
     "Run": (
         "Theta",
         "Time step",
@@ -251,8 +254,27 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
     return _converted(given, Material, folder)
 
 
-def medium(parameters: Parameters) -> Medium | None:
-    """The medium of diffusion; None if no parameter is given."""
+def content(parameters: Parameters, folder: str) -> float:
+    """The Concentration, mol/m^3, or the Temperature, K, of a condition. Raises SceneError for neither and for both."""
+    return either(parameters, folder, "Concentration", "Temperature")[0]
+
+
+def either(parameters: Parameters, folder: str, *names: str) -> tuple[float, str]:
+    """The one of these parameters that is given, and its name. Raises SceneError for none and for several."""
+    given = [(value, name) for name in names if (value := parameters.maybe(f"{folder}/{name}")) is not None]
+    if len(given) != 1:
+        found, one = ", ".join(name for _, name in given) or "none", " and ".join([", ".join(names[:-1]), names[-1]])
+        raise SceneError(f"parameter '{PREFIX}{folder}/{names[0]}': found {found}, expected one of {one}")
+    return given[0]
+
+
+def medium(parameters: Parameters) -> Medium | Heat | None:
+    """The medium of diffusion, or of heat if its conductivity is given; None if no parameter is given."""
+    if parameters.maybe("Medium/k") is not None or parameters.maybe("Medium/c") is not None:
+        others = sorted(parameters.below("Medium") - {"k", "c"})
+        if others:
+            raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}': found one, expected none beside k and c")
+        return Heat(parameters.number("Medium/k"), parameters.number("Medium/c"))
     given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
     given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
     given["dissolution"] = parameters.text("Medium/Dissolution") or None

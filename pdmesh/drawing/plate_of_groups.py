@@ -11,7 +11,9 @@
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, Micromodulus, Plane,
                                               Model, Influence, Failure, Strength, Solid, Form, Control, Control
-                                              factor, Order, Constant term, Yield stress, Hardening
+                                              factor, Order, Constant term, Yield stress, Hardening, alpha,
+                                              T0
+    -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
     -                                         Run/Solver (explicit, static), Start, Load steps, Damping, Adapt,
@@ -33,6 +35,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString
 
+from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.units import Unit
@@ -239,28 +242,13 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
 
 
 def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    """The scene with its medium and the conditions of diffusion."""
-
-    def shared(folder: str) -> dict[str, Any]:
-        return {key: value for key, value in _shared(parameters, folder).items() if key != "breakable"}
-
+    """The scene with regions of other media, solids and the conditions of diffusion."""
     for name, group in groups["medium"].items():
         scene = scene.diffusivity(_surface(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
         scene = scene.solid(_surface(f"solid '{name}'", group), name)
-    for name, where, folder in _places(groups, parameters, "begin"):
-        scene = scene.begin(where, parameters.number(f"{folder}/Concentration"), name)
-    for name, where, folder in _places(groups, parameters, "hold"):
-        scene = scene.hold(where, parameters.number(f"{folder}/Concentration"), name=name, **shared(folder))
-    for name, where, folder in _places(groups, parameters, "supply"):
-        flux, rate = parameters.maybe(f"{folder}/Flux"), parameters.maybe(f"{folder}/Rate")
-        if (flux is None) == (rate is None):
-            raise SceneError(f"parameter '{PREFIX}{folder}/Flux': found neither or both of it and Rate, expected one")
-        scene = scene.supply(where, flux, rate, name=name, **shared(folder))
-    for name, where, folder in _places(groups, parameters, "exchange"):
-        outside = parameters.number(f"{folder}/Outside", 0.0)
-        scene = scene.exchange(where, parameters.number(f"{folder}/Coefficient"), outside, name=name, **shared(folder))
-    return scene
+    places = {kind: _places(groups, parameters, kind) for kind in diffusion_conditions.KINDS}
+    return diffusion_conditions.diffusing(scene, places, parameters)
 
 
 def _places(

@@ -15,6 +15,7 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.body import SIDES, Body, CrackFace, SolidCondition
 from pdmesh.scene.conditions import describe
+from pdmesh.scene.heat import medium_of
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
 
@@ -61,8 +62,8 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         horizon=Horizon(ratio=float(body.horizon)),
         regions=tuple(_region(part.solid, part.region, cloud) for part in body.regions),
         conditions=tuple(_condition(condition, body, cloud) for condition in body.conditions),
-        physics="mechanics" if body.medium is None else "diffusion",
-        medium=body.medium,
+        physics=body.physics,
+        medium=medium_of(body.medium, body.material),
         media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
         run=body.run,
     )

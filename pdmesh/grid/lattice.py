@@ -25,6 +25,7 @@ from pdmesh.model.document import Horizon, Settings
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.node_grid import Grid, places
 from pdmesh.scene.conditions import SLACK
+from pdmesh.scene.heat import medium_of
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, near
 
@@ -175,8 +176,8 @@ def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.f
         horizon=Horizon(ratio=float(scene.horizon)),
         regions=tuple(region.on(position, delta) for region in scene.regions),
         conditions=tuple(condition.on(position, delta) for condition in scene.conditions),
-        physics="mechanics" if scene.medium is None else "diffusion",
-        medium=scene.medium,
+        physics=scene.physics,
+        medium=medium_of(scene.medium, scene.material),
         media=tuple(region.on(position, delta) for region in scene.media),
         area_rule=scene.area_rule,
         run=scene.run,

@@ -85,7 +85,7 @@ class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     order: Annotated[int, msgspec.Meta(ge=1, le=7)] = 1  # correspondence: of the polynomials gradients are fitted by
     constant_term: bool = False  # correspondence: the fit does not have to pass through its own node
     alpha: float | None = None  # thermoelastic: strain of a free body for each K, or mol/m^3, above T0
-    T0: float | None = None  # thermoelastic: K, or mol/m^3, at which a body is free of stress
+    T0: float | None = None  # thermoelastic: K, or mol/m^3, of a body free of stress, and at time 0
     yield_stress: Positive | None = None  # j2, Pa
     hardening: float = 0.0  # j2: stress per plastic strain, Pa
 

@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 DEFAULT_MODE = "conservative"
 
 MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
+HEAT = {
+    "concentration": "temperature",
+    "initial concentration": "initial temperature",
+    "source": "heat source",
+    "exchange": "convection",
+}  # kinds of conditions as they are called where heat stretches what moves
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
 
@@ -60,6 +66,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
+        "physics": document.physics,
         "material": _fields(document.material),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
         "medium": _fields(document.medium),
@@ -104,14 +111,17 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
+    if result["physics"] != "mechanics":
+        lines.append(f"physics: {result['physics']}")
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
         lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
+    words = HEAT if result["physics"] == "thermoelastic" else {}
     return lines + [
-        f"{entry['kind']} '{called(entry.get('name'), number)}': "
+        f"{words.get(entry['kind'], entry['kind'])} '{called(entry.get('name'), number)}': "
         + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
         for number, entry in enumerate(result["conditions"])
     ]
@@ -158,7 +168,7 @@ def _words(fields: dict[str, Any]) -> str:
 
 def _asked(entry: dict[str, Any]) -> dict[str, Any]:
     """The prescribed values of a condition."""
-    return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box")}
+    return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge")}
 
 
 def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:

@@ -26,6 +26,7 @@ from pdmesh.model.medium import Medium
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
+from pdmesh.scene.heat import Heat, Physics, capacity, physics_of
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
@@ -89,7 +90,7 @@ class Body:
     cracks: tuple[CrackFace, ...] = ()
     regions: tuple[SolidRegion[Region], ...] = ()
     conditions: tuple[SolidCondition, ...] = ()
-    medium: Medium | None = None  # what a substance diffuses through; there is no mechanics then
+    medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[SolidRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
@@ -105,6 +106,7 @@ class Body:
         for region in self.regions:
             composed(region.region.material, f"material '{region.region.name}'")
         described(self.run, Run, "run")
+        _ = self.physics  # raises for half of what heat and mechanics together need
         ratio(self.horizon)
         checked_spacing(self.spacing, "spacing")
         for zone in self.zones:
@@ -114,6 +116,11 @@ class Body:
                     f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected {self.spacing:g} m"
                     " over 1, 2, 4, 8, ..."
                 )
+
+    @property
+    def physics(self) -> Physics:
+        """The physics of its material, regions and medium. Raises SceneError for half of it."""
+        return physics_of(self.medium, self.material, (part.region for part in self.regions))
 
     @property
     def shell(self) -> Shell:
@@ -242,6 +249,35 @@ class Body:
         surface = _area(where, f"exchange '{name}'")
         values = {"coefficient": coefficient, "value": outside, "surface": surface}
         return self._with(Exchange, values, where, rows, name, profile=profile)
+
+    def initial_temperature(self, solid: Solid, T: float, name: str = "") -> Body:
+        """The body with a temperature T (K) in a solid at time 0; elsewhere that is T0 of the material."""
+        return self.begin(solid, T, name)
+
+    def temperature(self, where: Where, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
+        """The body with a temperature T (K) prescribed on a side, or at the nodes of a solid or sheet; see `load`."""
+        return self.hold(where, T, rows, profile, name)
+
+    def heat(
+        self,
+        where: Where,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Body:
+        """The body with heat supplied: a flux (W/m^2) through a sheet, or a rate (W/m^3); see `load`."""
+        rho_c = capacity(self.medium, self.material, f"source '{name or name_of(where)}'")
+        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
+        return self.supply(where, flux, rate, rows, profile, name)
+
+    def convection(
+        self, where: Sheet, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
+    ) -> Body:
+        """The body with a heat flux of h (W/(m^2 K)) times (`outside` - T), K, in through a sheet; see `load`."""
+        rho_c = capacity(self.medium, self.material, f"exchange '{name or name_of(where)}'")
+        return self.exchange(where, h / rho_c, outside, rows, profile, name)
 
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
         """The body with another diffusivity (m^2/s) in a solid."""

@@ -12,6 +12,7 @@ from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Materi
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
+from pdmesh.scene.heat import Heat
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
 
@@ -47,6 +48,7 @@ def _numbers(scene: Plate) -> None:
     for region in scene.regions:
         composed(region.region.material, f"material '{region.region.name}'")
     described(scene.run, Run, "run")
+    _ = scene.physics  # raises for half of what heat and mechanics together need
     if scene.medium is not None:
         passable(scene.medium)
         if scene.run.adapt != "none":  # collocation wants each coarse cell parted into four, as bodies have them
@@ -63,8 +65,10 @@ def ratio(horizon: float) -> None:
         raise SceneError(f"horizon: found {horizon!r}, expected a ratio to the spacing of 1 to 64")
 
 
-def passable(medium: Medium) -> None:
+def passable(medium: Medium | Heat) -> None:
     """Raise SceneError for a medium in which nothing can diffuse, or with a contradictory solid."""
+    if isinstance(medium, Heat):
+        return
     described(medium, Medium, "medium")
     wrong = contradiction(medium)
     if wrong is not None:

@@ -14,6 +14,7 @@ from pdmesh.model.document import Material, MediumRegion, Run
 from pdmesh.model.medium import Medium
 from pdmesh.model.picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
+from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
 
@@ -61,12 +62,17 @@ class Plate:
     cracks: tuple[Crack, ...] = ()
     regions: tuple[MaterialRegion, ...] = ()
     conditions: tuple[PlacedCondition, ...] = ()
-    medium: Medium | None = None  # what a substance diffuses through; there is no mechanics then
+    medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[PlacedRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
     notes: tuple[str, ...] = ()  # what there is to say of the file
+
+    @property
+    def physics(self) -> Physics:
+        """The physics of its material, regions and medium. Raises SceneError for half of it."""
+        return physics_of(self.medium, self.material, (part.region for part in self.regions))
 
     def side(self, name: str, place: str = "side") -> Curve:
         """The part of the plate's outline on its left, right, bottom or top. Raises SceneError."""

@@ -37,6 +37,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
+from pdmesh.scene.heat import capacity
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -210,6 +211,35 @@ class Scene(Plate):
         name = name or name_of(where, "exchange")
         values = {"coefficient": coefficient, "value": outside, "length": self._length(where, f"exchange '{name}'")}
         return self._with(Exchange, values, where, rows, name, profile=profile)
+
+    def initial_temperature(self, shape: Shape, T: float, name: str = "") -> Scene:
+        """The scene with a temperature T (K) in the shape at time 0; elsewhere that is T0 of the material."""
+        return self.begin(shape, T, name)
+
+    def temperature(self, where: Where, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
+        """The scene with a temperature T (K) prescribed on a curve, or at the nodes of a surface; see `load`."""
+        return self.hold(where, T, rows, profile, name)
+
+    def heat(
+        self,
+        where: Where,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Scene:
+        """The scene with heat supplied: a flux (W/m^2) through a curve, or a rate (W/m^3); see `load`."""
+        rho_c = capacity(self.medium, self.material, f"source '{name or name_of(where, 'source')}'")
+        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
+        return self.supply(where, flux, rate, rows, profile, name)
+
+    def convection(
+        self, where: Where, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
+    ) -> Scene:
+        """The scene with a heat flux of h (W/(m^2 K)) times (`outside` - T), K, in through a curve; see `load`."""
+        rho_c = capacity(self.medium, self.material, f"exchange '{name or name_of(where, 'exchange')}'")
+        return self.exchange(where, h / rho_c, outside, rows, profile, name)
 
     def _length(self, where: Where, place: str) -> float:
         curve = self._place(where, place)

@@ -18,6 +18,7 @@ from pdmesh.model.document import (
     Horizon,
     InitialConcentration,
     Material,
+    Region,
     Run,
     Settings,
     Source,
@@ -105,6 +106,20 @@ def test_a_body_clamped_all_round_holds_what_it_must(name: str) -> None:
     held = 200e9 * 1e-3**2 * (1 / (1 - nu) if len(counts) == 2 else 1.5 / (1 - 2 * nu))
     # measured 2.1 % off of bonds in the plane, 0.5 % in space: their lattice's own; 0.07 % neo hooke, 1e-15 the others
     assert system.operator.energies(state)[0][middle] == pytest.approx(held, rel=0.025)
+
+
+def test_a_body_begins_at_the_temperature_without_stress() -> None:
+    """Each material at its own T0, where no condition says another."""
+    other = msgspec.structs.replace(STEEL, T0=350.0)
+    half = Region(box=(0.0, -1.0, 4.1 * H, 1.0), material=other)
+    settings = Settings(
+        physics="thermoelastic", material=STEEL, medium=Medium(D=2.0), horizon=Horizon(3.0), regions=(half,),
+        conditions=(InitialConcentration(nodes=(1,), value=310.0),), run=Run(),
+    )  # fmt: skip
+    system, _ = prepare(Model(grid(places(8, 8), H), settings), ONE)
+    T = system.beside[0].state.value[:, 0].reshape(8, 8)
+    assert T[0].tolist() == [310.0, *[350.0] * 3, *[300.0] * 4]
+    assert (T[1:] == [350.0] * 4 + [300.0] * 4).all()
 
 
 def ends(*, clamped: bool) -> tuple[object, ...]:

@@ -1,0 +1,76 @@
+"""What conducts heat in a scene, and what physics the parts of a scene make together.
+
+symbol  meaning                                     unit
+k       thermal conductivity                        W/(m K)
+c       specific heat capacity                      J/(kg K)
+D       thermal diffusivity, k / (rho c)            m^2/s
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from pdmesh.model.document import MOST, Material, Region
+from pdmesh.model.medium import Medium
+from pdmesh.scene.shapes import SceneError
+
+Physics = Literal["mechanics", "diffusion", "thermoelastic"]
+
+
+@dataclass(frozen=True)
+class Heat:
+    """A medium that conducts heat; with the density rho of the scene's material, D = k / (rho c). Raises SceneError."""
+
+    k: float  # W/(m K)
+    c: float  # J/(kg K)
+
+    def __post_init__(self) -> None:
+        for name, value in (("k", self.k), ("c", self.c)):
+            if not isinstance(value, float | int) or not 0 < value <= MOST:
+                raise SceneError(f"medium: {name}: found {value!r:.40}, expected a positive number of at most {MOST:g}")
+
+
+def capacity(medium: Medium | Heat | None, material: Material | None, place: str) -> float:
+    """Heat capacity of a volume, rho c, J/(m^3 K). Raises SceneError, beginning with `place`, if it is not known."""
+    if not isinstance(medium, Heat):
+        found = "none" if medium is None else f"D = {medium.D:g} m^2/s alone"
+        raise SceneError(f"{place}: medium: found {found}, expected k and c, as heat is in watts")
+    if material is None:
+        raise SceneError(f"{place}: material: found none, expected one, whose rho times medium.c is the heat capacity")
+    return material.rho * medium.c
+
+
+def medium_of(medium: Medium | Heat | None, material: Material | None) -> Medium | None:
+    """The medium of the grid file: that of heat with D = k / (rho c). Raises SceneError without a density."""
+    if not isinstance(medium, Heat):
+        return medium
+    return Medium(D=medium.k / capacity(medium, material, "medium"))
+
+
+def physics_of(medium: Medium | Heat | None, material: Material | None, regions: Iterable[Region]) -> Physics:
+    """The physics of a scene with this medium, material and regions of other materials.
+
+    Thermoelastic is what has a medium and materials with alpha and T0. Raises SceneError for half of that.
+    """
+    every = [] if material is None else [("material", material)]
+    every += [(f"material '{region.name}'", region.material) for region in regions]
+    expands = any(each.alpha is not None for _, each in every)
+    for place, each in every:
+        for name, other in (("alpha", "T0"), ("T0", "alpha")):
+            value = getattr(each, other)
+            if getattr(each, name) is None and (expands or value is not None):
+                why = "as the other materials expand" if value is None else f"as {other} is {value:g}"
+                raise SceneError(f"{place}: {name}: found none, expected a number, {why}")
+        if isinstance(medium, Heat) and each.rho != every[0][1].rho:
+            raise SceneError(
+                f"{place}: rho: found {each.rho:g} kg/m^3, expected {every[0][1].rho:g} kg/m^3 as elsewhere: the"
+                " medium has one heat capacity, or else D and regions of another diffusivity"
+            )
+    if expands and medium is None:
+        place, first = next(one for one in every if one[1].alpha is not None)
+        raise SceneError(f"medium: found none, expected D, or k and c, of heat, as {place}.alpha is {first.alpha:g}")
+    if medium is None:
+        return "mechanics"
+    return "thermoelastic" if expands else "diffusion"
