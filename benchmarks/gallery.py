@@ -44,6 +44,7 @@ SHOWN = {
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
     "screw.geo": Shown("slice --field content --plane y=0 --time 500"),
+    "slanted_notch.py": Shown("crack"),
     "strip.py": Shown("stress"),
 }
 

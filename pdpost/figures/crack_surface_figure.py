@@ -16,11 +16,12 @@ from pdpost.figures.labels import scaled
 from pdpost.measures.crack_faces import Surface
 from pdpost.measures.crack_in_space import SummaryInSpace
 from pdpost.reading.times import told
-from pdsolve.results import Results
+from pdsolve.results import Nodes, Results
 
 VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
 LIGHT = np.array([-0.35, -0.45, 0.82])  # from where the light comes
 DARKEST = 0.45  # of a face along the light
+AROUND = 0.4  # of the largest extent of the cracks: what is shown beside them
 TICKS = 6  # along the longest side
 NEARLY = 0.9  # of the area: what opens later has the last colour
 OLD, FRONT, BOX = "0.75", "black", "0.6"  # colours of pre-cracks, of the front and of the body's box
@@ -47,9 +48,8 @@ def crack_surface(results: Results, found: SummaryInSpace) -> Figure:
 
 def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[ScalarMappable, str]:
     """Draw the faces, the front and the box of the body; returns the colours and the unit of time."""
-    nodes, surface = results.nodes(0), found.surface
-    half = nodes.delta[:, None] / 2
-    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+    surface = found.surface
+    low, high = _in_view(results.nodes(0), surface)
     metre, metres = scaled([low, high], "m")
     second, seconds = scaled([surface.time[surface.grown]], "s")
     start, end = _span(surface)
@@ -77,6 +77,17 @@ def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[Sca
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     return painted, seconds
+
+
+def _in_view(nodes: Nodes, surface: Surface) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The low and high corner (3,) of the part of the body around the cracks, m."""
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+    if not len(surface.faces):
+        return low, high
+    ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
+    around = AROUND * float(np.max(ends[1] - ends[0]))
+    return np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
 
 
 def _span(surface: Surface) -> tuple[float, float]:

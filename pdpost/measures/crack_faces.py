@@ -1,10 +1,10 @@
 """The surface of the cracks of a body: faces between neighbouring nodes that parted, smoothed.
 
-Two nodes whose cubes touch share a face. It may belong to a crack once their bond is broken and both are cracked. Bonds
-break in a band some nodes thick, and more than one layer of faces opens there; the crack is the layer in its middle. A
-cracked node belongs to the sound node that is nearest along the lattice, where a way over an open face counts more. A
-face is in the middle if the nodes on its two sides belong to sound nodes at least two spacings apart (the medial axis
-of what is sound; H. Blum, 1967).
+Two nodes whose cubes touch share a face. It is open once their bond is broken and their mean damage is that of a
+cracked node. Bonds break in a band some nodes thick, and more than one layer of faces opens there; the crack is the
+layer in its middle. A cracked node belongs to the sound node that is nearest along the lattice, where a way over an
+open face counts more. A face is in the middle if the nodes on its two sides belong to sound nodes at least two spacings
+apart (the medial axis of what is sound; H. Blum, 1967).
 
 The faces of an inclined crack are stairs, whose area is up to sqrt(3) times too large. Their corners are moved to and
 fro until they are smooth (G. Taubin, SIGGRAPH 95, 351-358). A free edge is smoothed along itself; where a front meets
@@ -26,7 +26,6 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import parted
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import cracked_since
 from pdpost.measures.lattice_neighbours import NEAR, neighbours
 from pdsolve.results import Nodes, Results
 
@@ -81,22 +80,48 @@ class Opened(NamedTuple):
 
 
 def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
-    """Which neighbours in a body parted until `step`: their bond is broken and both are cracked, or a pre-crack is
-    between them. Nodes are cracked above the damage `threshold`."""
-    nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
+    """Which neighbours in a body parted until `step`: their bond is broken and their mean damage is above `threshold`,
+    or a pre-crack is between them. Nodes are cracked above the same damage."""
+    nodes, breaks = results.nodes(step), results.breaks()
     pairs, past, count = neighbours(nodes), breaks.step <= step, len(nodes.ids)
-    order = np.argsort(nodes.ids)
+    order, when = np.argsort(nodes.ids), breaks.step[past]
     ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]
     broken, own = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
     place = np.searchsorted(own, broken).clip(max=len(own) - 1)
     there = own[place] == broken
-    last = np.full(len(pairs), CLOSED)
-    np.maximum.at(last, place[there], breaks.step[past][there])
-    sound = (since < 0) | (since > step)
-    parts = (last >= 0) & ~sound[pairs].any(axis=1)
-    found = np.where(parts, np.maximum(last, since[pairs].max(axis=1)), CLOSED)
+    found = np.full(len(pairs), CLOSED)
+    np.maximum.at(found, place[there], when[there])
+    damage = Damage(nodes, ends[0], when)
+    some = np.flatnonzero(found != CLOSED)
+    found[some] = np.maximum(found[some], _cracked_at(damage, pairs[some], step, threshold))
+    found[found > step] = CLOSED
     found[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return Opened(pairs, found, sound)
+    return Opened(pairs, found, damage.at(np.arange(count), np.full(count, step)) <= threshold)
+
+
+class Damage:
+    """The damage of nodes at any step, from the rows (k,) whose bonds broke and the steps (k,) in which they did."""
+
+    def __init__(self, nodes: Nodes, row: NDArray[np.int64], step: NDArray[np.int64]) -> None:
+        self._nodes, self._steps = nodes, int(step.max(initial=0)) + 1
+        self._keys = np.sort(row * self._steps + step)
+
+    def at(self, rows: NDArray[np.int64], step: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The damage (k,) of `rows` (k,) after `step` (k,), which is not negative."""
+        first = rows * self._steps
+        last = first + step.clip(max=self._steps - 1)
+        gone = np.searchsorted(self._keys, last, side="right") - np.searchsorted(self._keys, first)
+        return np.asarray((self._nodes.cut[rows] + gone) / np.maximum(self._nodes.family[rows], 1))
+
+
+def _cracked_at(damage: Damage, pairs: NDArray[np.int64], last: int, threshold: float) -> NDArray[np.int64]:
+    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last` + 1 for none."""
+    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last + 1)
+    for _ in range(int(last + 1).bit_length()):
+        step = (low + high) // 2
+        cracked = (damage.at(pairs[:, 0], step) + damage.at(pairs[:, 1], step)) / 2 > threshold
+        low, high = np.where(cracked, low, np.minimum(step + 1, high)), np.where(cracked, np.minimum(step, high), high)
+    return high
 
 
 def surface(results: Results, step: int, found: Opened) -> Surface:
