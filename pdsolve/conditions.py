@@ -188,9 +188,9 @@ def held(drive: Drive) -> NDArray[np.bool_]:
 
 
 def hold_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
-    """Set the held components of `value` (n, w) to those prescribed at `time`, s."""
+    """Set the held nodes of a `value` (n,) of one component to what is prescribed at `time`, s."""
     holds = drive.holds
-    value[holds.node, holds.axis] = holds.value * factors_at(drive.profiles, time)[holds.profile]
+    value[holds.node] = holds.value * factors_at(drive.profiles, time)[holds.profile]
 
 
 def put_loads(drive: Drive, time: float) -> None:

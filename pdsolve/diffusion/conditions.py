@@ -35,7 +35,7 @@ class BoundaryConditions(NamedTuple):
         return found._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
 
 
-def linked(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
+def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
     """Conditions with a conductance, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
     supplied = list(done.supplied)
     for number, (value, profile) in enumerate(done.at_edges):
@@ -126,8 +126,8 @@ def _possible(model: Model, place: str, value: float) -> None:
 
 
 def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Contents (n, 1) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
-    content, solid = np.zeros((len(model.grid), 1)), np.zeros(len(model.grid), dtype=np.uint8)
+    """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
+    content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
     medium, free = model.settings.medium, ~held(drive)[:, 0]
     assert medium is not None
     for number, condition in enumerate(model.settings.conditions):

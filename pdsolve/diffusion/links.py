@@ -55,14 +55,6 @@ def diffusivities(model: Model) -> NDArray[np.float64]:
     return found
 
 
-def volumes(model: Model) -> NDArray[np.float64]:
-    """The volume of each node (n,), m^d."""
-    grid = model.grid
-    if grid.areas is None or model.settings.area_rule == "square":
-        return np.asarray(grid.delta ** grid.position.shape[1])
-    return grid.areas
-
-
 def shape(
     length: NDArray[np.float64], reach: NDArray[np.float64], delta: NDArray[np.float64], dimension: int, power: int
 ) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.links import Links
+from pdsolve.diffusion.surfaces import Change
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import share
 
@@ -69,6 +70,19 @@ class BondList:
         return float((out * self.volume).sum())
 
 
+class ChangedLinks(BondList):
+    """Exchange along what a surface correction adds to conductances: few links, none like another."""
+
+    def __init__(self, change: Change, volume: NDArray[np.float64], threads: int) -> None:
+        start = np.searchsorted(change.source, np.arange(len(volume) + 1))
+        each = np.arange(len(change.source) + 1).astype(np.uint32)
+        super().__init__(Links(start, each, change.target.astype(np.uint32), change.conductance), volume, threads)
+
+    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
+        self._share(_add, (self.volume, potential), out)
+
+
 compiled = partial(cached_njit, nogil=True, error_model="numpy", fastmath={"contract"})
 
 
@@ -88,6 +102,17 @@ def _pull(links, of, out, first, last):  # type: ignore[no-untyped-def]
                 one += amount[links.neighbour[b]]
             t += links.conductance[k] * (one + other)
         out[i] += t - total[i] * potential[i]
+
+
+@compiled()
+def _add(links, of, out, first, last):  # type: ignore[no-untyped-def]
+    volume, potential = of
+    for i in range(first, last):
+        t = 0.0
+        for k in range(links.start[i], links.start[i + 1]):
+            j = links.neighbour[k]
+            t += links.conductance[k] * volume[j] * (potential[j] - potential[i])
+        out[i] += t
 
 
 @compiled()

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
-from pdmesh.model.neighbours import Pairs
 from pdsolve.checkpoint import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
+from pdsolve.diffusion.surfaces import Links
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import Kept
 from pdsolve.state import Broken, State, Unknown
@@ -63,13 +63,6 @@ class Dissolving(Exchange, Protocol):
         """Add the rates (n,) of a kinetic dissolution to `out`."""
 
 
-class Pull(Protocol):
-    """Provides the links of some increasing rows with their conductances (b,)."""
-
-    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """Links (b,) of these rows and their conductances (b,), 1/(s m^d)."""
-
-
 class Fick:
     """Diffusion of the content of n nodes, mol/m^3, along links; see `pdsolve.operators.protocol.Operator`.
 
@@ -80,10 +73,20 @@ class Fick:
     symmetric = True  # what leaves a node comes to others
 
     def __init__(
-        self, exchange: Exchange, links: Callable[[], Pull], medium: Medium, outside: NDArray[np.float64] | None = None
+        self,
+        exchange: Exchange,
+        links: Callable[[], Links],
+        medium: Medium,
+        outside: NDArray[np.float64] | None = None,
+        change: Exchange | None = None,
     ) -> None:
-        """`outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential."""
+        """`change` is what a surface correction adds to the fluxes of `exchange`.
+
+        `outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential.
+        """
         self.exchange, self.medium, self._links = exchange, medium, links
+        self._parts = (exchange,) if change is None else (exchange, change)
+        self.total = sum((part.total for part in self._parts), np.zeros(len(exchange.volume)))  # (n,) 1/s, inside
         self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
         self._open = bool(self.outside.any())
         self.name, self.volume, self.count = exchange.name, exchange.volume, exchange.count
@@ -97,15 +100,18 @@ class Fick:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the fluxes into each node to `out` (n, 1), mol/(m^3 s); those from outside are booked as supplied."""
         content = state.value[:, 0]
+        potential = self.potential(content)
         if self.kinetic:
             self.solid = self._solid(content)
-            exchange: Dissolving = self.exchange  # type: ignore[assignment]  # which `system` lists for a kinetic solid
             C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
-            exchange.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
+            parts: tuple[Dissolving, ...] = self._parts  # type: ignore[assignment]  # `system` lists a kinetic solid
+            for part in parts:
+                part.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
         else:
-            self.exchange.rates(self.potential(content), out[:, 0])
+            for one in self._parts:
+                one.rates(potential, out[:, 0])
         if self._open:
-            given = -self.outside * self.potential(content)
+            given = -self.outside * potential
             state.work[:] += dt * given
             out[:, 0] += given
 
@@ -119,7 +125,8 @@ class Fick:
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the fluxes (n,) into each node at this `potential` (n,) to `out` (n,), mol/(m^3 s)."""
-        self.exchange.rates(potential, out)
+        for part in self._parts:
+            part.rates(potential, out)
         if self._open:
             out -= self.outside * potential
 
@@ -145,7 +152,7 @@ class Fick:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the rates' eigenvalues, 1/s: forward Euler is stable up to 2 over it."""
         faster = max(1.0, self.medium.k_diss) if self.kinetic else 1.0
-        return 2 * (faster * self.exchange.total + self.outside)
+        return 2 * (faster * self.total + self.outside)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the rates by the contents, (n, n), 1/s. Raises ModelError for a kinetic solid."""
@@ -154,7 +161,8 @@ class Fick:
         if self.kinetic:
             raise ModelError("medium.dissolution: found kinetic, whose rates jump, expected enthalpy for a tangent")
         liquid = diags_array(self.follows(state.value[:, 0]).astype(float))
-        return csr_array((diags_array(self.outside) - self.exchange.tangent()) @ liquid)
+        rates = sum((part.tangent() for part in self._parts), -diags_array(self.outside))
+        return csr_array(-rates @ liquid)
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
@@ -179,4 +187,4 @@ class Fick:
 
     def bytes(self) -> int:
         """Memory of the nodes' arrays, bytes, without that of links."""
-        return sum(array.nbytes for array in (self.volume, self.count, self.exchange.total, self.solid))
+        return sum(array.nbytes for array in (self.volume, self.count, self.total, self.solid))

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdmesh.model.output_fields import OF_CONTENT, USUAL
+from pdsolve.bonds.assembly import areas
 from pdsolve.conditions import Drive
 from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
-from pdsolve.diffusion.conditions import BoundaryConditions, begin, boundary_conditions, linked
-from pdsolve.diffusion.corrected import Corrected
+from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges
 from pdsolve.diffusion.dissolution import check, crossing
 from pdsolve.diffusion.lattice import on_lattice
-from pdsolve.diffusion.links import Linking, links_of, volumes
-from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.links import Linking, links_of
+from pdsolve.diffusion.listed import BondList, ChangedLinks
 from pdsolve.diffusion.operator import Exchange, Fick
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
@@ -64,14 +64,15 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     medium, run = model.settings.medium, model.settings.run
     assert medium is not None
     threads = threads or crew(len(model.grid))
-    volume = volumes(model)
+    volume = areas(model, "cells")
     done = boundary_conditions(model, volume)
-    exchange, blocked = _exchange(model, Linking(model), volume, done, threads, listed)
-    if isinstance(exchange, Corrected):
-        done = linked(done, exchange.change.to_edge, exchange.change.edge)
-    base = exchange.base if isinstance(exchange, Corrected) else exchange
-    links = (lambda: base) if isinstance(base, Collocated) else partial(Linking, model)
-    operator, drive = Fick(exchange, links, medium, done.exchange), done.drive()
+    linked = _linked(model, volume, done.free, threads, listed)
+    change = None
+    if medium.surface_correction:
+        found = surfaces.correction(linked.links, volume, done.free, done.edges, linked.lacking)
+        done, change = with_edges(done, found.to_edge, found.edge), ChangedLinks(found, volume, threads)
+    links = (lambda: linked.links) if run.adapt == "collocation" else partial(Linking, model)
+    operator, drive = Fick(linked.exchange, links, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
     step = _step(model, most)
@@ -79,9 +80,10 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     if run.solver == "implicit":
         stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
     steps = stepper, step, most
-    found = Transport(counted(model, step), operator, drive, done.free, *steps, blocked, crossing(model), threads)
+    of = linked.blocked, crossing(model), threads
+    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
-    return found, State(content, rate[:, None], second, dissipated, work, damped)
+    return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 
 
 def expect_usual(model: Model, options: Options) -> None:
@@ -94,34 +96,29 @@ def expect_usual(model: Model, options: Options) -> None:
         )
 
 
-def _exchange(
-    model: Model,
-    linking: Linking,
-    volume: NDArray[np.float64],
-    done: BoundaryConditions,
-    threads: int,
-    listed: bool = False,
-) -> tuple[Exchange, NDArray[np.int64]]:
-    """Links of a model, and the number (n,) of each node's links blocked by a crack; `listed` excludes slots."""
-    medium, blocked = model.settings.medium, np.zeros(len(volume), dtype=np.int64)
+class Linked(NamedTuple):
+    """The links of n nodes in their storage, and what a surface correction asks of them."""
+
+    exchange: Exchange
+    links: surfaces.Links
+    lacking: NDArray[np.bool_]  # (n,) nodes whose links may differ from those of a full lattice
+    blocked: NDArray[np.int64]  # (n,) links that cracks block
+
+
+def _linked(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Linked:
+    """Links of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes slots."""
+    medium, linking, every = model.settings.medium, Linking(model), np.ones(len(volume), dtype=bool)
     assert medium is not None
-    near: surfaces.Links = linking
-    lacking = np.ones(len(volume), dtype=bool)
-    kinetic = medium.dissolution == "kinetic"  # a link asks both of its ends
-    found: Exchange | None = None
+    none = np.zeros(len(volume), dtype=np.int64)
     if model.settings.run.adapt == "collocation":
-        found = near = Collocated(linking, volume, done.free, threads)
-        lacking = ~lacking
-    elif not (kinetic or listed):
-        found = slots = on_lattice(linking, volume, threads)
+        found = Collocated(linking, volume, free, threads)
+        return Linked(found, found, ~every, none)
+    if not (listed or medium.dissolution == "kinetic"):  # of which a link asks both of its ends
+        slots = on_lattice(linking, volume, threads)
         if slots is not None:
-            lacking = slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension)
-    if found is None:
-        links, blocked = links_of(linking.parts(), len(volume))
-        found = BondList(links, volume, threads)
-    if not medium.surface_correction:
-        return found, blocked
-    return Corrected(found, surfaces.correction(near, volume, done.free, done.edges, lacking), threads), blocked
+            return Linked(slots, linking, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), none)
+    links, blocked = links_of(linking.parts(), len(volume))
+    return Linked(BondList(links, volume, threads), linking, every, blocked)
 
 
 def _step(model: Model, most: float) -> float:

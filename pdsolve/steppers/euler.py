@@ -18,22 +18,23 @@ class Euler:
     def __init__(self, operator: Operator, drive: Drive, dt: float) -> None:
         """Steps of `dt`, s."""
         self._operator, self._drive, self._dt = operator, drive, dt
-        self._change = np.zeros(drive.force.shape)
+        self._change = np.zeros(len(drive.force))
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         drive, dt, held = self._drive, self._dt, self._drive.holds.node
+        value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
         for step in range(first, last):
-            state.rate[:] = 0
+            rate[:] = 0
             self._operator.add(state, state.rate, step, dt)
-            state.dissipated[held] += dt * state.rate[held, 0]
+            state.dissipated[held] += dt * rate[held]
             if drive.varies:
                 put_loads(drive, (step - 1) * dt)
             if len(drive.loads.node):
-                state.work[:] += dt * drive.force[:, 0]
-                state.rate[:] += drive.force
-            state.value[:] += np.multiply(state.rate, dt, out=self._change)
-            hold_values(drive, state.value, step * dt)
+                state.work[:] += dt * source
+                rate += source
+            value += np.multiply(rate, dt, out=self._change)
+            hold_values(drive, value, step * dt)
 
 
 def bound(operator: Operator, free: NDArray[np.bool_]) -> float:

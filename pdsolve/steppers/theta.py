@@ -49,7 +49,7 @@ class Theta:
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
-            hold_values(drive, state.value, step * dt)
+            hold_values(drive, content, step * dt)
             found = self._newton(state, fixed, step)
             rate = self._booked(state, found, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]

@@ -27,7 +27,7 @@ def test_waves_die_out_by_the_symbol_of_the_lattice(power: int) -> None:
     system, state = prepare(model(position, 1.0, medium, run=Run(steps=steps)), 1)
     x, inside = position[:, 0], np.linalg.norm(position, axis=1) < 4
     middle = int(np.linalg.norm(position, axis=1).argmin())
-    row = system.operator.exchange.tangent()[[middle]].toarray()[0]
+    row = -system.operator.tangent(state)[[middle]].toarray()[0]
     g, xi = np.delete(row, middle), np.delete(x, middle) - x[middle]
     symbol = float((g * (1 - np.cos(k * xi))).sum())
     assert symbol == pytest.approx(k**2, rel=5e-3)
@@ -74,7 +74,7 @@ def ring(spacing: float, corrected: bool) -> tuple[float, float]:
     system, state = prepare(model(position, spacing, medium, conditions=held, run=run), 1)
     system.stepper.march(state, 1, 4)
     out = np.zeros(len(r))
-    system.operator.exchange.rates(state.value[:, 0], out)
+    system.operator.rates(state.value[:, 0], out)
     off = (state.value[:, 0] - np.log(r) / np.log(0.3))[system.free]
     flux = -float((system.operator.volume * out)[r < 0.3].sum()) * np.log(1 / 0.3) / (2 * np.pi)
     return float(np.sqrt(np.mean(off**2))), flux
@@ -151,7 +151,7 @@ def test_implicit_steps_converge(theta: float, order: int) -> None:
     for steps in (8, 16):
         run = Run(solver="implicit", theta=theta, time_step=8.0 / steps, steps=steps)
         system, state = prepare(model(position, 1.0, UNIT, conditions=(begun,), run=run), 1)
-        exact = expm_multiply(8.0 * system.operator.exchange.tangent(), state.value[:, 0])
+        exact = expm_multiply(-8.0 * system.operator.tangent(state), state.value[:, 0])
         system.stepper.march(state, 1, steps + 1)
         off.append(float(np.abs(state.value[:, 0] - exact).max()))
     assert np.log2(off[0] / off[1]) == pytest.approx(order, abs=0.25)

@@ -12,7 +12,6 @@ from media import lattice, model, row
 from benchmarks.screw import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.corrected import Corrected
 from pdsolve.diffusion.links import lattice_diffusivity
 from pdsolve.diffusion.system import prepare
 
@@ -47,13 +46,13 @@ def test_the_step_that_is_surely_stable(power: int, step: float) -> None:
 def test_a_field_that_is_square_has_an_even_rate() -> None:
     """Of x^2 + 3 y^2 that is 2 (1 + 3) D, deep inside and by what a lattice has along its axes: 1e-12."""
     position = lattice(0.5, 8.0, 2)
-    system, _ = prepare(model(position, 0.5, Medium(D=2.0)), 1)
+    system, state = prepare(model(position, 0.5, Medium(D=2.0)), 1)
     x, y = position.T
     out = np.zeros(len(position))
-    system.operator.exchange.rates(x**2 + 3 * y**2, out)
+    system.operator.rates(x**2 + 3 * y**2, out)
     inside = np.hypot(x, y) < 4
     assert out[inside] == pytest.approx(16.0, rel=1e-12)
-    assert system.operator.exchange.tangent() @ (x**2 + 3 * y**2) == pytest.approx(out, abs=1e-10)
+    assert -system.operator.tangent(state) @ (x**2 + 3 * y**2) == pytest.approx(out, abs=1e-10)
 
 
 def test_what_one_node_gives_another_takes() -> None:
@@ -64,9 +63,9 @@ def test_what_one_node_gives_another_takes() -> None:
     base = model(position, 1.0, Medium(D=1.0))
     areas = dice.uniform(0.5, 1.5, len(position))
     system, _ = prepare(dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=areas)), 1)
-    assert len(np.unique(system.operator.exchange.total)) > 100
+    assert len(np.unique(system.operator.total)) > 100
     out = np.zeros(len(position))
-    system.operator.exchange.rates(dice.uniform(0, 1, len(position)), out)
+    system.operator.rates(dice.uniform(0, 1, len(position)), out)
     assert abs((areas * out).sum()) < 1e-13 * np.abs(areas * out).sum()
 
 
@@ -137,10 +136,10 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     base = model(position, 1.0, Medium(D=1.0))
     sizes = dice.uniform(0.5, 1.0, len(position))
     base = dataclasses.replace(base, grid=dataclasses.replace(base.grid, areas=sizes))
-    slots, listed = (prepare(base, 2, listed=one)[0].operator.exchange for one in (False, True))
+    (system, state), (other_system, _) = (prepare(base, 2, listed=one) for one in (False, True))
+    slots, listed = system.operator, other_system.operator
     assert (slots.name, listed.name) == ("lattice", "listed")
-    assert isinstance(slots, Corrected)
-    assert (slots.base._box.strides[0] == 1) == (thin == reach)  # type: ignore[attr-defined]
+    assert (slots.exchange._box.strides[0] == 1) == (thin == reach)  # type: ignore[attr-defined]
     assert (slots.count == listed.count).all()
     assert slots.total == pytest.approx(listed.total, rel=1e-13)
     C = dice.uniform(0, 1, len(position))
@@ -148,5 +147,5 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     slots.rates(C, out)
     listed.rates(C, other)
     assert out == pytest.approx(other, abs=1e-13 * np.abs(other).max())
-    assert slots.contrast(C) == pytest.approx(listed.contrast(C), rel=1e-12)
-    assert np.abs(slots.tangent() @ C - out).max() < 1e-12
+    assert slots.exchange.contrast(C) == pytest.approx(listed.exchange.contrast(C), rel=1e-12)
+    assert np.abs(slots.tangent(state) @ C + out).max() < 1e-12
