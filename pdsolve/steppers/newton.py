@@ -37,6 +37,7 @@ GROWN = 1e3  # times the least residual so far: a tangent that leads away
 MIXED = 12  # steps that are mixed
 INNER = 1e-4  # of the residual is left by one solution of the equations without factors
 INNER_MOST = 20_000  # iterations of such a solution
+SOFTEST = 1e-4  # of that stiffness, near equilibrium
 SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is held with while equations are solved
 
 
@@ -113,7 +114,7 @@ class Newton:
             if done == before + self._most or not np.isfinite(residual):
                 break
             if not self._fresh or done > before:
-                self._take_tangent(state, free)
+                self._take_tangent(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
             value, step, size = state.value[free], self._inverse(weight * (out + asked.load)[free]), 1.0
@@ -173,8 +174,9 @@ class Newton:
         state.value[:] = kept
         return None, done
 
-    def _take_tangent(self, state: State, free: NDArray[np.bool_]) -> None:
-        """Set up the equations of this state."""
+    def _take_tangent(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
+        """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
+        is: it turns by its load's own stiffness then, and converges as one that is supported."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         matrix = self._operator.tangent(state)
@@ -183,7 +185,12 @@ class Newton:
             matrix = (matrix + matrix.T) / 2
         self._matrix = matrix = matrix.tocsr()
         if self._floating is not None and self._floating.any():
-            soft = SOFT * float(matrix.diagonal().max()) * np.repeat(self._floating, free.shape[1])
+            soft = (
+                SOFT
+                * min(max(residual, SOFTEST), 1.0)
+                * float(matrix.diagonal().max())
+                * np.repeat(self._floating, free.shape[1])
+            )
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
         self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
