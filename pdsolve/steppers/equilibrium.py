@@ -62,14 +62,14 @@ def forces(operator: Operator, state: State) -> NDArray[np.float64]:
     return out
 
 
-def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float) -> float:
+def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:
     """Residual over external forces; `out` (n, w) are the forces of neighbours.
 
-    External forces count at least as `least` times the norm of displacements, `least` in N/m^4.
+    External forces count at least as `least` times the norm of displacements, now or `before`, m; `least` in N/m^4.
     """
     load = norm(asked.load[~asked.held])
     outside = load if load > 0 else norm(out[asked.held])
-    left, scale = norm((out + asked.load)[~asked.held]), max(outside, least * norm(state.value))
+    left, scale = norm((out + asked.load)[~asked.held]), max(outside, least * max(norm(state.value), before))
     return left / scale if scale > 0 else float(left > 0)
 
 

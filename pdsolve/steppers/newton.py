@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, norm, round_off
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -58,6 +58,7 @@ class Newton:
         """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components."""
         self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
         self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
+        self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
         self._factored = free <= factored
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.said = f"Newton's method with {way}"
@@ -83,6 +84,7 @@ class Newton:
         The values are those of the start then.
         """
         start, free, done = state.value.copy(), ~asked.held, 0
+        self._before = norm(start)
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
         if self._inverse is not None and not self._fresh:
@@ -104,7 +106,7 @@ class Newton:
         free = ~asked.held
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
         out = forces(self._operator, state)
-        residual = left_over(state, asked, out, self._least)
+        residual = left_over(state, asked, out, self._least, self._before)
         for done in range(before, before + self._most + 1):
             if residual < self._tolerance:
                 if done - before > NEARLY_LINEAR:
@@ -121,7 +123,7 @@ class Newton:
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
                 out = forces(self._operator, state)
-                found = left_over(state, asked, out, self._least)
+                found = left_over(state, asked, out, self._least, self._before)
                 if found < residual:
                     break
                 size /= 2
@@ -154,7 +156,7 @@ class Newton:
         milestone, reached, done = np.inf, 0, 0
         while True:
             out = forces(self._operator, state)
-            residual, rest = left_over(state, asked, out, self._least), (out + asked.load)[free]
+            residual, rest = left_over(state, asked, out, self._least, self._before), (out + asked.load)[free]
             if residual < self._tolerance:
                 return Settled(done, residual), done
             tell(done, residual)
