@@ -9,7 +9,10 @@ from pdmesh import commandline
 from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, positive, write_csv
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from pdpost.commands.shared import Commands
+    from pdsolve.results import Results
 
 Plane = tuple[str, float]
 
@@ -41,6 +44,10 @@ def add(commands: Commands) -> None:
         "--level", type=float, metavar="N", help="draw the surface where the field has this value, SI units"
     )
     command.add_argument("--plane", type=_plane, metavar="AXIS=M", help="cut away what is in front of a plane")
+    command.add_argument("--crack", action="store_true", help="the surface of the cracks, in the body as through glass")
+    command.add_argument(
+        "--explode", type=positive, metavar="N", help="fragments, moved from the middle by N of their distance from it"
+    )
     command.set_defaults(run=_render)
 
 
@@ -101,9 +108,14 @@ def _render(args: argparse.Namespace) -> int:
 
     path = commandline.output_path(args.output, args.results, ".render.png", args.force)
     style.check_format(path)
+    _check_render(args)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
+        if args.crack or args.explode is not None:
+            style.save(_cracked(results, step, args.explode), path)
+            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {told(time)}"], args)
+            return commandline.OK
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
         values = slices.values(results, name, step, part or None)
@@ -117,3 +129,24 @@ def _render(args: argparse.Namespace) -> int:
         {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {told(time)}"], args
     )
     return commandline.OK
+
+
+def _check_render(args: argparse.Namespace) -> None:
+    """Raise UsageError for options that say nothing of cracks beside `--crack` or `--explode`."""
+    asked = [option for option, given in (("--crack", args.crack), ("--explode", args.explode)) if given]
+    names = ("field", "component", "largest", "level", "plane")
+    others = [f"--{name}" for name in names if getattr(args, name) is not None]
+    if asked and len(asked + others) > 1:
+        raise commandline.UsageError(f"{asked[0]}: found beside {(asked + others)[1]}, expected one of them")
+
+
+def _cracked(results: Results, step: int, explode: float | None) -> Figure:
+    """The cracks of a body, or its fragments apart."""
+    from pdpost.figures import crack_render
+    from pdpost.figures.colours import at
+    from pdpost.measures.crack_faces import opened, surface
+
+    found, nodes = opened(results, step), results.nodes(step)
+    if explode is not None:
+        return crack_render.fragments_apart(nodes, found, explode, f"Fragments {at(results, step)}")
+    return crack_render.cracks_in_body(nodes, surface(results, step, found), f"Cracks {at(results, step)}")

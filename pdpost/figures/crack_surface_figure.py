@@ -12,6 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.crack_render import span
 from pdpost.figures.labels import scaled
 from pdpost.measures.crack_faces import Surface
 from pdpost.measures.crack_in_space import SummaryInSpace
@@ -23,7 +24,6 @@ LIGHT = np.array([-0.35, -0.45, 0.82])  # from where the light comes
 DARKEST = 0.45  # of a face along the light
 AROUND = 0.4  # of the largest extent of the cracks: what is shown beside them
 TICKS = 6  # along the longest side
-NEARLY = 0.9  # of the area: what opens later has the last colour
 OLD, FRONT, BOX = "0.75", "black", "0.6"  # colours of pre-cracks, of the front and of the body's box
 ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
@@ -52,7 +52,7 @@ def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[Sca
     low, high = _in_view(results.nodes(0), surface)
     metre, metres = scaled([low, high], "m")
     second, seconds = scaled([surface.time[surface.grown]], "s")
-    start, end = _span(surface)
+    start, end = span(surface)
     painted = ScalarMappable(Normalize(start * second, end * second), "viridis")
     colours = painted.to_rgba(surface.time * second)
     colours[~surface.grown] = to_rgba(OLD)
@@ -88,15 +88,6 @@ def _in_view(nodes: Nodes, surface: Surface) -> tuple[NDArray[np.float64], NDArr
     ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
     around = AROUND * float(np.max(ends[1] - ends[0]))
     return np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
-
-
-def _span(surface: Surface) -> tuple[float, float]:
-    """From when to when the colours go, s: until nearly all of the area was open."""
-    time, area = surface.time[surface.grown], np.cumsum(surface.area[surface.grown])
-    if not len(time):
-        return 0.0, 1.0
-    end = float(time[np.searchsorted(area, NEARLY * area[-1])])
-    return float(time[0]), end if end > time[0] else float(time[0]) + 1.0
 
 
 def _brightness(quads: NDArray[np.float64]) -> NDArray[np.float64]:

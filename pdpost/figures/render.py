@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -36,14 +37,21 @@ def render(
     is cut away. Raises FigureError without PyVista, or if nothing is left to show.
     """
     seen = _seen(nodes, values, shown, level, plane)
+    return framed(seen, title, mappable(shown) if level is None else None, shown.label, shown.beyond)
+
+
+def framed(
+    seen: NDArray[np.uint8], title: str, painted: ScalarMappable | None = None, label: str = "", beyond: str = "neither"
+) -> Figure:
+    """Pixels (rows, columns, 3) as a figure with its title, and with the colours that were `painted`."""
     height = ABOVE + (WIDTH - BESIDE) * seen.shape[0] / seen.shape[1]
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
     axes.imshow(seen, interpolation="antialiased")
     axes.set_axis_off()
     axes.set_title(title)
-    if level is None:
-        figure.colorbar(mappable(shown), ax=axes, label=shown.label, extend=shown.beyond, shrink=0.8)
+    if painted is not None:
+        figure.colorbar(painted, ax=axes, label=label, extend=beyond, shrink=0.8)
     return figure
 
 
@@ -55,12 +63,11 @@ def _seen(
     plane: tuple[str, float] | None,
 ) -> NDArray[np.uint8]:
     """Pixels (rows, columns, 3) of the rendering, cropped to the body."""
-    pyvista = _pyvista()
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=SIZE)
-    plotter.set_background(LIGHT)
+    pyvista = needed_pyvista()
+    plotter = plotter_of(pyvista)
     for spacing in np.unique(nodes.delta):
         own = nodes.delta == spacing
-        mesh = _image(pyvista, nodes.position[own], values[own], float(spacing), level is not None)
+        mesh = image(pyvista, nodes.position[own], values[own], float(spacing), level is not None)
         if mesh is None:
             continue
         part = mesh.contour([level], scalars="value") if level is not None else mesh.threshold(0.5, scalars="there")
@@ -75,9 +82,19 @@ def _seen(
         elif part.n_points:
             ends = (shown.low, shown.high if shown.high > shown.low else shown.low + 1.0)
             plotter.add_mesh(part, scalars="value", cmap=shown.cmap, clim=ends, show_scalar_bar=False, ambient=0.35)
-    middle = nodes.position.mean(axis=0)
-    size = float(np.ptp(nodes.position, axis=0).max()) if level is None else 0.0
-    plotter.camera_position = [tuple(middle + np.array(EYE) * (size or 1.0)), tuple(middle), (0, 0, 1)]
+    return taken(plotter, nodes.position.mean(axis=0))
+
+
+def plotter_of(pyvista: Any) -> Any:
+    """A PyVista plotter without a window."""
+    plotter = pyvista.Plotter(off_screen=True, window_size=SIZE)
+    plotter.set_background(LIGHT)
+    return plotter
+
+
+def taken(plotter: Any, middle: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The picture of a plotter, looking at `middle` (3,), m, without the white around it. Raises FigureError."""
+    plotter.camera_position = [tuple(middle + np.array(EYE)), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()
     picture = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
@@ -88,7 +105,8 @@ def _seen(
     return picture[max(rows[0] - EDGE, 0) : rows[-1] + EDGE, max(columns[0] - EDGE, 0) : columns[-1] + EDGE]
 
 
-def _pyvista() -> Any:
+def needed_pyvista() -> Any:
+    """PyVista, quiet where there is no display. Raises FigureError without it."""
     try:
         import pyvista
         from vtkmodules.vtkCommonCore import vtkLogger
@@ -98,7 +116,7 @@ def _pyvista() -> Any:
     return pyvista
 
 
-def _image(
+def image(
     pyvista: Any, position: NDArray[np.float64], values: NDArray[np.float64], spacing: float, points: bool
 ) -> Any:
     """Lattice nodes as a PyVista image, with data on points or in cells; None if they are not on a lattice."""

@@ -14,7 +14,7 @@ from pdmesh.model.gradients_in_space import green_in_space, hooke_in_space
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.strain import gradients, stiffness
-from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, scalar, vector
+from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.results import Results
 
 VECTOR = ("magnitude", "x", "y")
@@ -151,6 +151,7 @@ def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
 
 def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the strain or stress of a body, by name."""
+    expect_physics_of(results, name)
     if name == "stress" and "sxx" in results.stored(step):
         tensor = vector(results, "stress", step)
     else:

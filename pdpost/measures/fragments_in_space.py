@@ -52,10 +52,15 @@ def masses(results: Results, step: int) -> NDArray[np.float64]:
     return np.asarray(rho * nodes.area)
 
 
+def connected_pieces(found: Opened) -> NDArray[np.int64]:
+    """The number (n,) of the piece that each node is in."""
+    return connected(len(found.sound), *found.pairs[~found.mask].T)
+
+
 def fragments(results: Results, step: int, found: Opened) -> Fragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
     nodes, mass = results.nodes(step), masses(results, step)
-    piece = connected(len(nodes.ids), *found.pairs[~found.mask].T)
+    piece = connected_pieces(found)
     count = np.bincount(piece)
     large = count >= SMALLEST
     velocity = _velocity(results, step)

@@ -34,10 +34,15 @@ def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]
     there = results.stored(step)
     missing = [column for column in columns if column not in there]
     if missing and there:
-        if (name in OF_DIFFUSION) != diffuses(results):
-            found, other = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
-            shown = f" (this has {', '.join(OF_DIFFUSION)})" if found == "diffusion" else ""
-            raise ResultsError(f"{results.name}: found a model of {found}, expected one of {other} for {name}{shown}")
+        expect_physics_of(results, name)
         expected = f"one of {', '.join(there)} (pdsolve --fields +{','.join(missing)} stores it)"
         raise ResultsError(f"{results.name}: found no field '{missing[0]}', expected {expected}")
     return [results.field(column, step).astype(float) for column in columns]
+
+
+def expect_physics_of(results: Results, name: str) -> None:
+    """Raise ResultsError if the model has no field of this name, whatever is stored."""
+    if (name in OF_DIFFUSION) != diffuses(results):
+        found, other = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
+        shown = f" (this has {', '.join(OF_DIFFUSION)})" if found == "diffusion" else ""
+        raise ResultsError(f"{results.name}: found a model of {found}, expected one of {other} for {name}{shown}")

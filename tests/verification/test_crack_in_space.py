@@ -13,6 +13,8 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from messages import mentions
+from PIL import Image
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
@@ -108,3 +110,26 @@ def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     head, *_, last = csv.reader(numbers.read_text().splitlines())
     assert head[2] == "area, m^2"
     assert float(last[2]) == pytest.approx(LIGAMENT, rel=0.05)
+
+
+@pytest.mark.parametrize("words", [["--crack"], ["--explode", "0.5"]])
+def test_it_is_rendered(block: Path, tmp_path: Path, words: list[str]) -> None:
+    pytest.importorskip("pyvista")
+    path = tmp_path / "look.png"
+    assert pdpost(["render", str(block), *words, "-q", "-o", str(path)]) == 0
+    seen = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(seen, axis=0)) > 100
+
+
+@pytest.mark.parametrize(
+    ("words", "one", "other"),
+    [
+        (["--crack", "--explode", "1"], "--crack", "--explode"),
+        (["--explode", "1", "--plane", "z=0"], "--explode", "--plane"),
+    ],
+)
+def test_what_does_not_go_together(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], one: str, other: str
+) -> None:
+    assert pdpost(["render", str(block), *words, "-o", str(tmp_path / "look.png")]) == 2
+    assert mentions(capsys.readouterr().err, one, found=other)

@@ -1,0 +1,87 @@
+"""A cracked body rendered by PyVista (an extra): its cracks inside it, or its fragments apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pdpost.figures.labels import scaled
+from pdpost.figures.render import STONE, framed, image, needed_pyvista, plotter_of, taken
+from pdpost.figures.style import COLOURS, FigureError
+from pdpost.measures.crack_faces import Opened, Surface
+from pdpost.measures.fragments_in_space import SMALLEST, connected_pieces
+from pdsolve.results import Nodes
+
+CLEAR = 0.12  # opacity of the body around its cracks
+OLD = "#8a8a8a"  # colour of pre-cracks
+NEARLY = 0.9  # of the area: what opens later has the last colour
+LIGHTING = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.15}
+
+
+def cracks_in_body(nodes: Nodes, surface: Surface, title: str) -> Figure:
+    """The surface of the cracks, coloured by when it opened, in the body as through glass. Raises FigureError."""
+    pyvista = needed_pyvista()
+    plotter = plotter_of(pyvista)
+    for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
+        plotter.add_mesh(part, color=STONE, opacity=CLEAR)
+    second, seconds = scaled([surface.time[surface.grown]], "s")
+    ends = span(surface)
+    for grown in (False, True):
+        some = surface.grown == grown
+        if not some.any():
+            continue
+        quads = np.column_stack([np.full(some.sum(), 4), surface.faces[some]])
+        mesh = pyvista.PolyData(surface.corners, quads.ravel())
+        if grown:
+            mesh.cell_data["opened"] = surface.time[some] * second
+            clim = (ends[0] * second, ends[1] * second)
+            plotter.add_mesh(mesh, scalars="opened", cmap="viridis", clim=clim, show_scalar_bar=False, **LIGHTING)
+        else:
+            plotter.add_mesh(mesh, color=OLD, **LIGHTING)
+    seen = taken(plotter, nodes.position.mean(axis=0))
+    painted = ScalarMappable(Normalize(ends[0] * second, ends[1] * second), "viridis") if surface.grown.any() else None
+    return framed(seen, title, painted, f"opened at, {seconds}", "max")
+
+
+def fragments_apart(nodes: Nodes, found: Opened, by: float, title: str) -> Figure:
+    """The fragments of a body, each in a colour, moved from its middle by `by` times their distance from it.
+
+    Raises FigureError.
+    """
+    pyvista, piece = needed_pyvista(), connected_pieces(found)
+    count = np.bincount(piece)
+    middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
+    large = np.flatnonzero(count >= SMALLEST)
+    if not len(large):
+        raise FigureError(f"--explode: found no fragment of {SMALLEST} nodes, expected some")
+    for number, one in enumerate(large[np.argsort(-count[large], kind="stable")]):
+        own = piece == one
+        way = by * (nodes.position[own].mean(axis=0) - middle)
+        for part in _solids(pyvista, nodes, own):
+            plotter.add_mesh(part.translate(way), color=COLOURS[number % len(COLOURS)], **LIGHTING)
+    return framed(taken(plotter, middle), title)
+
+
+def _solids(pyvista: Any, nodes: Nodes, some: NDArray[np.bool_]) -> list[Any]:
+    """The cubes of some (n,) nodes, a mesh for each spacing."""
+    found = []
+    for spacing in np.unique(nodes.delta[some]):
+        own = some & (nodes.delta == spacing)
+        mesh = image(pyvista, nodes.position[own], np.ones(int(own.sum())), float(spacing), False)
+        if mesh is not None:
+            found.append(mesh.threshold(0.5, scalars="there"))
+    return found
+
+
+def span(surface: Surface) -> tuple[float, float]:
+    """From when to when the colours go, s: until nearly all of the area was open."""
+    time, area = surface.time[surface.grown], np.cumsum(surface.area[surface.grown])
+    if not len(time):
+        return 0.0, 1.0
+    end = float(time[np.searchsorted(area, NEARLY * area[-1])])
+    return float(time[0]), end if end > time[0] else float(time[0]) + 1.0
