@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -49,17 +50,28 @@ COMMANDS: dict[str, tuple[Callable[[list[str]], int], list[str]]] = {
     **{f"plan of a study {name}": (pdmesh, ["plan", f"{name}.toml"]) for name in STUDIES},
     **{f"study {name}": (pdsolve, ["study", f"{name}.toml", "--workers", "1", "-o", "new.sqlite"]) for name in STUDIES},
 }
+SOLVED = [f"study {name}" for name in STUDIES][1:]  # in processes of their own; the first stays among the quick tests
+
+
+@pytest.fixture(scope="module")
+def laid(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scene that leaves a trace, a model that was built from it, and studies of both."""
+    folder = tmp_path_factory.mktemp("laid")
+    for name in ("scene.py", "OTHER.PY"):
+        (folder / name).write_text(SCENE)
+    for name, text in STUDIES.items():
+        (folder / f"{name}.toml").write_text(text)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert pdmesh(["build", "scene.py", "--trust", "-o", "model.json", "-q"]) == 0
+    (folder / "ran").unlink()
+    return folder
 
 
 @pytest.fixture
-def scene(here: Path) -> Path:
-    """The current folder, with a scene that leaves a trace, a model that was built from it, and studies of both."""
-    for name in ("scene.py", "OTHER.PY"):
-        Path(name).write_text(SCENE)
-    for name, text in STUDIES.items():
-        Path(f"{name}.toml").write_text(text)
-    assert pdmesh(["build", "scene.py", "--trust", "-o", "model.json", "-q"]) == 0
-    Path("ran").unlink()
+def scene(laid: Path, here: Path) -> Path:
+    """A copy of that folder, as the current one."""
+    shutil.copytree(laid, here, dirs_exist_ok=True)
     return here
 
 
@@ -75,6 +87,13 @@ def test_a_command_runs_no_program_that_is_not_trusted(
     named = [word for word in words if Path(word).exists()] + ["$.drawing"] * ("study" in name)
     assert mentions(err, *named, found="Python program", expected=("drawing", "--trust"))
     assert set(scene.iterdir()) == there
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SOLVED else ()) for name in COMMANDS]
+)
+def test_a_command_runs_one_that_is_trusted(name: str, scene: Path) -> None:
+    program, words = COMMANDS[name]
     assert program([*words, "--trust", "-q"]) == 0
     assert Path("ran").exists()
 
