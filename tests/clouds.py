@@ -205,6 +205,15 @@ def in_space(case: Case, side: int, order: NDArray[np.int64] | None, threads: in
     return Cloud(operator, state, position, np.full(nodes, cell), rho, bound)
 
 
+def all_kernels(case: Case) -> None:
+    """Call all that is compiled for a case."""
+    made = cloud(case, 6)
+    made.march(1, 3)
+    made.energy()
+    if not case.single:
+        made.operator.tangent(made.state)
+
+
 def turn(dimension: int, degrees: float = 40.0) -> NDArray[np.float64]:
     """A rotation (d, d); in space around an axis that is none of the lattice's."""
     angle = np.radians(degrees)

@@ -32,7 +32,7 @@ step = 0.1
 """
 ANSWERS, PATIENCE = (0, 2, 3, 130), 5  # s: what takes longer is asked to stop, with code 130
 OF_MODELS = ("dry", "solve", "info")
-OF_STUDIES, SOLVED = ("plan",), 10  # one in so many is solved too, which starts processes
+OF_STUDIES = ("plan",)
 
 Main = Callable[[list[str]], int]
 
@@ -125,17 +125,20 @@ def forged_toml(text: str, chance: random.Random) -> str:
     return "".join(f'"{key}" = {_toml(value)}\n'.replace("\x1b", "?") for key, value in found.items())
 
 
-def forged_studies(folder: Path, seed: int, count: int) -> list[dict[str, str]]:
-    """Forge so many studies of the model ``plate.json`` in a folder, after one that is sound; what went wrong."""
+def forged_studies(folder: Path, seed: int, count: int, solved: int) -> list[dict[str, str]]:
+    """Forge so many studies of the model ``plate.json`` in a folder, after one that is sound; what went wrong.
+
+    One in `solved`, and the sound one, are solved, which starts processes; 0: none.
+    """
     os.chdir(folder)
     path = Path("sound.toml")
     path.write_text(STUDY)
-    wrong = _tried(path, (*OF_STUDIES, "study"), "sound", (0,))
+    wrong = _tried(path, (*OF_STUDIES, *["study"] * (solved > 0)), "sound", (0,))
     path = Path("forged.toml")
     for number in range(count):
         chance = random.Random(f"{seed} {number}")
         path.write_text(forged_toml(STUDY, chance), "utf-8", errors="replace")
-        names = OF_STUDIES if number % SOLVED else (*OF_STUDIES, "study")
+        names = (*OF_STUDIES, "study") if solved and number % solved == 0 else OF_STUDIES
         for table in Path().glob("forged.*sqlite*"):
             table.unlink()
         wrong += _tried(path, names, f"{seed} {number}", ANSWERS)

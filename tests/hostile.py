@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from typing import NamedTuple
 
+import pytest
+
 PLATE = """SetFactory("OpenCASCADE");
 DefineConstant[spacing = {1e-3, Name "Peridynamics/Zones/plate/Spacing"}];
 Rectangle(1) = {0, 0, 0, 0.01, 0.005};
@@ -236,3 +238,14 @@ BREAKING = {  # what would break or fill the process
     "an early end": drawing("Exit;\n", "found 'Exit'", real=False),
     "silence": drawing('General.Verbosity = 0;\nPhysical Point("a") = {9};\n', "found 'General.Verbosity'", real=False),
 }
+SOON = {  # one of each kind that is real: the quick tests do without the others
+    *("SystemCall", "the command of a field", "a word made of strings", "a name that is defined first", "CreateDir"),
+    *("Save", "Printf", "a log", "a carriage return in a comment", "a string without escapes"),
+    *("a loop back into a string", "options beside the drawing", "a script in a STEP file"),
+    *("a command two files away", "a model's drawing"),
+}
+REAL = [
+    pytest.param(name, marks=() if name in SOON else pytest.mark.slow)
+    for name, attack in ATTACKS.items()
+    if attack.real
+]

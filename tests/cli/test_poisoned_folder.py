@@ -81,9 +81,7 @@ SHORT = (
     "pdmesh build",
     "pdmesh preview",
     "pdsolve",
-    "pdsolve study",
     "pdpost damage",
-    "pdpost animate",
 )  # of the quick suite
 
 

@@ -59,12 +59,13 @@ def small(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a study of eight runs, half of which cannot be solved, solved by two processes."""
+    """A folder with a study of eight runs, half of which cannot be solved, solved in this process."""
     folder = tmp_path_factory.mktemp("study")
     small(folder)
     (folder / "study.toml").write_text(STUDY)
-    code = main(["study", str(folder / "study.toml"), "-o", str(folder / "study.sqlite"), "--workers", "2", "-q"])
-    assert code == 1  # some failed
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dispatch, "_solved", in_this_process)
+        assert main(["study", str(folder / "study.toml"), "-o", str(folder / "study.sqlite"), "-q"]) == 1  # some failed
     return folder
 
 
@@ -73,6 +74,11 @@ def solved(once: Path, here: Path) -> Path:
     """That folder, as the current one."""
     shutil.copytree(once, here, dirs_exist_ok=True)
     return here
+
+
+def in_this_process(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
+    """What workers would say of these tasks."""
+    return [one_run.solved(task) for task in tasks]
 
 
 def rows(folder: Path) -> list[sqlite3.Row]:
@@ -94,6 +100,9 @@ def edit(*statements: str) -> None:
 def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Solved by two processes."""
+    assert main(["study", "study.toml", "--workers", "2", "--force", "-q"]) == 1
+    capsys.readouterr()
     found = rows(solved)
     assert [row["status"] for row in found] == ["finished", "finished", "failed", "failed"] * 2
     assert [row["material.G0"] for row in found] == [204] * 4 + [100] * 4
@@ -126,7 +135,7 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
 
     def here(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
         asked.extend(task.number for task in tasks)
-        return [one_run.solved(task) for task in tasks]
+        return in_this_process(tasks, how)
 
     monkeypatch.setattr(dispatch, "_solved", here)
     assert main(["study", "study.toml", "-q"]) == 0
@@ -176,7 +185,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     Path("study.sqlite").unlink()
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[100]").replace("[3, 1]", "[3]"))
     began = {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")}
-    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: [one_run.solved(task) for task in tasks])
+    monkeypatch.setattr(dispatch, "_solved", in_this_process)
     assert main(["study", "study.toml", "-q"]) == 0
     after = rows(solved)
     assert [row["number"] for row in after] == [5, 6]
@@ -203,7 +212,7 @@ def test_a_run_that_is_held_is_said_and_waited_for(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     edit("UPDATE run SET status = 'waiting' WHERE number = 5")
-    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: [one_run.solved(task) for task in tasks])
+    monkeypatch.setattr(dispatch, "_solved", in_this_process)
     Path("study.runs/0005.sqlite").unlink()
     with writing_to(Path("study.runs/0005.sqlite")), monkeypatch.context() as patch:
         patch.setattr(one_run, "PATIENCE", 0.0)

@@ -50,6 +50,24 @@ def python(folder: Path, *arguments: str) -> str:
     return ran.stdout
 
 
+def test_the_page_adds_a_law(copy: Path) -> None:
+    """It is found by its name, and a bond that is gone has spent as much as a brittle one."""
+    said = python(
+        copy,
+        "-W",
+        "error",
+        "-c",
+        "from pdmesh import Material\nfrom pdsolve.laws import LAWS, saturating\n"
+        "assert LAWS['saturating'] is saturating.LAW\n"
+        "glass = Material(E=65e9, rho=2235, G0=204, law='saturating', kr=2)\n"
+        "print(*saturating.limits(glass, 1e-3))",
+    )
+    peak, limit = map(float, said.split())
+    assert limit == pytest.approx(1.27202e-3, rel=1e-6)  # s_c sqrt((sqrt 5 + 1) / 2)
+    assert peak == pytest.approx(limit / 2, rel=1e-12)
+
+
+@pytest.mark.slow
 def test_the_run_breaks_bonds_and_keeps_energy(copy: Path) -> None:
     said = python(copy, "-W", "error", "-c", blocks("python")[1])
     bonds, balance = re.findall(r"(\d+) bonds broken, energy kept to (\S+)", said)[0]
@@ -57,6 +75,7 @@ def test_the_run_breaks_bonds_and_keeps_energy(copy: Path) -> None:
     assert abs(float(balance)) < 1e-3  # measured 6e-5
 
 
+@pytest.mark.slow
 def test_the_contracts_hold(copy: Path) -> None:
     """In the plane in double precision, to save time: the page's law is no worse than those that are there."""
     said = python(

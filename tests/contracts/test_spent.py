@@ -126,7 +126,7 @@ def stiffer(folder: Path, times: int) -> Law:
     return law
 
 
-@shapes
+@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> None:
     """In one process, whichever ran before."""
     model, pulls = plate(square_grid(4, 4), material=of("brittle-1", 1.0)), []

@@ -177,7 +177,7 @@ def test_every_command_is_run() -> None:
 
 def test_forged_results(whole: Path) -> None:
     """Some files, some commands for each, so that all have their turns."""
-    assert apart("forged_runs", whole, 1, 30, 5) == []
+    assert apart("forged_runs", whole, 1, 18, 1) == []
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from pdsolve.steppers.step_batching import Pace
 TESTS = Path(__file__).parent.parent
 
 
-@pytest.fixture(scope="module", params=["brittle", "bilinear"])
+@pytest.fixture(scope="module", params=[pytest.param("brittle", marks=pytest.mark.slow), "bilinear"])
 def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A run of either law, left alone."""
     path = tmp_path_factory.mktemp("hybrid") / "whole.sqlite"

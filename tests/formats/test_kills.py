@@ -21,7 +21,7 @@ def check(found: Sequence[Trial], states: set[str]) -> None:
 
 def test_a_kill_at_the_last_calls(tmp_path: Path) -> None:
     """While SQLite's log is put away, all frames there: a journal is to be rolled back."""
-    check(list(islice(trials([("bonds", False)], tmp_path), 16)), {"FINISHED"})
+    check(list(islice(trials([("bonds", False)], tmp_path), 8)), {"FINISHED"})
 
 
 @pytest.mark.slow

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import sqlite3
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,7 @@ from whole import contents, kill_when
 
 from pdmesh.model.document import Run, write_file
 from pdmesh.model.node_grid import document_of
+from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError, WriteError, Writer
 from pdsolve.results.schema import CHUNK
@@ -215,7 +214,7 @@ def test_a_killed_run_is_readable_and_goes_on_to_the_same_bits(small_plate: Mode
         assert results.meta()["status"] == "running"
         assert 0 <= results.checkpoint()[0] <= steps[-1]
         assert len(results.field("uy", int(steps[-1]))) == len(small_plate.grid)
-    subprocess.run([sys.executable, *words[:-1], str(whole)], check=True)
+    assert pdsolve([*words[2:-1], str(whole)]) == 0
     resume(killed).close()
     assert contents(killed) == contents(whole)
 

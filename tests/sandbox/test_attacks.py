@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hostile import ATTACKS, BREAKING, PLATE, Attack
+from hostile import ATTACKS, BREAKING, PLATE, REAL, Attack
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
@@ -56,7 +56,7 @@ def test_what_would_break_the_process(name: str, here: Path, capsys: pytest.Capt
     check_refused(BREAKING[name], here, capsys)
 
 
-@pytest.mark.parametrize("name", [name for name, attack in ATTACKS.items() if attack.real])
+@pytest.mark.parametrize("name", REAL)
 def test_real(name: str, here: Path) -> None:
     """The proof that the attack is one: it works where the drawing is trusted."""
     attack = ATTACKS[name]

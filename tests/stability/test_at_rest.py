@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pytest
 from failures import Said
 from plates import plate, square_grid
 
@@ -90,6 +91,7 @@ def test_a_crack_that_jumps(failure: Callable[..., None], pdsolve: Callable[...,
     )
 
 
+@pytest.mark.slow
 def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[..., None]) -> None:
     """Cracks that jump from node to node.
 

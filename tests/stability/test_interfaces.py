@@ -193,6 +193,7 @@ def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float)
     return float(np.abs(problem.state.rate[x < first - 10e-3, 0]).max() / sent)
 
 
+@pytest.mark.slow
 def test_spacings_that_jump(failure: Callable[..., None]) -> None:
     """Spacings that jump by 2, 4 and 8.
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -144,15 +142,15 @@ def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
         build(mesh, [("--adapt", "hybrid")])
 
 
-def test_the_command_says_how_much_is_fine(tmp_path: Path) -> None:
+def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A run by `--adapt hybrid`, its summary and what it prints; a model it cannot solve leaves one line."""
     model, path = plate(cracked(), 4, run=msgspec.structs.replace(HYBRID, adapt="none")), tmp_path / "plate.json"
     write_file(document_of(model.grid, model.settings), path)
-    command = [sys.executable, "-m", "pdsolve", str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
-    told = json.loads(done.stdout)["hybrid"]
+    words = [str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]
+    assert solve_command([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["hybrid"]
     assert 0.1 < told["fine_share"] < 0.9
-    done = subprocess.run([*command, "--force", "--mode", "thesis"], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert mentions(done.stderr, "pdsolve: mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
-    assert done.stderr.count("\n") == 1
+    assert solve_command([*words, "--force", "--mode", "thesis"]) == 2
+    said = capsys.readouterr().err
+    assert mentions(said, "pdsolve: mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
+    assert said.count("\n") == 1

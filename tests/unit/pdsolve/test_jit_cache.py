@@ -93,6 +93,7 @@ def counts(processes: list[subprocess.Popen[str]]) -> list[int]:
     return [int(process.communicate()[0]) for process in processes]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="an entry may be lost there, and is compiled again")
 def test_two_processes_that_compile_at_the_same_time_lose_no_entry(tmp_path: Path, begun: Begun) -> None:
     types = [("int64", "float64"), ("int32", "float32")]

@@ -257,11 +257,34 @@ SIZES = {
 }
 
 
+@pytest.fixture(scope="module")
+def without_sizes(tmp_path_factory: pytest.TempPathFactory) -> object:
+    """The nodes of the square."""
+    folder = tmp_path_factory.mktemp("without")
+    (folder / "plate.geo").write_text(SQUARE, encoding="utf-8")
+    assert main(["build", str(folder / "plate.geo"), "-o", str(folder / "plate.json")]) == 0
+    return read_file(folder / "plate.json").nodes
+
+
+def test_that_mesh_sizes_are_not_used_is_not_said_where_it_is_quiet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plate.geo"
+    path.write_text(SQUARE + SIZES["of all"][0] + "\n", encoding="utf-8")
+    assert main(["build", str(path), "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("name", SIZES)
 def test_mesh_sizes_are_noted_as_not_used(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    without_sizes: object,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
     line, noted = SIZES[name]
     Path("plate.geo").write_text(SQUARE + line + "\n", encoding="utf-8")
     assert main(["build", "plate.geo"]) == 0
@@ -271,13 +294,7 @@ def test_mesh_sizes_are_noted_as_not_used(
     assert "not used" not in out
     assert main(["build", "plate.json", "-o", "again.json"]) == 0
     assert capsys.readouterr().err == f"note: plate.json: plate.geo: {note}"
-    assert main(["build", "plate.geo", "-o", "quiet.json", "-q"]) == 0
-    assert capsys.readouterr() == ("", "")
-    Path("plate.geo").write_text(SQUARE, encoding="utf-8")
-    assert main(["build", "plate.geo", "-o", "without.json"]) == 0
-    assert capsys.readouterr().err == ""
-    with_sizes, without_them = (read_file(Path(name)).nodes for name in ("plate.json", "without.json"))
-    assert with_sizes == without_them
+    assert read_file(Path("plate.json")).nodes == without_sizes
 
 
 def test_what_a_program_prints_is_no_result(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

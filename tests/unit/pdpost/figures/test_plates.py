@@ -55,7 +55,7 @@ def bored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def shot(figure: Figure, axes: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """The pixels of a picture (rows, columns, 3) and where they are on its plate (rows, columns, 2), in its unit."""
-    figure.set_dpi(110)
+    figure.set_dpi(80)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3].astype(int)
