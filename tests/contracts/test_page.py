@@ -58,9 +58,10 @@ def test_the_page_adds_a_law(copy: Path) -> None:
         "error",
         "-c",
         "from pdmesh import Material\nfrom pdsolve.laws import LAWS, saturating\n"
+        "from pdsolve.laws.bond_limits import Sizes\n"
         "assert LAWS['saturating'] is saturating.LAW\n"
         "glass = Material(E=65e9, rho=2235, G0=204, law='saturating', kr=2)\n"
-        "print(*saturating.limits(glass, 1e-3))",
+        "print(*saturating.limits(glass, Sizes(1e-3, 1e-3, 3e-3, 3.0)))",
     )
     peak, limit = map(float, said.split())
     assert limit == pytest.approx(1.27202e-3, rel=1e-6)  # s_c sqrt((sqrt 5 + 1) / 2)

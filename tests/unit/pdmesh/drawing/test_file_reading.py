@@ -271,7 +271,7 @@ def test_that_mesh_sizes_are_not_used_is_not_said_where_it_is_quiet(
 ) -> None:
     path = tmp_path / "plate.geo"
     path.write_text(SQUARE + SIZES["of all"][0] + "\n", encoding="utf-8")
-    assert main(["build", str(path), "-q"]) == 0
+    assert main(["build", str(path), "-o", str(tmp_path / "plate.json"), "-q"]) == 0
     assert capsys.readouterr() == ("", "")
 
 
