@@ -17,9 +17,11 @@ from pdmesh.model.document import (
     InitialVelocity,
     Material,
     Settings,
+    Static,
     Velocity,
 )
 from pdmesh.model.materials import KINDS, Refusal, Refusals
+from pdmesh.model.materials.bond import softens
 
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
@@ -135,12 +137,22 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "true",
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
+    if run.cracks == "bonds" and any(material.model == "bond" and softens(material) for _, material in every):
+        yield from _along_path(run.static)
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb):
             kind = str(condition.__struct_config__.tag)
             yield Impossible(f"$.conditions[{number}]", kind, f"load or displacement, {why}")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
+
+
+def _along_path(static: Static) -> Iterator[Impossible]:
+    """Settings with which bonds that soften are not followed."""
+    if static.method != "newton":
+        yield Impossible("$.run.static.method", static.method, "newton, as bonds soften")
+    if static.floating:
+        yield Impossible("$.run.static.floating", "true", "false, as bonds soften")
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:

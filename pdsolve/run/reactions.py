@@ -64,9 +64,9 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     """
     pulls, pushes = _forces(system, state, len(grips))
-    found = []
+    found, at = [], system.load_time(step)
     for profile, grip in enumerate(grips):
-        force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, time)) * pushes[profile]).tolist()
+        force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
         mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
         found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))

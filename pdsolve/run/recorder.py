@@ -24,6 +24,7 @@ from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps, Rested
+from pdsolve.steppers.path_steps import PathSteps
 
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
@@ -79,6 +80,8 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     here = {**state._asdict(), "held_force": system.drive.held_force}
     if isinstance(system.stepper, LoadSteps):
         here["rested"] = system.stepper.keep()
+    if isinstance(system.stepper, PathSteps):
+        here |= system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
     kept = {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
     for one in system.beside:
@@ -122,9 +125,11 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"found load steps that are not 1 to {step}, expected those until the checkpoint")
         system.stepper.back(rested, past)
+    if isinstance(system.stepper, PathSteps):
+        system.stepper.back(kept, step)
     if system.growth is not None:
         system.growth.back(kept, past)
-    put_loads(system.drive, step * system.time_step)
+    put_loads(system.drive, system.load_time(step))
     for one in system.beside:
         start = _of(one.system, "")
         own = {name.removeprefix(start): values for name, values in kept.items() if name.startswith(start)}

@@ -30,6 +30,7 @@ from pdsolve.run.system import Options, System, prepare
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.step_batching import Pace
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
@@ -230,7 +231,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    if isinstance(notes.system.stepper, LoadSteps):
+    if isinstance(notes.system.stepper, LoadSteps | PathSteps):
         notes.system.stepper.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
@@ -268,7 +269,10 @@ def _progress(notes: Recorder, step: int, going: Going | None = None) -> Progres
     """Data for a progress display after `step`, or within a load step `going`."""
     books, steps = notes.accounts, notes.system.model.settings.run.steps
     broken = books.broken if going is None else going.broken
-    return Progress(step, steps, broken, books.balance, books.words(broken), notes.system.zone_summary, going)
+    words, stepper = books.words(broken), notes.system.stepper
+    if isinstance(stepper, PathSteps):
+        words = f"{stepper.words()}, {words}"
+    return Progress(step, steps, broken, books.balance, words, notes.system.zone_summary, going)
 
 
 def _can_stop(system: System, step: int, soon: bool) -> bool:
@@ -307,6 +311,8 @@ def _next(step: int, interval: int) -> int:
 def _is_enough(system: System, latest: int, step: int) -> bool:
     """Whether the model's stop criterion is met; `latest` is the step of the last broken bond."""
     run = system.model.settings.run
+    if isinstance(system.stepper, PathSteps):
+        return system.stepper.ended
     if run.until == "split":
         return pieces(system) > 1
     if run.until == "quiet":

@@ -10,6 +10,7 @@ from pdsolve.provenance import made_by
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 
 
@@ -72,6 +73,8 @@ def _finer(system: System) -> dict[str, Any]:
 
 def _rested(stepper: Stepper) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
+    if isinstance(stepper, PathSteps):
+        return {"method": stepper.said, "path_steps": [stepped._asdict() for stepped in stepper.rested]}
     if not isinstance(stepper, LoadSteps):
         return {}
     return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}

@@ -29,6 +29,7 @@ from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of
@@ -39,9 +40,10 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import in_load_steps
+from pdsolve.steppers.static_loads import follows_path, in_load_steps
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
 
@@ -89,6 +91,10 @@ class System:
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
         return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves) else None
+
+    def load_time(self, step: int) -> float:
+        """Time of the profiles of conditions after `step`, s."""
+        return self.stepper.factor if isinstance(self.stepper, PathSteps) else step * self.time_step
 
     @property
     def threads(self) -> int:
@@ -355,10 +361,32 @@ def widened(driven: Drive, width: int) -> Drive:
     )
 
 
+def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
+    if not scheme.symmetric:
+        raise ModelError(f"mode: found {scheme.name}, expected conservative, as bonds soften at rest")
+    filling = scheme.fill(model)
+    operator, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
+    area, nodes = filling.area, len(model.grid)
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    if driven.force.size - len(driven.holds.node) > FACTORED_IN[2]:
+        most = FACTORED_IN[2] // model.grid.dimension
+        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
+    stepper = PathSteps(model, operator, driven, area, SofteningBonds(law_of(model), filling.whole()))
+    bound = stable(operator.stiffness_bound(), model.rho)
+    step = model.settings.run.time_step or 1.0
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    return Prepared(found, state)
+
+
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
     """A model in load steps, to be solved at rest; `breaks`: whether its bonds break. Raises ModelError."""
     grows = breaks and model.settings.run.cracks == "particles"
     breaks = breaks and not grows
+    if breaks and follows_path(model):
+        return _along_path(model, options, scheme)
     no_fail, static = StaticBreakage(scheme.fill(model)), model.settings.run.static
     filling = no_fail.filling()
     operator, filled = operator_of(model, options, scheme, filling, lasting=True)

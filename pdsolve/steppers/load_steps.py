@@ -157,7 +157,7 @@ class LoadSteps:
 
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
         """
-        at, now, start = _held_at(self._drive, time), self._drive.force.astype(float), state.value.copy()
+        at, now, start = held_at(self._drive, time), self._drive.force.astype(float), state.value.copy()
         done, part, iterations, settled = 0.0, 1.0, 0, Settled(0, 0.0)
         while done < 1:
             end = 1.0 if done + part > 1 - self.method.smallest else done + part
@@ -288,7 +288,7 @@ class LoadSteps:
                 raise UnsettledError(f"{when}found loads of {said} that do not balance, expected supports")
 
 
-def _held_at(drive: Drive, time: float) -> Array:
+def held_at(drive: Drive, time: float) -> Array:
     """Positions (n, d) of held components at `time`, s; 0 for others, and for those with a prescribed velocity."""
     at = np.zeros(drive.force.shape)
     holds = drive.holds

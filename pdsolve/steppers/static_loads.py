@@ -8,11 +8,14 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import Condition, Displacement, Load
+from pdmesh.model.materials.bond import softens
 from pdmesh.model.selection import components
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError
+from pdsolve.steppers.path_steps import CRACK_STEPS
 
 STEPS = 10  # load steps where something varies
+PATH_STEPS = 10  # times those of a crack through the smallest extent: the path is given up
 
 
 def in_load_steps(model: Model, precision: str) -> Model:
@@ -23,6 +26,8 @@ def in_load_steps(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
+    if follows_path(model):
+        return _in_path_steps(model)
     end = max((time for c in _no_fail(model) for time, _ in c.profile), default=0.0)
     varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail(model))
     steps = run.static.load_steps or (STEPS if varies else 1)
@@ -34,7 +39,39 @@ def in_load_steps(model: Model, precision: str) -> Model:
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
     found = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-    _refuse_loads(found)
+    _refuse_loads(found, [number * step for number in range(1, steps + 1)])
+    return found
+
+
+def follows_path(model: Model) -> bool:
+    """Whether bonds soften and break by themselves: then the equilibrium path is followed."""
+    return model.settings.run.cracks == "bonds" and any(
+        material.model == "bond" and softens(material) for material in model.materials
+    )
+
+
+def _in_path_steps(model: Model) -> Model:
+    """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
+    run = model.settings.run
+    varies = any(len(condition.profile) > 1 for condition in _no_fail(model))
+    end = max((time for condition in _no_fail(model) for time, _ in condition.profile), default=0.0)
+    conditions = []
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, Condition) or (varies and len(condition.profile) < 2):
+            conditions.append(condition)
+            continue
+        points = condition.profile if varies else ((0.0, 0.0), (1.0, 1.0))
+        if len(points) != 2 or points[0][0] != 0 or points[1][0] != (end if varies else 1.0):
+            raise ModelError(
+                f"{model.name}: $.conditions[{number}].profile: found {len(points)} points, expected a straight line"
+                " from 0 to the end, as bonds soften and loads follow from what these spend"
+            )
+        conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
+    steps = PATH_STEPS * (run.static.load_steps or CRACK_STEPS)
+    changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
+    settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
+    found = dataclasses.replace(model, settings=settings)
+    _refuse_loads(found, [1.0])
     return found
 
 
@@ -42,10 +79,8 @@ def _no_fail(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 
-def _refuse_loads(model: Model) -> None:
-    """Raise ModelError for conditions without an effect, and for contradictory holds."""
-    run = model.settings.run
-    times = [step * (run.time_step or 0.0) for step in range(1, run.steps + 1)]
+def _refuse_loads(model: Model, times: list[float]) -> None:
+    """Raise ModelError for conditions without an effect at these times, s, and for contradictory holds."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
     for number, condition in enumerate(model.settings.conditions):

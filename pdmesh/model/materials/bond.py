@@ -6,6 +6,7 @@ from pdmesh.model.document import USUAL_LAW, Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.materials.kind import Kind, Parameter, Refusal, Refusals
 
+FOLLOWED = (USUAL_LAW, "bilinear", "cohesive")  # laws whose bonds break at rest
 NEAR = 0.01  # Poisson's ratios this near are one
 
 
@@ -26,9 +27,10 @@ def wrong(material: Material) -> Refusals:
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
-    """Load steps follow bonds that break, not those that soften."""
-    if breaks and softens(material):
-        yield Refusal("law", f"'{USUAL_LAW}', as the solver is static")
+    """Load steps follow bonds that break, path steps those of a plate that soften to nothing along a curve."""
+    followed = FOLLOWED if material.plane != "space" else FOLLOWED[:1]
+    if breaks and softens(material) and material.law not in followed:
+        yield Refusal("law", f"{' or '.join(map(repr, followed))}, as the solver is static")
 
 
 def one_sided(material: Material) -> Refusals:

@@ -47,16 +47,21 @@ def changed(**more: Any) -> Material:
 @pytest.mark.parametrize(
     ("settings", "dimension", "said"),
     [
-        (
-            of(SOFT, Run(solver="static")),
-            2,
-            naming("$.material.law", found="'bilinear'", expected="'brittle'"),
-        ),
-        (of(SOFT, Run(solver="static")), 3, naming("$.material.law", found="'bilinear'")),
+        (of(SOFT, Run(solver="static")), 3, naming("$.material.law", found="'bilinear'", expected="'brittle'")),
         (
             of(GLASS, Run(solver="static"), regions=(BEYOND,)),
-            2,
+            3,
             naming("$.regions[0].material.law", found="'bilinear'"),
+        ),
+        (
+            of(SOFT, Run(solver="static", static=Static(method="relaxation"))),
+            2,
+            naming("$.run.static.method", found="relaxation", expected="newton"),
+        ),
+        (
+            of(SOFT, Run(solver="static", static=Static(floating=True))),
+            2,
+            naming("$.run.static.floating", found="true", expected="false"),
         ),
         (
             of(changed(failure="stress", strength=1e6), Run(solver="static")),
@@ -111,6 +116,7 @@ def test_what_cannot_be_is_found(settings: Settings, dimension: int, said: str) 
         of(msgspec.structs.replace(SOFT, kr=1.0), Run(solver="static")),  # which is brittle
         of(SOFT, Run(adapt="hybrid")),
         of(SOLID, Run(solver="static")),
+        of(SOFT, Run(solver="static")),
         of(changed(solid="j2", yield_stress=1e8), Run(solver="static")),
         of(GLASS, Run(adapt="split", damping=1.0)),
     ],
@@ -120,10 +126,11 @@ def test_what_can_be_is_not(settings: Settings) -> None:
 
 
 def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Softening at rest, before a file is written or a bond is filled."""
-    model, path, out = plate(square_grid(9, 9), material=SOFT, run=Run(solver="static")), tmp_path / "a.json", tmp_path
+    """Damping at rest, before a file is written or a bond is filled."""
+    run = Run(solver="static", damping=1.0)
+    model, path, out = plate(square_grid(9, 9), material=GLASS, run=run), tmp_path / "a.json", tmp_path
     write_file(document_of(model.grid, model.settings), path)
-    static = ["--set", "Run/Solver=static", "--set", "Material/Force law=bilinear", "--set", "Material/kr=2"]
+    static = ["--set", "Run/Solver=static", "--set", "Run/Damping=1"]
     drawing = str(GEOMETRIES / "duran50.geo")
     for command, words in (
         (mesh_command, ["build", drawing, *static, "-o", str(out / "b.json")]),
@@ -134,6 +141,6 @@ def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.Captur
     ):
         assert command(words) == 2
         said = capsys.readouterr().err
-        assert mentions(said, "$.material.law", found="'bilinear'", expected="'brittle'")
+        assert mentions(said, "$.run.damping", found="1", expected="none")
         assert said.count("\n") == 1
     assert [file.name for file in tmp_path.iterdir()] == ["a.json"]

@@ -1,0 +1,160 @@
+r"""Softening bonds at rest: their forces, consistent tangent and dissipation, as functions of the displacements alone.
+
+A pair of nodes has one bond here. Symbols, of a bond of length xi:
+
+    s       stretch                        kappa   largest stretch above the peak so far, 0 if never there
+    sigma   force over C                   omega   secant, sigma / kappa
+    C       force at unit stretch, N/m     D       energy spent, J/m
+
+While kappa grows sigma follows the law's curve, whose slope is sigma'; below it sigma = omega s. The spent energy has
+the derivative dD / dkappa = C xi (sigma - sigma' kappa) / 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Assembly
+from pdsolve.laws.law import Law
+from pdsolve.state import Broken
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Response(NamedTuple):
+    """What bonds (b,) do at some displacements, after a history kappa."""
+
+    along: Array  # (b, d) unit vectors from source to target
+    length: Array  # (b,) m, now
+    kappa: Array  # (b,) with the stretches of now
+    force: Array  # (b,) N/m
+    slope: Array  # (b,) of the force by the stretch, N/m
+    releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
+    spent: float  # J/m, by all bonds since they were made
+
+
+class SofteningBonds:
+    """The bonds of n nodes, each pair once, in the order of their nodes."""
+
+    def __init__(self, law: Law, whole: Assembly) -> None:
+        """Bonds of a pair law that conserve momentum: area times stiffness is the same from both ends."""
+        assert law.pair is not None
+        assert law.pair.softening is not None
+        bonds, nodes = whole.bonds, len(whole.area)
+        source, target = np.repeat(np.arange(nodes), np.diff(bonds.start)), bonds.neighbour.astype(np.int64)
+        once = np.flatnonzero(source < target)
+        self.source, self.target, self.xi = source[once], target[once], bonds.xi[once].astype(float)
+        self.length = np.sqrt((self.xi**2).sum(axis=1))
+        self.stiffness = bonds.stiffness[once] * whole.area[self.source]
+        self.peak, self.limit = bonds.peak[once].astype(float), bonds.limit[once].astype(float)
+        self.breaks = np.flatnonzero(np.isfinite(self.limit))
+        self.kappa = np.zeros(len(once))
+        self._pair, self._softening, self._nodes = law.pair, law.pair.softening, nodes
+        self._pattern: tuple[Index, Index, Index] | None = None
+
+    def remember(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+        """Take the history of these bonds over from an operator."""
+        key, self.kappa[:] = self.source * self._nodes + self.target, 0.0
+        order = np.argsort(key)
+        soft = kept["worst_source"] < kept["worst_target"]
+        once = kept["worst_source"][soft] * self._nodes + kept["worst_target"][soft]
+        self.kappa[order[np.searchsorted(key, once, sorter=order)]] = kept["worst"][soft]
+        gone = broken.source < broken.target
+        once = broken.source[gone] * self._nodes + broken.target[gone]
+        k = order[np.searchsorted(key, once, sorter=order)]
+        self.kappa[k] = self.limit[k]
+
+    def stretches(self, value: Array) -> Array:
+        """Stretches (b,) at these displacements (n, d), without cancellation."""
+        eta = value[self.target] - value[self.source]
+        e = ((2 * self.xi + eta) * eta).sum(axis=1) / self.length**2
+        return np.asarray(e / (np.sqrt(1 + e) + 1))
+
+    def respond(self, value: Array, loading: NDArray[np.bool_] | None = None) -> Response:
+        """The response at displacements (n, d) after the history `kappa`; `loading` (b,) overrides which bonds load."""
+        y = self.xi + value[self.target] - value[self.source]
+        s, now = self.stretches(value), np.sqrt((y**2).sum(axis=1))
+        sigma, slope, releases, kappa = s.copy(), np.ones(len(s)), np.zeros(len(s)), self.kappa.copy()
+        k = self.breaks
+        own, before, peak, limit = s[k], self.kappa[k], self.peak[k], self.limit[k]
+        grows = own > np.maximum(before, peak)
+        worst = np.minimum(np.where(grows, own, before), limit)
+        there = worst > 0
+        omega, curve = np.ones(len(k)), np.zeros(len(k))
+        at = worst[there], peak[there], limit[there]
+        omega[there] = self._pair.secant(None, own[there], *at) if self._pair.secant is not None else 1.0
+        curve[there] = self._softening.slope(None, *at)
+        omega[worst >= limit] = curve[worst >= limit] = 0.0
+        if self._pair.elastic_in_compression:
+            omega[own < 0] = 1.0
+        sigma[k], kappa[k] = omega * own, worst
+        on = grows & (worst < limit)
+        slope[k] = np.where(on, curve, omega)
+        releases[k] = np.where(on, omega * worst - curve * worst, 0.0)
+        c = self.stiffness
+        spent = float(self.spent(kappa).sum())
+        return Response(y / now[:, None], now, kappa, c * sigma, c * slope, c * self.length * releases / 2, spent)
+
+    def spent(self, kappa: Array) -> Array:
+        """Energy (b,), J/m, that bonds have spent at this history."""
+        found, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
+        c, worst, peak, limit = self.stiffness[k] * self.length[k] / 2, kappa[k], self.peak[k], self.limit[k]
+        gone = worst >= limit
+        found[k] = np.where(gone, self._softening.total(None, c, peak, limit), 0.0)
+        left = ~gone
+        at = c[left], worst[left], peak[left], limit[left]
+        found[k[left]] = self._softening.spent(None, *at)
+        return found
+
+    def forces(self, found: Response) -> Array:
+        """Forces (n, d) of bonds on nodes, N/m."""
+        return self._summed(found.force[:, None] * found.along)
+
+    def gradient(self, found: Response) -> Array:
+        """Derivative (n, d) of the spent energy by the displacements, N/m."""
+        return -self._summed((found.releases / self.length)[:, None] * found.along)
+
+    def _summed(self, pull: Array) -> Array:
+        """Sums (n, d) at nodes of what acts on the source, and reversed on the target."""
+        out = np.empty((self._nodes, pull.shape[1]))
+        for a in range(pull.shape[1]):
+            there = np.bincount(self.target, pull[:, a], self._nodes)
+            out[:, a] = np.bincount(self.source, pull[:, a], self._nodes) - there
+        return out
+
+    def tangent(self, found: Response, secant: bool = False) -> csr_array:
+        """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2; `secant`: of straight bonds."""
+        from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
+
+        d, n, slope = self.xi.shape[1], found.along, found.slope
+        if secant:
+            s = found.length / self.length - 1
+            slope = np.where(s == 0, slope, found.force / np.where(s == 0, 1.0, s))
+        outer = n[:, :, None] * n[:, None, :]
+        block = (slope / self.length)[:, None, None] * outer
+        block += (found.force / found.length)[:, None, None] * (np.eye(d) - outer)
+        indptr, indices, place = self._structure(d)
+        values = np.concatenate([block, block, -block, -block]).ravel()
+        data = np.bincount(place, values, len(indices))
+        return csr_array((data, indices, indptr), (d * self._nodes, d * self._nodes))
+
+    def _structure(self, d: int) -> tuple[Index, Index, Index]:
+        """Row starts and columns of the tangent, and where each entry of each bond's four blocks belongs."""
+        if self._pattern is None:
+            i, j = self.source, self.target
+            rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
+            a, b = (index.ravel() for index in np.indices((d, d)))
+            key = (d * rows[:, None] + a) * (d * self._nodes) + d * columns[:, None] + b
+            unique, place = np.unique(key.ravel(), return_inverse=True)
+            row, column = np.divmod(unique, d * self._nodes)
+            indptr = np.searchsorted(row, np.arange(d * self._nodes + 1))
+            self._pattern = indptr.astype(np.int64), column, place.ravel()
+        return self._pattern

@@ -1,0 +1,82 @@
+"""Solutions of linear equations with the factors of an older matrix, as a preconditioner of GMRES.
+
+Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856-869. Factors are made anew where GMRES
+would take longer.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.steppers.equilibrium import UnsettledError
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+INNER = 16  # iterations of GMRES, about as long as factors take
+LEFT = 1e-6  # of the right side, which a solution may leave
+
+
+class Solver:
+    """Solves with symmetric matrices, which may be indefinite; counts its factors and its solutions."""
+
+    def __init__(self) -> None:
+        self._inverse: Callable[[Array], Array] | None = None
+        self.factors = self.solutions = 0
+
+    def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
+        """The solution for one right side (k,); `anew` does not use old factors. Raises UnsettledError."""
+        if anew or self._inverse is None:
+            self._factorize(matrix)
+            return self._direct(right)
+        found = self._by_old_factors(matrix, right)
+        if found is None:
+            self._factorize(matrix)
+            return self._direct(right)
+        return found
+
+    def solve_two(self, matrix: csr_array, first: Array, second: Array, anew: bool) -> tuple[Array, Array]:
+        """Solutions for two right sides (k,)."""
+        a = self.solve(matrix, first, anew)
+        return a, self.solve(matrix, second, False)
+
+    def _direct(self, right: Array) -> Array:
+        assert self._inverse is not None
+        self.solutions += 1
+        return self._inverse(right)
+
+    def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
+        from scipy.sparse.linalg import LinearOperator, gmres
+
+        assert self._inverse is not None
+        first = self._inverse(right)
+        size = float(np.sqrt(right @ right))
+        self.solutions += 1
+        if self._is_solved(matrix, first, right, size):
+            return first
+        light = LinearOperator(matrix.shape, self._inverse)
+        found, _ = gmres(matrix, right, x0=first, rtol=LEFT, restart=INNER, maxiter=1, M=light)
+        return np.asarray(found) if self._is_solved(matrix, found, right, size) else None
+
+    def _is_solved(self, matrix: csr_array, found: Array, right: Array, size: float) -> bool:
+        left = right - matrix @ found
+        return bool(np.sqrt(left @ left) <= 2 * LEFT * size)
+
+    def _factorize(self, matrix: csr_array) -> None:
+        from scipy.sparse.linalg import splu
+
+        self.factors += 1
+        quick = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                self._inverse = splu(matrix.tocsc(), **quick).solve
+            except RuntimeError:
+                raise UnsettledError("found a singular tangent") from None

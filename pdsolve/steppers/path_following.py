@@ -1,0 +1,180 @@
+"""Path following: a body of softening bonds at rest, along its equilibrium path, by the energy that its bonds spend.
+
+All loads and prescribed displacements grow with one factor, lambda. Up to the first bond that softens, lambda is scaled
+until that bond is at its peak. From there each step prescribes the energy that bonds spend, which never decreases, and
+finds lambda as another unknown, so that snap-backs and snap-throughs are followed (C. V. Verhoosel, J. J. C. Remmers,
+M. A. Gutierrez, Int. J. Numer. Meth. Engng 77 (2009) 1290-1321).
+
+    u  displacements of free components       D  energy spent, J/m           R  residual forces, N/m
+    K  consistent tangent, N/m^2              q  dD / du                     p  d(forces) / d(lambda) at fixed u
+    K a = R,  K b = p,  d lambda = (dD - (D - D_n) - q a) / (q b),  du = a + d lambda b
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.softening_bonds import Response, SofteningBonds
+from pdsolve.steppers.equilibrium import Tell, UnsettledError, norm
+from pdsolve.steppers.old_factors import Solver
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+MOST = 12  # iterations; a step that needs more is halved
+FEW = 5  # iterations: a step that needs no more grows by
+GROWTH = 1.4
+FIRST = 0.05  # of the largest step of dissipation: the first one
+LEAST = 1e-4  # of it: smaller ones are not tried
+NEAR = 0.01  # of a step of dissipation, by which it may be missed
+FAR = 0.5  # of the largest displacement: an iteration goes no further
+
+
+class Path(NamedTuple):
+    """A place on the path."""
+
+    value: Array  # (n, d) m
+    factor: float  # lambda
+    spent: float  # J/m
+
+
+class Proportional(NamedTuple):
+    """Loads and holds (n, d) that grow with one factor."""
+
+    held: NDArray[np.bool_]
+    start: Array  # N/m, and m where held, at lambda = 0
+    growth: Array  # of it, from lambda = 0 to 1
+
+    def at(self, factor: float) -> Array:
+        """Forces, N/m, and places, m."""
+        return self.start + factor * self.growth
+
+
+class Follower:
+    """Finds equilibria of softening bonds."""
+
+    def __init__(self, bonds: SofteningBonds, drive: Proportional, tolerance: float) -> None:
+        self.bonds, self.drive, self._tolerance = bonds, drive, tolerance
+        self._free = np.flatnonzero(~drive.held.ravel())
+        self.solver = Solver()
+        self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
+
+    def settle(self, start: Array, factor: float, tell: Tell) -> tuple[Path, int, float]:
+        """Equilibrium at this lambda by Newton's method with a line search, its iterations and residual.
+
+        Raises UnsettledError.
+        """
+        drive, free = self.drive, self._free
+        at = drive.at(factor)
+        value, found = start.copy(), self.bonds.respond(start)
+        way = np.where(drive.held, at - start, 0.0)
+        rest, matrix = self._rest(found, at), self.bonds.tangent(found)
+        step = self.solver.solve(matrix[free][:, free], rest - (matrix @ way.ravel())[free], True)
+        value[drive.held] = at[drive.held]
+        value.ravel()[free] += step
+        for iteration in range(1, 2 * MOST):
+            found = self.bonds.respond(value)
+            rest = self._rest(found, at)
+            left = self._left(found, at, rest)
+            tell(iteration, left)
+            if left < self._tolerance:
+                self.largest = max(self.largest, self._outside(found, at))
+                return Path(value, factor, found.spent), iteration, left
+            step = self.solver.solve(self.bonds.tangent(found)[free][:, free], rest, False)
+            size, before = 1.0, norm(rest)
+            while size > 1e-3:
+                tried = value.copy()
+                tried.ravel()[free] += size * step
+                if norm(self._rest(self.bonds.respond(tried), at)) < before:
+                    break
+                size /= 2
+            value = tried
+        raise UnsettledError(f"found no rest at {factor:.4g} of the loads after {2 * MOST} iterations")
+
+    def follow(self, last: Path, guess: Path | None, more: float, tell: Tell) -> tuple[Path, int, float]:
+        """The equilibrium where bonds have spent `more` than at the last one, its iterations and its residual.
+
+        `guess` is a place to begin with; None: along the last direction of the secants. Raises UnsettledError.
+        """
+        free = self._free
+        if guess is None:
+            guess = self._along(last, more)
+        value, factor = guess.value.copy(), guess.factor
+        reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
+        found, left = self.bonds.respond(value), np.inf
+        for iteration in range(MOST + 1):
+            at = self.drive.at(factor)
+            rest = self._rest(found, at)
+            left, missed = self._left(found, at, rest), more - (found.spent - last.spent)
+            tell(iteration, left)
+            if left < self._tolerance and abs(missed) < NEAR * more:
+                self.largest = max(self.largest, self._outside(found, at))
+                return Path(value, factor, found.spent), iteration, left
+            if not np.isfinite(left) or iteration == MOST:
+                break
+            matrix = self.bonds.tangent(found)
+            inner, pushed = matrix[free][:, free], self._pushed(matrix)
+            a, b = self.solver.solve_two(inner, rest, pushed, iteration == 0)
+            q = self.bonds.gradient(found)
+            free_q, held_q = q.ravel()[free], float((q * np.where(self.drive.held, self.drive.growth, 0.0)).sum())
+            along = float(free_q @ b) + held_q
+            if along == 0 or not np.isfinite(along):
+                break
+            turn = (missed - float(free_q @ a)) / along
+            move = np.where(self.drive.held, turn * self.drive.growth, 0.0)
+            move.ravel()[free] = a + turn * b
+            size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
+            value, factor = value + size * move, factor + size * turn
+            found = self.bonds.respond(value)
+        raise UnsettledError(
+            f"found no equilibrium where bonds have spent {more:.3g} J/m more after {MOST} iterations, a residual of"
+            f" {left:.2g}, expected {self._tolerance:g} of the external forces"
+        )
+
+    def direction(self, found: Response) -> Array:
+        """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
+        matrix = self.bonds.tangent(found, secant=True)
+        free = self._free
+        way = np.where(self.drive.held, self.drive.growth, 0.0)
+        way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._pushed(matrix), True)
+        return way
+
+    def _along(self, last: Path, more: float) -> Path:
+        """Where bonds have spent `more`, along the straight direction of growing loads."""
+        way = self.direction(self.bonds.respond(last.value))
+        spent, turn = self._spent_along(last, way), max(last.factor, 1e-6) * 1e-3
+        while spent(turn) < more and turn < 1e3:
+            turn *= 2
+        low, high = 0.0, turn
+        for _ in range(40):
+            middle = (low + high) / 2
+            low, high = (middle, high) if spent(middle) < more else (low, middle)
+        return Path(last.value + high * way, last.factor + high, last.spent + more)
+
+    def _spent_along(self, last: Path, way: Array) -> Callable[[float], float]:
+        def spent(turn: float) -> float:
+            return self.bonds.respond(last.value + turn * way).spent - last.spent
+
+        return spent
+
+    def _pushed(self, matrix: csr_array) -> Array:
+        """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""
+        way = np.where(self.drive.held, self.drive.growth, 0.0).ravel()
+        return np.asarray((self.drive.growth.ravel() - matrix @ way)[self._free])
+
+    def _rest(self, found: Response, at: Array) -> Array:
+        return np.asarray((self.bonds.forces(found) + at).ravel()[self._free])
+
+    def _outside(self, found: Response, at: Array) -> float:
+        held = self.drive.held
+        return max(norm(at[~held]), norm(self.bonds.forces(found)[held]))
+
+    def _left(self, found: Response, at: Array, rest: Array) -> float:
+        scale = max(self.largest, self._outside(found, at))
+        return norm(rest) / scale if scale > 0 else float(norm(rest) > 0)

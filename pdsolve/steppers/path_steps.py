@@ -1,0 +1,269 @@
+"""Steps along the equilibrium path of a body whose bonds soften; see `pdsolve.steppers.path_following`.
+
+The first step is elastic, up to the first bond at its peak. Each further step spends a prescribed energy, less where it
+takes many iterations. The work of loads and holds follows from the trapezoidal rule, independently of the balance, so
+that work = strain + spent checks the bookkeeping.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.checkpoint import entry
+from pdsolve.conditions import Drive, put_loads
+from pdsolve.errors import CheckpointError
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.protocol import Operator
+from pdsolve.operators.softening_bonds import SofteningBonds
+from pdsolve.state import Broken, State
+from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.load_steps import Going, held_at
+from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, Follower, Path, Proportional
+from pdsolve.steppers.rigid_body_modes import loose
+
+Array = NDArray[np.float64]
+
+CRACK_STEPS = 80  # of dissipation in which a crack would go through the body's smallest extent
+COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+SMALL = 1e-3  # of the loads: the first look at an elastic body
+PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
+ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
+END = 0.01  # of the largest load: the path ends there
+
+
+class Stepped(NamedTuple):
+    """One step along the path."""
+
+    step: int
+    iterations: int  # in all
+    residual: float  # what is left of the forces over the largest from outside so far
+    factor: float  # of loads and prescribed displacements
+    pull: float  # work-conjugate of the factor: N/m times m/s of what moves, or of loads
+    spent: float  # J/m, by bonds
+
+
+class PathSteps:
+    """Takes path steps with the bonds of an operator, whose history it keeps up to date."""
+
+    said = "path following with factors"
+
+    def __init__(self, model: Model, operator: Operator, drive: Drive, area: Array, bonds: SofteningBonds) -> None:
+        """Profiles of the drive go from 0 to 1 s. Raises ModelError for a body without supports."""
+        self._model, self._operator, self._drive, self._area, self._bonds = model, operator, drive, area, bonds
+        held = np.zeros(drive.force.shape, dtype=bool)
+        held[drive.holds.node, drive.holds.axis] = True
+        found = loose(model.grid.position, model.grid.ids, operator.bonds(start=True), held)
+        if found.said:
+            raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
+        self._held = held
+        start, end = self._outside_at(0.0), self._outside_at(1.0)
+        self._driven = held if (end - start)[held].any() else ~held
+        static = model.settings.run.static
+        self._follower = Follower(bonds, Proportional(held, start, end - start), max(static.tolerance, COARSEST))
+        extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
+        cost = max(material.G0 for material in model.materials)
+        d = model.grid.dimension
+        self._most = cost * extent ** (d - 1) / (static.load_steps or CRACK_STEPS)
+        self._more = FIRST * self._most
+        self._last, self._before = Path(np.zeros(held.shape), 0.0, 0.0), Path(np.zeros(held.shape), 0.0, 0.0)
+        self._pushed = np.zeros(held.shape), np.zeros(held.shape)  # loads and reactions there, N/m
+        self.rested: list[Stepped] = []
+        self.watch: Callable[[Going], None] | None = None
+        self.ended = False
+        drive.force[:] = 0
+
+    @property
+    def factor(self) -> float:
+        """The factor of loads and prescribed displacements now: the time of their profiles, s."""
+        return self.rested[-1].factor if self.rested else 0.0
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
+        for step in range(first, last):
+            if not self.ended:
+                self._take(state, step)
+
+    def keep(self) -> dict[str, Array]:
+        """The path so far, for a checkpoint."""
+        return {
+            "stepped": np.array(self.rested, dtype=float).reshape(-1, len(Stepped._fields)),
+            "path_value": self._last.value,
+            "path_before": self._before.value,
+            "path_pushed": np.array(self._pushed),
+            "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
+        }
+
+    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+        """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
+        rows = entry(kept, "stepped", (step, len(Stepped._fields)), float)
+        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
+            raise CheckpointError(f"found path steps that are not 1 to {step}, expected those until the checkpoint")
+        self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
+        self._pushed = tuple(entry(kept, "path_pushed", (2, *self._held.shape), float).copy())
+        value, before = (entry(kept, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
+        factor, spent, earlier, less, self._more, self._follower.largest = entry(
+            kept, "path_numbers", (6,), float
+        ).tolist()
+        self._last, self._before = Path(value.copy(), factor, spent), Path(before.copy(), earlier, less)
+        self._bonds.remember(self._operator.keep(), self._operator.broken())
+
+    def words(self) -> str:
+        """The load and the spent energy, for a progress display."""
+        if not self.rested:
+            return "elastic"
+        most = max(abs(one.pull) for one in self.rested)
+        return f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self._last.spent:.3g} J/m"
+
+    def _take(self, state: State, step: int) -> None:
+        try:
+            new, iterations, residual = self._elastic() if not self.rested else self._follow(step)
+        except UnsettledError as error:
+            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        after = self._outside(new)
+        work = _along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        self._pushed = self._pushed[1], after
+        self._bonds.kappa[:] = self._bonds.respond(new.value).kappa
+        self._before, self._last = self._last, new
+        state.value[:] = new.value
+        state.work[:] += work / self._area
+        self._note(state, step)
+        pull = float((after * self._follower.drive.growth)[self._driven].sum())
+        self.rested.append(Stepped(step, iterations, residual, new.factor, pull, new.spent))
+        self._look(step)
+
+    def _elastic(self) -> tuple[Path, int, float]:
+        """Up to the first bond at its peak, or to the end of the loads."""
+        bonds, k = self._bonds, self._bonds.breaks
+        zero = Path(np.zeros(self._held.shape), 0.0, 0.0)
+        start = self._settle(zero, 0.0)[0] if self._follower.drive.start.any() else zero
+        peak, first = bonds.peak[k], bonds.stretches(start.value)[k]
+        if (first >= peak).any():
+            raise UnsettledError("found bonds beyond their peak under what does not grow, expected loads with a ramp")
+        here, factor = start, SMALL
+        for _ in range(3):
+            near, count, residual = self._settle(here, factor)
+            rate = (bonds.stretches(near.value)[k] - first) / (factor - start.factor)
+            grows = rate > 0
+            reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
+            here, factor = near, min(float(start.factor + reach), 1.0)
+        found = self._settle(here, factor)
+        self.ended = factor == 1.0
+        return found[0], count + found[1], max(residual, found[2])
+
+    def _settle(self, near: Path, factor: float) -> tuple[Path, int, float]:
+        return self._follower.settle(near.value, factor, self._tell(0))
+
+    def _follow(self, step: int) -> tuple[Path, int, float]:
+        """A step of dissipation, as large as it converges."""
+        iterations, last = 0, self._last
+        while True:
+            guess, done = None, last.spent - self._before.spent
+            if self._more < 2 * GROWTH * done and self._more >= LEAST * self._most:
+                share = self._more / done
+                ahead = last.value + share * (last.value - self._before.value)
+                guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
+            try:
+                new, count, residual = self._follower.follow(last, guess, self._more, self._tell(step))
+                break
+            except UnsettledError:
+                if self._more < LEAST * self._most:
+                    raise
+                self._more /= 2
+        if count <= FEW:
+            self._more = min(self._more * GROWTH, self._most)
+        if new.factor > 1:
+            try:
+                new, more, residual = self._settle(last, 1.0)
+                count += more
+            except UnsettledError:  # the path turns round beyond
+                pass
+            self.ended = True
+        return new, iterations + count, residual
+
+    def _look(self, step: int) -> None:
+        """Report, once, loads past their largest; end the path where they are as good as gone."""
+        pulls = [abs(one.pull) for one in self.rested]
+        most, now = max(pulls), pulls[-1]
+        self.ended |= now < END * most
+        if self._driven[self._held].any() or now >= PASSED * most or min(pulls[pulls.index(most) : -1]) < PASSED * most:
+            return
+        largest = max(one.factor for one in self.rested)
+        warnings.warn(
+            f"{self._model.name}: path step {step}: found loads past their largest, {largest:.4g} of those prescribed,"
+            " where a body under dead loads does not stay at rest; the path goes on at smaller loads",
+            ModelWarning,
+            stacklevel=2,
+        )
+
+    def _outside_at(self, factor: float) -> Array:
+        put_loads(self._drive, factor)
+        return np.where(self._held, held_at(self._drive, factor), self._area[:, None] * self._drive.force)
+
+    def _outside(self, at: Path) -> Array:
+        """Loads and reactions (n, d), N/m."""
+        inner = self._bonds.forces(self._bonds.respond(at.value))
+        return np.where(self._held, -inner, self._follower.drive.at(at.factor))
+
+    def _note(self, state: State, step: int) -> None:
+        """Store reactions and the history of bonds, and book the energy of those that are gone."""
+        bonds, drive, factor = self._bonds, self._drive, self._last.factor
+        put_loads(drive, factor)
+        inner = bonds.forces(bonds.respond(state.value)) / self._area[:, None]
+        drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
+        drive.before[:] = drive.force
+        old = self._operator.broken()
+        gone = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
+        k = np.flatnonzero(gone)
+        source, target = (
+            np.concatenate([bonds.source[k], bonds.target[k]]),
+            np.concatenate([bonds.target[k], bonds.source[k]]),
+        )
+        known = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
+        half = np.tile(bonds.spent(bonds.kappa)[k], 2) / 2
+        new = ~known
+        state.dissipated[:] += np.bincount(source[new], half[new] / self._area[source[new]], len(self._area))
+        broken = Broken(
+            np.concatenate([old.step, np.full(int(new.sum()), step)]),
+            np.concatenate([old.source, source[new]]),
+            np.concatenate([old.target, target[new]]),
+        )
+        soft = np.flatnonzero((bonds.kappa > 0) & ~gone)
+        worst = {
+            "worst": np.tile(bonds.kappa[soft], 2),
+            "worst_source": np.concatenate([bonds.source[soft], bonds.target[soft]]),
+            "worst_target": np.concatenate([bonds.target[soft], bonds.source[soft]]),
+        }
+        self._operator.back(worst, broken)
+
+    def _tell(self, step: int) -> Callable[[int, float], None]:
+        def tell(iterations: int, residual: float) -> None:
+            if self.watch is not None:
+                self.watch(Going(step, iterations, residual, len(self._operator.broken().step)))
+
+        return tell
+
+
+def _along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) -> Array:
+    """Work (n, d), J/m, of forces (n, d) from the second place to the third, all quadratic in the spent energy.
+
+    By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
+    """
+    (first, last, new), (f0, f1, f2) = places, pushed
+    back, ahead = last.spent - first.spent, new.spent - last.spent
+    if not ALIKE * ahead > back > ahead / ALIKE:
+        return np.asarray((f1 + f2) / 2 * (new.value - last.value))
+    steep = ahead / back
+    bend = (new.value - last.value) - steep * (last.value - first.value)  # of a parabola through the three places
+    bow = (f2 - f1) - steep * (f1 - f0)
+    bend, bow = (
+        bend / (1 + 1 / steep),
+        bow / (1 + 1 / steep),
+    )  # so that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
+    way = new.value - last.value
+    middle = (f1 + f2) / 2 - bow / 4
+    return np.asarray((f1 * (way - bend) + 4 * middle * way + f2 * (way + bend)) / 6)
