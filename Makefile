@@ -9,7 +9,7 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
-# make materials  what materials go with and their settings, from what they say of themselves: sections of a page
+# make materials  what materials go with and their settings, what bodies do not have: sections of pages
 # make forks   where a crack of particles forks, over time steps and grids: a section of a page
 # make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
 # make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json and .png; check what plans promise
@@ -61,6 +61,7 @@ handbook: $(VENV)/install.done
 
 materials: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.combinations
+	$(BIN)/python -m benchmarks.plane_only
 
 forks: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.forks
