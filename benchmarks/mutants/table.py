@@ -153,6 +153,18 @@ MUTANTS = (
         f"{CONTRACTS}::test_numbering_does_not_matter",
     ),
     Mutant(
+        "pdsolve/operators/together.py",
+        "        expect_found(found, broken.source, broken.target)\n",
+        "",
+        "tests/contracts/test_operators.py::test_a_broken_bond_of_no_part_is_refused",
+    ),
+    Mutant(
+        "pdsolve/operators/together.py",
+        "order = np.lexsort((target, source))",
+        "order = np.lexsort((source,))",
+        "tests/contracts/test_operators.py::test_two_operators_of_a_parted_plate_are_the_one_of_the_whole",
+    ),
+    Mutant(
         "pdsolve/operators/bond_list.py",
         "            column[:] = 0\n",
         "",

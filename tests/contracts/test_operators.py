@@ -1,7 +1,8 @@
-"""Every operator keeps the whole protocol: bonds in a list and on lattices, cells that split, both two-lattice ones."""
+"""Every operator keeps the whole protocol: bonds in a list, on lattices, in two parts; split cells; two lattices."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from clouds import idle
 from collocated import cracked
+from media import disc
 from numpy.typing import NDArray
 from plates import GLASS, plate
 from scipy.sparse.linalg import eigs
@@ -21,12 +23,18 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.hybrid.arrays import BORDERS
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.errors import CheckpointError
+from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
+from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
+from pdsolve.operators.together import Together
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, Prepared, prepare
-from pdsolve.state import State
+from pdsolve.schemes import average_horizon
+from pdsolve.state import Broken, State
 from pdsolve.steppers.verlet import Verlet
 
 
@@ -73,6 +81,7 @@ CASES = {
     "listed": Case(notched, Run(), "listed"),
     "blocks": Case(notched, Run(), "blocks"),
     "blocks, float32": Case(notched, Run(), "blocks", "float32", 3e-5),
+    "together": Case(notched, Run(), "together"),
     "space, listed": Case(cubic, Run(), "listed"),
     "space, blocks": Case(cubic, Run(), "blocks"),
     "space, blocks, softening": Case(partial(cubic, law="bilinear", kr=3.0), Run(), "blocks"),
@@ -87,7 +96,27 @@ DOUBLE = [name for name, case in CASES.items() if case.precision == "float64"]
 def fresh(name: str) -> Prepared:
     """A case, at its start."""
     model, run, kernel, precision, _ = CASES[name]
+    if kernel == "together":
+        return in_parts(model(run))
     return prepare(model(run), Options(kernel=kernel, precision=precision, threads=1))
+
+
+def halves(model: Model) -> Together:
+    """A plate's bonds in two lists, by whether the rows of their nodes add up to an even number."""
+    whole, law = average_horizon.fill(model).whole().bonds, law_of(model)
+    source = np.repeat(np.arange(len(model.grid)), np.diff(whole.start))
+    even, parts = (source + whole.neighbour) % 2 == 0, []
+    for which in (even, ~even):
+        start = np.concatenate([[0], np.cumsum(np.bincount(source[which], minlength=len(model.grid)))])
+        parts.append(BondList(law, model, Bonds(start, *(column[which] for column in whole[1:])), True))
+    return Together(*parts)
+
+
+def in_parts(model: Model) -> Prepared:
+    """A model whose bonds are in two operators."""
+    (system, state), operator = prepare(model, Options(kernel="listed", threads=1)), halves(model)
+    stepper = Verlet(operator, system.drive, model.rho, system.time_step)
+    return Prepared(dataclasses.replace(system, operator=operator, stepper=stepper), operator.place(state))
 
 
 @cache
@@ -184,7 +213,7 @@ def test_the_tangent_is_the_derivative_of_forces(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["listed", "blocks", "space, listed", "space, blocks", "split", "hybrid"]
+    "name", ["listed", "blocks", "together", "space, listed", "space, blocks", "split", "hybrid"]
 )  # stencils have no energy
 def test_forces_are_the_slope_of_the_energy(name: str) -> None:
     """Measured 5e-7 and less, in space 4e-6, by differences of energies, which lose digits."""
@@ -327,3 +356,32 @@ def test_softened_tiles_are_kept_to_the_same_bits() -> None:
 def test_a_body_with_few_nodes_in_a_row_is_listed(sides: tuple[int, int, int], kernel: str) -> None:
     """In a row of up to 6 nodes, two ways to a neighbour within 3.5 spacings pass as many sites."""
     assert prepare(cubic(Run(), sides), Options(threads=1)).system.operator.name == kernel
+
+
+def test_two_operators_of_a_parted_plate_are_the_one_of_the_whole() -> None:
+    """Forces, energies, tangent, bonds, which break, what that spends; measured 5e-16 and less."""
+    whole, both = fresh("listed").system, fresh("together").system
+    for strain in (1e-5, 1e-3):  # of which the last one breaks bonds
+        states = [at(each, strain) for each in (whole, both)]
+        found = [forces(each.operator, state) for each, state in zip((whole, both), states, strict=True)]
+        held = [each.operator.energies(at(each, strain))[0] for each in (whole, both)]
+        gone = [sorted(zip(*each.operator.broken(), strict=True)) for each in (whole, both)]
+        assert (len(gone[0]) > 0) == (strain > 1e-4)
+        assert gone[1] == gone[0]
+        for one, other in (found, held, [state.dissipated for state in states]):
+            assert other == nearly(1e-13, one)
+        tangents = [each.operator.tangent(state) for each, state in zip((whole, both), states, strict=True)]
+        assert abs(tangents[1] - tangents[0]).max() <= 1e-13 * abs(tangents[0]).max()
+        for one, other in zip(both.operator.bonds(3, 40), whole.operator.bonds(3, 40), strict=True):
+            assert np.array_equal(one, other)
+
+
+def test_contents_and_displacements_do_not_add_up() -> None:
+    with pytest.raises(ValueError, match=r"^listed: found unknowns .*'u'.*expected .*'h'"):
+        Together(prepare(disc(0.5, 100), Options(threads=1)).system.operator, prepared("listed").system.operator)
+
+
+def test_a_broken_bond_of_no_part_is_refused() -> None:
+    operator = fresh("together").system.operator
+    with pytest.raises(CheckpointError, match=r"row 0 to row 900"):
+        operator.back(operator.keep(), Broken(*np.array([[1], [0], [900]])))

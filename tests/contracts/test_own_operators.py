@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,8 @@ from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 
 from pdmesh.model.document import InitialVelocity
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.together import Together
 from pdsolve.run.measures import books, damage, pieces
 from pdsolve.run.system import Options, Prepared, prepare
 from pdsolve.state import Broken, State, Unknown
@@ -50,7 +50,12 @@ class Grounded:
     def tangent(self, state: State) -> csr_array:
         return diags_array(np.repeat(self._stiffness[:, 0], state.value.shape[1])).tocsr()
 
-    def bonds(self, first: int = 0, last: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        return {}
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return NOTHING, NOTHING
 
     def broken(self, after: int = 0) -> Broken:
@@ -64,35 +69,6 @@ class Grounded:
 
     def bytes(self) -> int:
         return self._stiffness.nbytes
-
-
-class Both:
-    """Bonds and springs to the ground; what is broken, kept and bonded is for the bonds to say."""
-
-    name = "both"
-
-    def __init__(self, bonds: Operator, ground: Grounded) -> None:
-        self._bonds, self._ground = bonds, ground
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._bonds, name)
-
-    def add(self, state: State, out: NDArray[np.float64], step: int, dt: float) -> None:
-        for part in (self._bonds, self._ground):
-            part.add(state, out, step, dt)
-
-    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        one, other = self._bonds.energies(state), self._ground.energies(state)
-        return one[0] + other[0], one[1] + other[1]
-
-    def stiffness_bound(self) -> NDArray[np.float64]:
-        return self._bonds.stiffness_bound() + self._ground.stiffness_bound()
-
-    def tangent(self, state: State) -> csr_array:
-        return self._bonds.tangent(state) + self._ground.tangent(state)
-
-    def bytes(self) -> int:
-        return self._bonds.bytes() + self._ground.bytes()
 
 
 def seen(march: Callable[[int, int], None], value: Callable[[], float], steps: int) -> float:
@@ -126,7 +102,7 @@ def on_the_ground(kernel: str, share: float) -> Prepared:
     start = InitialVelocity(box=(-1.0, -1.0, 1.0, 1.0), x=1.0)
     system, state = prepare(plate(square_grid(12, 9), conditions=(start,)), Options(kernel=kernel, threads=1))
     ground = Grounded(share * system.operator.stiffness_bound(), 2)
-    both = Both(system.operator, ground)
+    both = Together(system.operator, ground)
     dt = 0.5 * float(np.sqrt(2 * GLASS.rho / both.stiffness_bound().max()))
     stepper = Verlet(both, system.drive, system.model.rho, dt)
     return Prepared(dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.place(state))
@@ -137,7 +113,7 @@ def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
     """Bonds are not stretched where all of it moves alike: the frequency is the ground's, to round-off."""
     system, state = prepare(plate(square_grid(12, 9)), Options(kernel=kernel, threads=1))
     pull = 1e-3 * float(system.operator.stiffness_bound().max())
-    both = Both(system.operator, Grounded(np.full(len(system.area), pull), 2))
+    both = Together(system.operator, Grounded(np.full(len(system.area), pull), 2))
     dt = 0.5 * system.bound
     verlet = Verlet(both, system.drive, system.model.rho, dt)
     state.value[:] = 1e-6

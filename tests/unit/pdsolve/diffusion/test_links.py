@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -12,8 +13,12 @@ from media import lattice, model, row
 from benchmarks.screw import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.links import lattice_diffusivity
+from pdmesh.model.neighbours import Pairs, chosen
+from pdsolve.diffusion.links import Linking, Part, lattice_diffusivity, links_of
+from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
+from pdsolve.operators.together import Together
 
 
 @pytest.mark.parametrize(
@@ -122,6 +127,29 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     assert slope / lines[1][0] == pytest.approx(4.0, rel=1e-6)
     assert slope == pytest.approx(-1 / (0.5 + 0.5 / 4), rel=0.02)
     assert abs(np.polyval(lines[0] - lines[1], 0.5)) < 0.15 * abs(slope) * spacing
+
+
+def test_links_in_two_operators_are_those_of_one() -> None:
+    """Rates, tangent and bound of a cloud whose links are parted by the sum of their rows; measured 2e-16 of them."""
+    position = lattice(1.0, 7.0, 2)
+    base = model(position, 1.0, Medium(D=2.0, surface_correction=False))
+    system, state = prepare(base, 1, listed=True)
+    i, j = system.operator.bonds()
+    pairs = Pairs(i, j, np.linalg.norm(position[j] - position[i], axis=1))
+    linking, parts = Linking(base), []
+    for odd in (0, 1):
+        own = chosen(pairs, (i + j) % 2 == odd)
+        links, _ = links_of(iter([Part(own, linking.conductance(own), i[:0])]), len(position))
+        exchange = BondList(links, system.operator.volume, 1)
+        parts.append(Fick(exchange, partial(Linking, base), system.operator.medium))
+    both = Together(*parts)
+    state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
+    out, other = np.zeros((2, len(position), 1))
+    both.add(state, out, 1, 0.1)
+    system.operator.add(state, other, 1, 0.1)
+    assert out == pytest.approx(other, abs=1e-14 * np.abs(other).max())
+    assert both.stiffness_bound() == pytest.approx(system.operator.stiffness_bound(), rel=1e-14)
+    assert abs(both.tangent(state) - system.operator.tangent(state)).max() < 1e-14 * system.operator.total.max()
 
 
 @pytest.mark.parametrize(("dimension", "reach", "thin"), [(2, 9.0, 9.0), (3, 5.0, 5.0), (3, 6.0, 2.0)])
