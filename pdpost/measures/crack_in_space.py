@@ -130,7 +130,8 @@ def _front(found: SummaryInSpace) -> str:
     long = [length(line) * 1e3 for line in found.fronts]
     if not long:
         return "front at the end: none, the cracks end at the surface of the body"
-    return f"front at the end: {sum(long):.4g} mm in {len(long)} lines, the longest {long[0]:.4g} mm"
+    parts = "" if len(long) == 1 else f" in {len(long)} lines, the longest {long[0]:.4g} mm"
+    return f"front at the end: {sum(long):.4g} mm{parts}"
 
 
 def sentences(found: SummaryInSpace) -> list[str]:
@@ -151,7 +152,7 @@ def sentences(found: SummaryInSpace) -> list[str]:
             f" speed), {low:.4g} to {high:.4g} m/s over four fifths of the area"
         )
     if found.junctions:
-        lines.append(f"{found.junctions} edges join more than two faces: the crack branched, or cracks met")
+        lines.append(f"edges between more than two faces: {found.junctions}; the crack branched there, or cracks met")
     pieces = found.fragments.pieces
     if len(pieces) > 1:
         some = ", ".join(f"{piece.mass * 1e3:.4g}" for piece in pieces[:LISTED])
