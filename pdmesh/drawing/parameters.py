@@ -30,9 +30,9 @@ LOAD = tuple(f"{kind} {axis}" for kind in ("Traction", "Body force") for axis in
 FIX = ("Components", *(f"Displacement {axis}" for axis in "xyz"))
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
 WORDS = {"law": "Force law", "micromodulus": "Micromodulus", "plane": "Plane"} | {
-    word: word.capitalize() for word in ("model", "influence", "sight", "failure", "solid", "form", "control")
+    word: word.capitalize() for word in ("model", "influence", "sight", "failure", "solid", "form", "control", "shape")
 }  # of a material: in the model, and in drawings
-NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr")} | {
+NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr", "f_t")} | {
     "gamma": "Gamma",
     "strength": "Strength",
     "control_factor": "Control factor",

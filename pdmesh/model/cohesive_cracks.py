@@ -4,7 +4,7 @@ A crack transmits a stress that falls with its opening, A. Hillerborg, M. Modeer
 (1976) 773-781. Here each bond softens by its own opening, from the stretch s0 to the opening w_c at which it is gone,
 which is the same for bonds of all lengths:
 
-    f_t     tensile strength, Pa                      s0      f_t / (K E), stretch at which a bond begins to soften
+    f_t     tensile strength, Pa                      s0      f_t / (k E), stretch at which a bond begins to soften
     G0      fracture energy, J/m^2                    w_c     opening at which a bond is gone, m
     l_ch    E G0 / f_t^2, characteristic length, m    A       area below a softening curve from (0, 1) to (1, 0)
 
@@ -12,8 +12,10 @@ A crack spends G0 = s0^2 cross(1) / 2 + A s0 w_c cross(0), where cross(p) is the
 line of a lattice, of c |xi|^p times both cells, for each area of the crack. The first term is what bonds hold when they
 begin to soften. It grows with the horizon, so that w_c is positive up to a largest horizon only.
 
-K: bonds along the pull soften first while others still load, so that a bar of bonds with s0 = f_t / E would peak at
-more than f_t. Measured 1.25 to 1.34 f_t in plane stress, for horizons of 3 and 4 spacings and all curves.
+k: bonds along the pull soften first while others still load, so that a bar of bonds with s0 = f_t / E peaks at k f_t.
+Bars of 10 and 20 rows with a constant micromodulus and the three curves have k from 1.23 to 1.37 in plane stress, and
+with the linear curve 1.38 to 1.46 in plane strain, for horizons of 3 and 4 spacings. In space it is 1.45 to 1.58 with
+a horizon of 3 spacings, 1.63 to 1.81 with 2. `K` has the middle of each.
 """
 
 from __future__ import annotations
@@ -27,10 +29,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets
-from pdmesh.model.material_constants import dimension_of, micromodulus
+from pdmesh.model.material_constants import critical_stretch, dimension_of, micromodulus
 from pdmesh.model.neighbours import lengths
 
-K = 1.3
+K = {"stress": 1.3, "strain": 1.4, "space": 1.55}  # k, by plane
 DECAYS = 8.0  # of the exponential curve until it is cut off, where it is lowered to end at 0
 AREA = {  # A, by `Material.shape`
     "linear": 1 / 2,
@@ -68,7 +70,7 @@ def _crossing(profile: str, plane: str, ratio: float) -> Crossing:
 def first_stretch(material: Material) -> float:
     """s0, the stretch at which bonds begin to soften."""
     assert material.f_t is not None
-    return material.f_t / (K * material.E)
+    return material.f_t / (K[material.plane] * material.E)
 
 
 def critical_opening(material: Material, ratio: float, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -76,6 +78,14 @@ def critical_opening(material: Material, ratio: float, horizon: NDArray[np.float
     sums, s0 = crossing(material, ratio), first_stretch(material)
     held = s0**2 * sums.first * material.E * horizon / 2
     return np.asarray((material.G0 - held) / (AREA[material.shape] * s0 * sums.zeroth * material.E))
+
+
+def strength_of_peak(material: Material, ratio: float, horizon: float) -> float:
+    """f_t, Pa, of cohesive bonds that begin to soften where a material's bilinear ones do; `horizon` in m."""
+    brittle = calibration(ratio, material, has_partial_cells(material)).stretch
+    critical = brittle * float(critical_stretch(material, np.array([horizon]))[0])
+    peak = critical / (np.sqrt(material.kr) if material.keep_G0 else material.kr)
+    return K[material.plane] * material.E * float(peak)
 
 
 def characteristic_length(material: Material) -> float:
@@ -86,4 +96,4 @@ def characteristic_length(material: Material) -> float:
 
 def largest_horizon(material: Material, ratio: float) -> float:
     """The horizon, m, at which bonds hold the whole fracture energy when they begin to soften."""
-    return 2 * K**2 / crossing(material, ratio).first * characteristic_length(material)
+    return 2 * K[material.plane] ** 2 / crossing(material, ratio).first * characteristic_length(material)

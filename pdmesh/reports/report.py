@@ -20,6 +20,7 @@ from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.model.visibility import plate_of
 from pdmesh.reports.bonds_and_step import count
+from pdmesh.reports.softening import softening
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 
@@ -68,6 +69,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "area_rule": document.area_rule,
         "physics": document.physics,
         "material": _fields(document.material),
+        "softening": softening(document.material, ratio, float(grid.delta.min()), grid.dimension),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
         "medium": _fields(document.medium),
         "media": [{"name": region.name, "D": region.D} for region in document.media],
@@ -115,6 +117,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"physics: {result['physics']}")
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
+    if result["softening"]:
+        lines.append("softening: " + _words(result["softening"]))
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from plates import GEOMETRIES, GLASS
@@ -87,6 +88,27 @@ def test_info_of_a_shipped_scene() -> None:
     assert lines[-1].startswith("load 'bottom': 204 nodes")
 
 
+def softening_of(**given: Any) -> dict[str, float]:
+    """What `info` says of a plate of spacing 1 mm and 3 mm horizons, of E = 65 GPa and G0 = 204 J/m^2."""
+    model = document(Scene(box(0, 0, 0.01, 0.01), 1e-3, msgspec.structs.replace(GLASS, **given)))
+    found: dict[str, float] = info(model, "plate.json")["softening"]
+    return found
+
+
+def test_info_of_how_bonds_soften() -> None:
+    """By hand; with the integrals of a continuum, which its conical lattice of m = 3 meets to 2 %."""
+    found = softening_of(law="cohesive", f_t=30e6)
+    s0, held = 30e6 / (1.3 * 65e9), (30e6 / 1.3) ** 2 / 65e9 * 9 * 3e-3 / (5 * np.pi)
+    assert found["l_ch"] == pytest.approx(65e9 * 204 / 30e6**2, rel=1e-12)
+    assert found["first_stretch"] == pytest.approx(s0, rel=1e-12)
+    assert found["w_c"] == pytest.approx((204 - held) * np.pi / (6 * 65e9 * s0 * 0.5), rel=0.03)  # measured 2 %
+    assert found["largest_horizon"] == pytest.approx(5 * np.pi / 9 * 1.3**2 * found["l_ch"], rel=0.01)
+    s_c = np.sqrt(5 * np.pi / 9 * 204 / (65e9 * 3e-3))
+    assert softening_of(law="bilinear", kr=4.0)["f_t"] == pytest.approx(1.3 * 65e9 * s_c / 2, rel=0.02)
+    assert softening_of(law="bilinear", kr=4.0, keep_G0=False)["f_t"] == pytest.approx(1.3 * 65e9 * s_c / 4, rel=0.02)
+    assert softening_of() == {}
+
+
 def test_info_of_a_condition_without_values() -> None:
     pellet = Scene(Circle(0, 0, 0.006), 5e-4, medium=Medium(D=1e-9, C_solid=5e4, C_sat=5e3)).solid(Circle(0, 0, 0.002))
     assert info_lines(info(document(pellet), "pellet.json"))[-1].endswith(" nodes")
@@ -114,8 +136,6 @@ def test_info_of_a_bare_grid(plate: Scene) -> None:
     ],
 )
 def test_conditions_of_other_nodes(change: dict[str, Any], message: str, plate: Scene) -> None:
-    import msgspec
-
     with pytest.raises(GridError, match=f"^model.json: .*{message}"):
         info(msgspec.structs.replace(document(plate), **change), "model.json")
 
