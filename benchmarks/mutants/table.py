@@ -220,7 +220,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/run/recorder.py",
-        "    put_loads(system.drive, step * system.time_step)\n",
+        "    put_loads(system.drive, system.load_time(step))\n",
         "",
         f"{UNIT}/test_interrupted_runs.py::test_interrupted_anywhere",
     ),

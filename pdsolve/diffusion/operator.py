@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.medium import Medium
 from pdsolve.checkpoint import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
+from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.surfaces import Links
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import Kept
@@ -23,21 +24,10 @@ if TYPE_CHECKING:
 class Exchange(Protocol):
     """Links of n nodes; their fluxes are linear in the potentials."""
 
-    @property
-    def name(self) -> str:
-        """Name of the storage of links, the kernel, for the record."""
-
-    @property
-    def volume(self) -> NDArray[np.float64]:
-        """The volume of each node (n,), m^d."""
-
-    @property
-    def total(self) -> NDArray[np.float64]:
-        """Total outflow coefficient (n,) of each node, 1/s."""
-
-    @property
-    def count(self) -> NDArray[np.int64]:
-        """The number of links of each node, (n,)."""
+    name: str  # of the storage of links, the kernel, for the record
+    volume: NDArray[np.float64]  # (n,) m^d
+    total: NDArray[np.float64]  # (n,) 1/s, all outflow coefficients of a node
+    count: NDArray[np.int64]  # (n,) links
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
@@ -47,20 +37,6 @@ class Exchange(Protocol):
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
-
-
-class Dissolving(Exchange, Protocol):
-    """Links that depend on whether each of their ends is solid."""
-
-    def dissolve(
-        self,
-        concentration: NDArray[np.float64],
-        solid: NDArray[np.uint8],
-        C_sat: float,
-        k_diss: float,
-        out: NDArray[np.float64],
-    ) -> None:
-        """Add the rates (n,) of a kinetic dissolution to `out`."""
 
 
 class Fick:
@@ -104,8 +80,8 @@ class Fick:
         if self.kinetic:
             self.solid = self._solid(content)
             C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
-            parts: tuple[Dissolving, ...] = self._parts  # type: ignore[assignment]  # `system` lists a kinetic solid
-            for part in parts:
+            for part in self._parts:
+                assert isinstance(part, BondList)  # as `system` has it
                 part.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
         else:
             for one in self._parts:

@@ -40,21 +40,10 @@ NEAREST = 0.25  # of a spacing: the least distance from a node to the wall
 class Links(Protocol):
     """The links of n nodes to correct."""
 
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """Positions (n, d), m, along the axes that the nodes extend along."""
-
-    @property
-    def delta(self) -> NDArray[np.float64]:
-        """The spacing of each node (n,), m."""
-
-    @property
-    def reach(self) -> NDArray[np.float64]:
-        """Largest distance (n,) of a neighbour, m."""
-
-    @property
-    def diffusivity(self) -> NDArray[np.float64]:
-        """The diffusivity of each node (n,), m^2/s."""
+    position: NDArray[np.float64]  # (n, d) m, along the axes that the nodes extend along
+    delta: NDArray[np.float64]  # (n,) m, spacing
+    reach: NDArray[np.float64]  # (n,) m, largest distance of a neighbour
+    diffusivity: NDArray[np.float64]  # (n,) m^2/s
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Links (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,19 +26,10 @@ from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 from pdsolve.state import State
 from pdsolve.steppers.euler import Euler, bound
-from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.theta import Theta
 
 SLACK = 1e-9  # of a step: what is typed
 FACTORED = 1_000_000  # links: implicit equations of more are not factored
-
-
-class NamedStepper(Stepper, Protocol):
-    """A time integration of nodal contents."""
-
-    @property
-    def name(self) -> str:
-        """The name of the method, for the record."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +40,7 @@ class Transport:
     operator: Fick
     drive: Drive  # sources and prescribed contents
     free: NDArray[np.bool_]  # (n,) nodes whose content is not prescribed
-    stepper: NamedStepper
+    stepper: Euler | Theta
     time_step: float  # s
     bound: float  # s, surely stable
     blocked: NDArray[np.int64]  # (n,) links that cracks block
@@ -76,7 +67,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
     step = _step(model, most)
-    stepper: NamedStepper = Euler(operator, drive, step)
+    stepper: Euler | Theta = Euler(operator, drive, step)
     if run.solver == "implicit":
         stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
     steps = stepper, step, most
