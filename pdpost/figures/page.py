@@ -1,6 +1,6 @@
 """A report of a run as one self-contained HTML page: results first, then the model and how it was solved.
 
-For bodies in space, fields are shown on planes through the middle; cracks and the scene are left out.
+For bodies in space, fields are shown on planes through the middle; the scene is left out.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pdmesh.model.suggestions import called
-from pdpost.figures import charts, crack_figure, field_figure
+from pdpost.figures import charts, crack_figure, crack_surface_figure, field_figure
 from pdpost.figures.animation import gif
 from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
-from pdpost.measures import crack_summary
+from pdpost.measures import crack_in_space, crack_summary
 from pdpost.measures.balance import balance, per_thickness, remarks
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
@@ -67,7 +67,7 @@ def report(results: Results, name: str) -> str:
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
     drawn = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
-        *([("Crack", _crack(results))] if moves and flat else []),
+        *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
         (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
@@ -172,6 +172,13 @@ def _crack(results: Results) -> list[str]:
     found = crack_summary.crack(results)
     told = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
     return [f"<ul>{told}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
+
+
+def _crack_in_space(results: Results) -> list[str]:
+    found = crack_in_space.crack_in_space(results)
+    told = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
+    drawn = crack_surface_figure.crack_surface(results, found)
+    return [f"<ul>{told}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
 
 
 def _fields(results: Results, step: int) -> list[str]:

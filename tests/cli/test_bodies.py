@@ -233,13 +233,14 @@ def test_curves_of_a_body_know_z(solved: Path, capsys: pytest.CaptureFixture[str
     assert float(last.split(",")[6]) == pytest.approx(10 * 0.16)
 
 
-def test_a_report_of_a_body_leaves_its_cracks_out(solved: Path) -> None:
+def test_a_report_of_a_body(solved: Path) -> None:
     path = solved / "body.html"
     assert pdpost(["report", str(solved / "body.sqlite"), "-o", str(path), "-q"]) == 0
     page = path.read_text()
     titles = [part.split("<")[0] for part in page.split("<h2>")[1:]]
-    assert (titles[0], titles[2]) == ("Animation", "Balance")
-    assert page.count("<img") == 8  # a film, five fields, energies and forces
+    assert titles[:2] == ["Crack", "Animation"]
+    assert page.count("<img") == 9  # the crack, a film, five fields, energies and forces
+    assert "nothing opened" in page
     assert "1.6e+08 mm³" in page
 
 
