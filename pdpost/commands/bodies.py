@@ -6,15 +6,13 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, positive, write_csv
+from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, plane, positive, write_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pdpost.commands.shared import Commands
     from pdsolve.results import Results
-
-Plane = tuple[str, float]
 
 
 def add(commands: Commands) -> None:
@@ -28,7 +26,7 @@ def add(commands: Commands) -> None:
         assignment="override a matplotlib setting, such as savefig.dpi=300",
     )
     _add_shared(command)
-    command.add_argument("--plane", type=_plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
+    command.add_argument("--plane", type=plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
     add_csv(command)
     command.set_defaults(run=_slice)
     about = "draw a body as it looks, without a window (needs the extra render: pip install 'pdsuite[render]')"
@@ -43,7 +41,7 @@ def add(commands: Commands) -> None:
     command.add_argument(
         "--level", type=float, metavar="N", help="draw the surface where the field has this value, SI units"
     )
-    command.add_argument("--plane", type=_plane, metavar="AXIS=M", help="cut away what is in front of a plane")
+    command.add_argument("--plane", type=plane, metavar="AXIS=M", help="cut away what is in front of a plane")
     command.add_argument("--crack", action="store_true", help="the surface of the cracks, in the body as through glass")
     command.add_argument(
         "--explode", type=positive, metavar="N", help="fragments, moved from the middle by N of their distance from it"
@@ -56,17 +54,6 @@ def _add_shared(command: argparse.ArgumentParser) -> None:
     command.add_argument("--largest", type=positive, metavar="N", help="where the colours end, in SI units")
     command.add_argument("--field", metavar="NAME", help="which field (default: content, or damage of mechanics)")
     command.add_argument("--component", metavar="NAME", help="of a vector: magnitude (default), x, y, z")
-
-
-def _plane(text: str) -> Plane:
-    axis, _, number = text.partition("=")
-    try:
-        at = float(number)
-    except ValueError:
-        at = float("inf")
-    if axis not in ("x", "y", "z") or not abs(at) < float("inf"):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a plane such as z=1e-3, in metres")
-    return axis, at
 
 
 def _slice(args: argparse.Namespace) -> int:

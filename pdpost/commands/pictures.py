@@ -21,6 +21,7 @@ from pdpost.commands.shared import (
     chosen_frames,
     chosen_scale,
     numbers,
+    plane,
     write_csv,
 )
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from pdpost.commands.shared import Commands
     from pdpost.exports.csv_columns import Columns
+    from pdpost.figures.field_figure import Shown
     from pdsolve.results import Results
 
 
@@ -70,6 +72,12 @@ def add(commands: Commands) -> None:
         if name in PARTS:
             picture.add_argument("--component", metavar="NAME", help=f"which one: {PARTS[name]}")
         add_colours(picture)
+        picture.add_argument(
+            "--clip",
+            type=plane,
+            metavar="AXIS=M",
+            help="of a body: cut away what is in front of a plane, and show the cracks (needs the extra render)",
+        )
         picture.set_defaults(run=_field, component=None)
     nodes = _add_picture(commands, "nodes", "draw the deformed grid, a colour for each spacing", default="auto")
     nodes.set_defaults(run=_nodes)
@@ -109,7 +117,10 @@ def _field(args: argparse.Namespace) -> int:
         part = fields.component(name, args.component, results.dimension)
         shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
-        figure = field_figure.field(results, name, step, shown=shown, **how)
+        if args.clip is None:
+            figure = field_figure.field(results, name, step, shown=shown, **how)
+        else:
+            figure = _clipped(results, name, part, step, shown, args)
         unit = fields.FIELDS[name].unit
         told = {"component": part or None, **numbers(shown), "unit": unit}
         largest = told["largest"]
@@ -119,6 +130,23 @@ def _field(args: argparse.Namespace) -> int:
         return Drawn(figure, told, words, lambda: csv_columns.of_field(results, name, step))
 
     return _drawn(args, show)
+
+
+def _clipped(results: Results, name: str, part: str, step: int, shown: Shown, args: argparse.Namespace) -> Figure:
+    """A body cut open, with the surface of its cracks."""
+    import numpy as np
+
+    from pdpost.figures import colours, crack_render
+    from pdpost.measures.crack_faces import opened, surface
+    from pdpost.measures.slices import expect_body
+    from pdpost.reading.stored_fields import diffuses
+
+    expect_body(results)
+    values = np.where(shown.torn, np.nan, shown.values)
+    cracks = None if diffuses(results) else surface(results, step, opened(results, step))
+    title = colours.title(results, name, part, step, 0.0)
+    how = colours.colours(name, part, values, args.largest)
+    return crack_render.cut_open(results.nodes(step), values, how, cracks, title, args.clip)
 
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:

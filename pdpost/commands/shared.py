@@ -198,6 +198,18 @@ def _expect_plate(results: Results, option: str) -> None:
         raise ResultsError(f"{option}: found it of a body in space, expected none (pdpost export is for ParaView)")
 
 
+def plane(text: str) -> tuple[str, float]:
+    """A plane across an axis, such as z=1e-3. Raises ArgumentTypeError."""
+    axis, _, number = text.partition("=")
+    try:
+        at = float(number)
+    except ValueError:
+        at = float("inf")
+    if axis not in ("x", "y", "z") or not abs(at) < float("inf"):
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a plane such as z=1e-3, in metres")
+    return axis, at
+
+
 def add_colours(command: argparse.ArgumentParser) -> None:
     """Add --largest: the value, in SI units, at which the colours end."""
     command.add_argument(

@@ -10,8 +10,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdpost.figures.colours import Colours, mappable
 from pdpost.figures.labels import scaled
-from pdpost.figures.render import STONE, framed, image, needed_pyvista, plotter_of, taken
+from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures.crack_faces import Opened, Surface
 from pdpost.measures.fragments_in_space import SMALLEST, connected_pieces
@@ -29,6 +30,32 @@ def cracks_in_body(nodes: Nodes, surface: Surface, title: str) -> Figure:
     plotter = plotter_of(pyvista)
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
+    painted, label = _add_surface(pyvista, plotter, surface)
+    return framed(taken(plotter, nodes.position.mean(axis=0)), title, painted, label, "max")
+
+
+def cut_open(
+    nodes: Nodes,
+    values: NDArray[np.float64],
+    shown: Colours,
+    surface: Surface | None,
+    title: str,
+    plane: tuple[str, float],
+) -> Figure:
+    """The body behind `plane` (axis, m) in the colours of `values` (n,), and the whole surface of its cracks.
+
+    Raises FigureError without PyVista.
+    """
+    pyvista = needed_pyvista()
+    plotter = plotter_of(pyvista)
+    add_body(pyvista, plotter, nodes, values, shown, None, plane)
+    if surface is not None:
+        _add_surface(pyvista, plotter, surface)
+    return framed(taken(plotter, nodes.position.mean(axis=0)), title, mappable(shown), shown.label, shown.beyond)
+
+
+def _add_surface(pyvista: Any, plotter: Any, surface: Surface) -> tuple[ScalarMappable | None, str]:
+    """Add the surface of cracks to a plotter; returns its colours, None if nothing opened, and what they mean."""
     second, seconds = scaled([surface.time[surface.grown]], "s")
     ends = span(surface)
     for grown in (False, True):
@@ -43,9 +70,8 @@ def cracks_in_body(nodes: Nodes, surface: Surface, title: str) -> Figure:
             plotter.add_mesh(mesh, scalars="opened", cmap="viridis", clim=clim, show_scalar_bar=False, **LIGHTING)
         else:
             plotter.add_mesh(mesh, color=OLD, **LIGHTING)
-    seen = taken(plotter, nodes.position.mean(axis=0))
-    painted = ScalarMappable(Normalize(ends[0] * second, ends[1] * second), "viridis") if surface.grown.any() else None
-    return framed(seen, title, painted, f"opened at, {seconds}", "max")
+    colours = ScalarMappable(Normalize(ends[0] * second, ends[1] * second), "viridis")
+    return colours if surface.grown.any() else None, f"opened at, {seconds}"
 
 
 def fragments_apart(nodes: Nodes, found: Opened, by: float, title: str) -> Figure:

@@ -36,7 +36,10 @@ def render(
     With a `level`, the isosurface of that value; otherwise the body in colours. The part in front of `plane` (axis, m)
     is cut away. Raises FigureError without PyVista, or if nothing is left to show.
     """
-    seen = _seen(nodes, values, shown, level, plane)
+    pyvista = needed_pyvista()
+    plotter = plotter_of(pyvista)
+    add_body(pyvista, plotter, nodes, values, shown, level, plane)
+    seen = taken(plotter, nodes.position.mean(axis=0))
     return framed(seen, title, mappable(shown) if level is None else None, shown.label, shown.beyond)
 
 
@@ -55,16 +58,16 @@ def framed(
     return figure
 
 
-def _seen(
+def add_body(
+    pyvista: Any,
+    plotter: Any,
     nodes: Nodes,
     values: NDArray[np.float64],
     shown: Colours,
     level: float | None,
     plane: tuple[str, float] | None,
-) -> NDArray[np.uint8]:
-    """Pixels (rows, columns, 3) of the rendering, cropped to the body."""
-    pyvista = needed_pyvista()
-    plotter = plotter_of(pyvista)
+) -> None:
+    """Add a body in the colours of `values` (n,), or the isosurface at `level`, behind `plane`, to a plotter."""
     for spacing in np.unique(nodes.delta):
         own = nodes.delta == spacing
         mesh = image(pyvista, nodes.position[own], values[own], float(spacing), level is not None)
@@ -82,7 +85,6 @@ def _seen(
         elif part.n_points:
             ends = (shown.low, shown.high if shown.high > shown.low else shown.low + 1.0)
             plotter.add_mesh(part, scalars="value", cmap=shown.cmap, clim=ends, show_scalar_bar=False, ambient=0.35)
-    return taken(plotter, nodes.position.mean(axis=0))
 
 
 def plotter_of(pyvista: Any) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -112,11 +113,13 @@ def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert float(last[2]) == pytest.approx(LIGAMENT, rel=0.05)
 
 
-@pytest.mark.parametrize("words", [["--crack"], ["--explode", "0.5"]])
+@pytest.mark.parametrize(
+    "words", [["render", "--crack"], ["render", "--explode", "0.5"], ["damage", "--clip", "y=0"]], ids="-".join
+)
 def test_it_is_rendered(block: Path, tmp_path: Path, words: list[str]) -> None:
     pytest.importorskip("pyvista")
     path = tmp_path / "look.png"
-    assert pdpost(["render", str(block), *words, "-q", "-o", str(path)]) == 0
+    assert pdpost([words[0], str(block), *words[1:], "-q", "-o", str(path)]) == 0
     seen = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3)
     assert len(np.unique(seen, axis=0)) > 100
 
@@ -133,3 +136,12 @@ def test_what_does_not_go_together(
 ) -> None:
     assert pdpost(["render", str(block), *words, "-o", str(tmp_path / "look.png")]) == 2
     assert mentions(capsys.readouterr().err, one, found=other)
+
+
+def test_to_cut_a_body_open_takes_pyvista(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    assert pdpost(["damage", str(block), "--clip", "y=0", "-o", str(tmp_path / "open.png")]) == 2
+    assert mentions(capsys.readouterr().err, found="PyVista", expected="pip install 'pdsuite[render]'")
+    assert not (tmp_path / "open.png").exists()
