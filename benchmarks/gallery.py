@@ -32,6 +32,7 @@ class Shown(NamedTuple):
 
 SHOWN = {
     "bar.py": Shown("displacement --component x"),
+    "branching_block.py": Shown("crack"),
     "bending.py": Shown("stress --component xx --scale auto"),
     "bent_square.py": Shown("stress --scale 1"),
     "compact_tension.py": Shown("stress --scale auto"),

@@ -83,7 +83,7 @@ def speeds(found: Surface) -> NDArray[np.float64]:
     scatter = (graph @ products / count[:, None]).reshape(-1, 4, 4) - mean[:, :, None] * mean[:, None, :]
     spread, late = scatter[:, :3, :3], scatter[:, :3, 3]
     values, axes = np.linalg.eigh(spread)
-    flat = values < FLAT * values[:, 2:]
+    flat = values <= FLAT * values[:, 2:]
     inverse = np.where(flat, 0.0, 1 / np.where(flat, 1.0, values))
     slope = np.einsum("fij,fj,fkj,fk->fi", axes, inverse, axes, late)
     explained = (slope * late).sum(axis=1)

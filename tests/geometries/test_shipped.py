@@ -42,9 +42,15 @@ SHIPPED = {
     "figure_19.py": (5045, {0.5: 1635, 1: 1542, 2: 1868}, [58, 62]),
     "penny.geo": (27_000, {1: 30**3}, [900, 900]),
     "screw.geo": (21_624, {0.25: 4992, 0.5: 16_632}, [800, 10_048]),
+    "branching_block.py": (20_480, {0.5: 40 * 16 * 32}, [640, 640]),
     "slanted_notch.py": (31_200, {1: 104 * 12 * 25}, [12, 12, 12]),
 }
-BODIES = {"penny.geo": 0.03**3, "screw.geo": 4 / 3 * np.pi * 0.008**3, "slanted_notch.py": 0.104 * 0.012 * 0.025}  # m^3
+BODIES = {
+    "penny.geo": 0.03**3,
+    "screw.geo": 4 / 3 * np.pi * 0.008**3,
+    "branching_block.py": 0.02 * 0.008 * 0.016,
+    "slanted_notch.py": 0.104 * 0.012 * 0.025,
+}  # m^3
 
 
 @cache

@@ -66,6 +66,18 @@ def test_the_speed_of_a_front(normal: tuple[float, float, float]) -> None:
     assert np.median(found[known]) == pytest.approx(700, rel=0.045)
 
 
+def test_far_faces_have_no_speed_and_give_no_warning() -> None:
+    """Twelve faces of which one is alone, as each is farther from the others than speeds are fitted over."""
+    nodes = cube(30)
+    pairs = neighbours(nodes)
+    middle = nodes.position[pairs].mean(axis=1)
+    up = np.abs(np.diff(nodes.position[pairs][:, :, 2], axis=1)[:, 0]) > 0.5
+    alone = up & (np.mod(middle[:, :2] - 0.5, 10) == 0).all(axis=1) & (middle[:, 2] == 0)
+    row = up & (middle[:, 2] == 0) & (middle[:, 0] == 0.5)
+    some = np.flatnonzero(alone | row)
+    assert np.isnan(speeds(meshed(nodes, pairs[some], np.zeros(len(some))))).all()
+
+
 def test_area_over_time() -> None:
     """Measured: 1.001 of the disc that is open."""
     found = penny((1, 2, 3))
