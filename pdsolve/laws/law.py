@@ -126,6 +126,7 @@ class Lanes:
     tabled: Callable[[Any, Bonds], Tabled]  # the numbers of all bonds, the first never 0
     standing: Callable[[Any, NDArray[np.int64]], Array]  # (., k) what `finish` wants of nodes (k,)
     by_lanes: Callable[[Any], bool]  # whether `finish` can stand for `close`
+    in_space: bool = False  # whether `finish` is written for three dimensions too
 
 
 def displacement(dimension: int) -> tuple[Unknown, ...]:

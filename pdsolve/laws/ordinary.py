@@ -283,5 +283,5 @@ LAW = Law(
     width=rows,
     scale=scale,
     failure=Failure(alert, fails),
-    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
+    lanes=Lanes(finish, nears, tabled, standing, by_lanes, in_space=True),
 )

@@ -44,7 +44,8 @@ def operator_of(
     threads = threads_of(options, nodes, False)
     bonds = listed(survey.parts(), filling.area).bonds
     counted = survey.counted(filling.area)
-    where = families.placed(law, bonds) if options.kernel != "listed" and blocked else None
+    compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
+    where = families.placed(law, bonds) if compiled else None
     if where is not None:
         of = law, model, bonds, scheme.symmetric, options.precision, threads
         return families.Families(*of, where), counted

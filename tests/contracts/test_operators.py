@@ -313,10 +313,13 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
 
 
 @pytest.mark.parametrize(("precision", "digits"), [("float64", 1e-13), ("float32", 2e-6)])
-@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive"])
+@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive", pytest.param("ordinary", marks=pytest.mark.slow)])
 def test_a_body_in_tiles_is_the_one_in_a_list(law: str, precision: str, digits: float) -> None:
     """Forces, energies, bonds, which break and what softening remembers; measured 3e-15, in single precision 7e-7."""
-    model = cubic(Run(), law=law, kr=3.0, **({"f_t": 40e6} if law == "cohesive" else {}))
+    more = {"cohesive": {"f_t": 40e6}, "ordinary": {"law": "brittle", "kr": 1.0, "model": "ordinary", "nu": 0.2}}.get(
+        law, {}
+    )
+    model = cubic(Run(), **({"law": law, "kr": 3.0} | more))
     listed, tiled = (
         prepare(model, Options(kernel=kernel, precision=precision, threads=1)) for kernel in ("listed", None)
     )

@@ -25,10 +25,10 @@ from pdsolve.state import Broken, State
 
 
 def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
-    """Positions of bonds of the plane in blocks; None for a law without tuples, or nodes on no lattice."""
-    if law.lanes is None or not len(bonds.neighbour):
+    """Positions of bonds in blocks; None for a law without tuples, or nodes on no lattice."""
+    if law.lanes is None or not len(bonds.neighbour) or (bonds.xi.shape[1] == 3 and not law.lanes.in_space):
         return None
-    tables, nodes = layout.Tables(), len(bonds.start) - 1
+    tables, nodes = layout.Tables(bonds.xi.shape[1]), len(bonds.start) - 1
     found = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
     return None if found is None or layout.sparse(found, len(bonds.neighbour)) else (found, tables)
 
@@ -72,14 +72,15 @@ class Families(BondList):
             kinds=kinds.astype(kind),
             rows=aligned(rows.astype(kind), len(of_slot)),
         )
-        self._u, self._v, self._a = aligned(np.zeros((6, room), dtype=kind)).reshape(3, 2, room)
+        d = exact.xi.shape[1]
+        self._u, self._v, self._a = aligned(np.zeros((3 * d, room), dtype=kind)).reshape(3, d, room)
         self._dissipated, self._work = np.zeros((2, self._nodes))
-        wide = law.width(self.columns, 2)
-        self._m, self._f = aligned(np.zeros((wide, room), dtype=kind)), aligned(np.zeros((2, room), dtype=kind))
+        wide = law.width(self.columns, d)
+        self._m, self._f = aligned(np.zeros((wide, room), dtype=kind)), aligned(np.zeros((d, room), dtype=kind))
         own = law.lanes.standing(self.columns, self._every)
         idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
         self._own = aligned(np.hstack([own, idle]).astype(kind))
-        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own)
+        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own), (0,) * d
         self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 
@@ -145,7 +146,7 @@ class Families(BondList):
         return self._ready and now.value.dtype == self._u.dtype
 
     def _displacements(self, now: Now) -> NDArray[np.floating]:
-        """Displacements (2, m) of a state, also of one in another layout."""
+        """Displacements (d, m) of a state, also of one in another layout."""
         if now.value.ctypes.data == self._u.ctypes.data:
             return self._u
         u = np.zeros_like(self._u)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint import expect_found
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
@@ -55,17 +56,19 @@ class _Slots(NamedTuple):
 class Tables:
     """Tables shared by the slots of all parts."""
 
-    def __init__(self) -> None:
+    def __init__(self, dimension: int = 2) -> None:
+        self.dimension = dimension
         self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
         self.peaks, self.limits, self.bounds = Distinct(0.0), Distinct(0.0), Distinct(0.0)
-        self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components
+        self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components, in the plane
         self.keys = np.zeros(0, dtype=np.int64)  # components by number
 
-    def xi(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Both components of each reference vector."""
+    def xi(self) -> NDArray[np.float64]:
+        """The reference vectors (k, d)."""
         value = self.components.values
         signed = np.stack([value, -value], axis=1).ravel()
-        return signed[self.keys // SIDES], signed[self.keys % SIDES]
+        digits = [self.keys // SIDES**axis % SIDES for axis in range(self.dimension)]
+        return np.column_stack([signed[digit] for digit in digits[::-1]])
 
 
 def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
@@ -116,13 +119,11 @@ def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating
 
 
 def reference_table(tables: Tables) -> NDArray[np.float64]:
-    """Reference vectors in the kernel's format."""
-    x, y = tables.xi()
-    inverse = 1 / (x * x + y * y)
-    table = np.zeros((len(x), FIELDS))
-    table[:, :5] = np.column_stack([x, y, 2 * x * inverse, 2 * y * inverse, inverse])
-    table[:, 5:7] = np.column_stack([np.hypot(x, y), np.sqrt(inverse)])
-    return table
+    """Reference vectors in the kernel's format, (k, 8), in space (k, 9): see `Blocks` and `Slots` of passes."""
+    xi = tables.xi()
+    inverse = 1 / (xi**2).sum(axis=1)
+    columns = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, lengths(xi), np.sqrt(inverse)])
+    return np.column_stack([columns, np.zeros((len(xi), max(FIELDS - columns.shape[1], 0)))])
 
 
 class Placed(NamedTuple):
@@ -140,8 +141,7 @@ def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | Non
     placed = place(bonds, first, room, tables)
     if placed is None:
         return None
-    x, y = tables.xi()
-    length, there = np.hypot(x, y), placed.lane >= 0
+    length, there = lengths(tables.xi()), placed.lane >= 0
     vector = np.empty(len(bonds.xi), dtype=np.int32)
     vector[placed.lane[there]] = np.repeat(placed.vector, there.sum(axis=1))
     pulls = tables.pulls.numbers(bonds.stiffness / length[vector])
@@ -165,9 +165,9 @@ def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
         return None
     sides = 2 * component + (bonds.xi.ravel() < 0)
     off = float(np.abs(size - tables.components.values[component]).max(initial=0.0))
-    shortest = float(np.hypot(*bonds.xi.T).min(initial=np.inf))
+    shortest = float(lengths(bonds.xi).min(initial=np.inf))
     tables.pulls.loosen(NOISE * off / shortest)
-    vector = _vectors(sides.reshape(-1, 2).astype(np.int64), tables)
+    vector = _vectors(sides.reshape(bonds.xi.shape).astype(np.int64), tables)
     count = len(bonds.start) - 1
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
     blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
@@ -189,8 +189,13 @@ def sparse(placed: Placed, bonds: int) -> bool:
 
 
 def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
-    """The numbers (b,) of reference vectors, from the numbers (b, 2) of their signed components."""
-    key = sides[:, 0] * SIDES + sides[:, 1]
+    """The numbers (b,) of reference vectors, from the numbers (b, d) of their signed components."""
+    key = sides[:, 0]
+    for side in sides.T[1:]:
+        key = key * SIDES + side
+    if tables.dimension == 3:
+        tables.keys = np.unique(np.append(tables.keys, key)) if not len(tables.keys) else tables.keys
+        return np.searchsorted(tables.keys, key).astype(np.int32)
     new = np.unique(key[tables.vectors[key] < 0])
     tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
     tables.keys = np.append(tables.keys, new)

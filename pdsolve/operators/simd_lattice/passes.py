@@ -8,10 +8,11 @@ bit.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import Bond
@@ -34,7 +35,8 @@ from pdsolve.operators.simd_lattice.vectors import FAR, VECTOR
 
 KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
 SAFE = 1e-6  # nearer to its limit than this share, a bond is looked at by itself
-PLANE = (0, 0)
+COLUMNS, SHOWN, OWN, VECTORS = range(4)  # of `likes`: tuples as long as a bond's numbers, what a node shows, what
+# `finish` wants of it, and a vector
 
 
 class Slots(NamedTuple):
@@ -43,7 +45,7 @@ class Slots(NamedTuple):
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     slots: NDArray[np.int32]  # (s, 6) ways of the four rows, as in `kernel.Blocks`, row of `vectors`, kind
     ids: NDArray[np.int32]  # (., 16) neighbours
-    vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, |xi|, 1 / |xi|
+    vectors: NDArray[np.floating]  # (., 8 or 9) xi, 2 xi / |xi|^2, 1 / |xi|^2, |xi|, 1 / |xi|
     kinds: NDArray[np.floating]  # (., c)
     rows: NDArray[np.floating]  # (., c, 64)
 
@@ -66,11 +68,18 @@ def _there(slots, slot, array, like, at, lane):  # type: ignore[no-untyped-def]
     return listed(array, like, slots.ids, (way - FAR) * ROW + lane % ROW)
 
 
-@njit(forceinline=True, **INNER)
-def _bond(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+def _bond(slots: Any, slot: Any, c: Any, u: Any, own: Any, at: Any, lane: Any) -> Any:
     """Deformed bonds of some lanes; lanes without a bond are undeformed."""
+
+
+@overload(_bond, jit_options=INNER | {"forceinline": True})
+def _bond_of(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+    return _bond_in_the_plane if len(own) == 2 else _bond_in_space
+
+
+def _bond_in_the_plane(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
     v = slots.vectors[slots.slots[slot, VECTOR]]
-    there = _there(slots, slot, u, PLANE, at, lane)
+    there = _there(slots, slot, u, (0, 0), at, lane)
     x, y = unless_none(c[0], there[0] - own[0], there[0] * 0.0), unless_none(c[0], there[1] - own[1], there[1] * 0.0)
     e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
     q = np.sqrt(1.0 + e)
@@ -80,6 +89,19 @@ def _bond(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
     return Bond((v[0], v[1]), (x, y), v[5], q, stretch, v[5] * stretch, v[6] * (reach * once))
 
 
+def _bond_in_space(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+    v = slots.vectors[slots.slots[slot, VECTOR]]
+    there, none = _there(slots, slot, u, (0, 0, 0), at, lane), own[0] * 0.0
+    x, y = unless_none(c[0], there[0] - own[0], none), unless_none(c[0], there[1] - own[1], none)
+    z = unless_none(c[0], there[2] - own[2], none)
+    e = (v[6] * x + v[3]) * x + (v[6] * y + v[4]) * y + (v[6] * z + v[5]) * z
+    q = np.sqrt(1.0 + e)
+    reach = q + 1.0
+    once = 1.0 / (q * reach)
+    stretch = e * q * once
+    return Bond((v[0], v[1], v[2]), (x, y, z), v[7], q, stretch, v[7] * stretch, v[8] * (reach * once))
+
+
 @cached_njit(nogil=True, error_model="numpy")
 def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, n) in some blocks with nodal numbers between the passes or, without `by_lanes`, with their sums."""
@@ -87,27 +109,28 @@ def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type:
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, sums = beside(u, PLANE, at), nothing(law, PLANE, none)
+            here, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
-                c = _numbers(slots, slot, likes[0], lane)
+                c = _numbers(slots, slot, likes[COLUMNS], lane)
                 sums = say(law, _bond(slots, slot, c, u, here, at, lane), c, sums)
             if by_lanes:
-                keep(finish(law, sums, beside(own, likes[2], at)), m, at)
+                keep(finish(law, sums, beside(own, likes[OWN], at)), m, at)
             else:
                 keep(sums, m, at)
 
 
 @cached_njit(nogil=True, error_model="numpy")
 def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no-untyped-def]
-    """Fill f (2, n) in these blocks with force densities, N/m^3."""
+    """Fill f (d, n) in these blocks with force densities, N/m^3."""
     none = same(u, 0.0)
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, shown, pull = beside(u, PLANE, at), beside(m, likes[1], at), blank(PLANE, none)
+            here, shown = beside(u, likes[VECTORS], at), beside(m, likes[SHOWN], at)
+            pull = blank(likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
-                c = _numbers(slots, slot, likes[0], lane)
-                there = _there(slots, slot, m, likes[1], at, lane)
+                c = _numbers(slots, slot, likes[COLUMNS], lane)
+                there = _there(slots, slot, m, likes[SHOWN], at, lane)
                 pull = summed(pull, exchange(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there))
             keep(pull, f, at)
 
@@ -118,10 +141,10 @@ def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, shown = beside(u, PLANE, at), beside(m, likes[1], at)
+            here, shown = beside(u, likes[VECTORS], at), beside(m, likes[SHOWN], at)
             for slot in range(slots.start[b], slots.start[b + 1]):
-                c = _numbers(slots, slot, likes[0], lane)
-                there = _there(slots, slot, m, likes[1], at, lane)
+                c = _numbers(slots, slot, likes[COLUMNS], lane)
+                there = _there(slots, slot, m, likes[SHOWN], at, lane)
                 found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there)
                 if which_above(found, limit * (1.0 - SAFE)) != 0:
                     for k in range(across(u)):

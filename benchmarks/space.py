@@ -1,0 +1,149 @@
+"""How fast bodies in space are: tiles against the list of bonds, in one interleaved run.
+
+`python -m benchmarks.space` writes space.json and a section of docs/guide/speed.md. Times of one thread are CPU time,
+those of two are by the clock; each is the least of `ROUNDS` interleaved repeats. Bytes are what the process of a large
+body has at its peak beyond that of a small one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.pages import put_section
+from pdmesh.model.document import Horizon, Material, Run, Settings
+from pdmesh.model.node_grid import Grid
+from pdsolve.model import Model
+from pdsolve.numerics.thread_team import cores
+from pdsolve.run.system import Options, Prepared, prepare
+
+PAGE = Path(__file__).parent.parent / "docs" / "guide" / "speed.md"
+GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
+ROUNDS, SMALL, LARGE, TINY = 7, 46, 100, 16  # repeats; nodes a side
+VARIANTS = {
+    "list, float64": Options(kernel="listed", threads=1),
+    "tiles, float64": Options(threads=1),
+    "tiles, float32": Options(precision="float32", threads=1),
+    "tiles, float64, 2 threads": Options(threads=min(2, cores())),
+}
+
+
+def cube(side: int) -> Model:
+    """A cube of so many nodes a side, 1 mm apart, m = 3."""
+    place = np.indices((side,) * 3).reshape(3, -1)[::-1].T * 1e-3
+    nowhere = np.full(side**3, -1)
+    grid = Grid(np.arange(side**3) + 1, place, np.full(side**3, 1e-3), nowhere >= 0, nowhere, np.zeros((0, 9)))
+    return Model(grid, Settings(material=GLASS, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
+
+
+def shaken(model: Model, options: Options) -> Prepared:
+    """A body in small random motion that breaks nothing."""
+    problem = prepare(model, options)
+    problem.state.value[:] = 1e-10 * np.random.default_rng(0).standard_normal(problem.state.value.shape)
+    problem.march(1, 2)
+    return problem
+
+
+def least(takes: dict[str, Callable[[], Any]]) -> dict[str, float]:
+    """Seconds that each takes, the least of interleaved repeats."""
+    best = dict.fromkeys(takes, np.inf)
+    for _ in range(ROUNDS):
+        for name, take in takes.items():
+            clock = time.perf_counter if "threads" in name else time.process_time
+            began = clock()
+            take()
+            best[name] = min(best[name], clock() - began)
+    return best
+
+
+def measured(side: int, names: list[str]) -> dict[str, Any]:
+    """us a node of a step and of preparing, and bytes a node of the operator."""
+    model, nodes = cube(side), side**3
+    problems = {name: shaken(model, VARIANTS[name]) for name in names}
+    clocked = {"tiles, float64, 1 of 2 threads": "tiles, float64"} if "tiles, float64, 2 threads" in names else {}
+    takes = {name: problems[clocked.get(name, name)] for name in (*names, *clocked)}
+    step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in takes.items()})
+    assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
+    operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
+    bonds = problems["tiles, float64"].system.bonds / nodes
+    del problems, takes
+    options = {name: VARIANTS[name] for name in names if "threads" not in name}
+    preparing = least({name: lambda of=of: prepare(model, of) for name, of in options.items()})
+    return {
+        "nodes": nodes,
+        "bonds a node": bonds,
+        "step": {name: 1e6 * seconds / nodes for name, seconds in step.items()},
+        "preparing": {name: 1e6 * seconds / nodes for name, seconds in preparing.items()},
+        "operator": operators,
+    }
+
+
+def peak(side: int, precision: str) -> int:
+    """Bytes of a process that prepares a cube and takes ten steps, at its peak."""
+    command = [sys.executable, "-m", "benchmarks.space", "--peak", str(side), "--precision", precision]
+    return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def section(found: dict[str, Any]) -> str:
+    """The section of the page."""
+    lines = [
+        "## Bodies in space",
+        "",
+        "Cubes of glass, constant micromodulus, m = 3, whole steps. `python -m benchmarks.space` measures them: one",
+        "thread by CPU time, two by the clock, each the least of interleaved repeats.",
+        "",
+        "| nodes | bonds a node | kernel | us a node and step | ns a bond | times the list |"
+        " preparing, us a node | operator, B a node |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for body in found["bodies"]:
+        listed = body["step"].get("list, float64")
+        for name, step in body["step"].items():
+            bonds = body["bonds a node"]
+            times = f"{listed / step:.1f}" if listed else ""
+            preparing = f"{body['preparing'][name]:.1f}" if name in body["preparing"] else ""
+            operator = f"{body['operator'][name]:.0f}" if name in body["operator"] else ""
+            lines.append(
+                f"| {body['nodes']} | {bonds:.0f} | {name} | {step:.4f} | {1e3 * step / bonds:.2f} | {times} |"
+                f" {preparing} | {operator} |"
+            )
+    lines += [
+        "",
+        "All in all, with the grid, the state and what preparing takes for a while, a process has at its peak",
+    ]
+    peaks = ", ".join(f"{value:.0f} bytes a node in {name}" for name, value in found["peak"].items())
+    return "\n".join([*lines, f"{peaks}, of a million nodes.", ""])
+
+
+def main() -> None:
+    """Measure, write, tell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--two-threads", action="store_true", help="too; it wants two quiet cores")
+    parser.add_argument("--peak", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.peak:
+        prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).march(1, 11)
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+        return
+    more = LARGE**3 - TINY**3  # first, as a process is said to have had what the one that starts it has
+    peaks = {kind: (peak(LARGE, kind) - peak(TINY, kind)) / more for kind in ("float64", "float32")}
+    names = [name for name in VARIANTS if asked.two_threads or "threads" not in name]
+    bodies = [measured(SMALL, names), measured(LARGE, [name for name in names if "list" not in name])]
+    found = {"bodies": bodies, "peak": peaks}
+    (Path(__file__).parent / "space.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    put_section(PAGE, section(found))
+    print(section(found))
+
+
+if __name__ == "__main__":
+    main()
