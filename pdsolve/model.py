@@ -138,6 +138,8 @@ class Model:
         mine, run = tuple(one for one in self.settings.conditions if isinstance(one, OfDiffusion)), self.settings.run
         mine = (*self._unstressed(), *mine)
         steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
+        if run.solver == "static":
+            steps = msgspec.structs.replace(steps, solver="implicit", theta=run.theta)
         return self._part(physics="diffusion", material=None, regions=(), conditions=mine, run=steps)
 
     def _unstressed(self) -> Iterator[InitialConcentration]:

@@ -50,7 +50,13 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
     if settings.medium is not None and settings.medium.C_solid is not None:
         yield Impossible("$.medium.C_solid", f"{settings.medium.C_solid:g}", f"none, {why}")
     run = settings.run
-    usual = {"solver": "explicit", "adapt": "none", "cracks": "bonds", "start": "unloaded"}
+    if run.solver == "implicit":
+        yield Impossible("$.run.solver", run.solver, f"explicit or static, {why}")
+    if run.solver == "static" and run.static.load_steps is not None:
+        yield Impossible(
+            "$.run.static.load_steps", f"{run.static.load_steps}", f"none, but run.time_step and steps, {why}"
+        )
+    usual = {"adapt": "none", "cracks": "bonds", "start": "unloaded"}
     for name, expected in usual.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")

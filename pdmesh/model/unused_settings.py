@@ -47,7 +47,7 @@ def _of_materials() -> Iterator[Used]:
 
 
 TABLE = (
-    Used(("run.theta",), (("run.solver", "implicit"),)),
+    Used(("run.theta",), (("run.solver", "implicit"), ("physics", "thermoelastic"))),
     Used(("run.split",), (("run.adapt", "split"),)),
     Used(("run.collocation",), (("run.adapt", "collocation"),)),
     Used(("run.collocation",), (("physics", "mechanics"),)),
@@ -64,7 +64,7 @@ TABLE = (
     Used(("run.steps",), (("run.duration", None),), "one of the two"),
     Used(
         ("run.steps", "run.duration", "run.time_step", "run.every", "run.ledger"),
-        (("run.solver", "explicit"), ("run.solver", "implicit")),
+        (("run.solver", "explicit"), ("run.solver", "implicit"), ("physics", "thermoelastic")),
         "run.static.load_steps: a load step is a step and a frame",
     ),
     *_of_materials(),

@@ -21,10 +21,13 @@ class Breakable(NamedTuple):
     stiffness: NDArray[np.float64]  # (b,) force density for a unit stretch, N/m^3
     limit: NDArray[np.float64]  # (b,) stretch at which it breaks
     intact: NDArray[np.bool_]  # (b,) changes
+    strain: NDArray[np.float64]  # (n,) of free nodes, from which bonds stretch; changes
 
     def stretches(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Stretches (b,) at these displacements (n, d), without cancellation."""
         eta = value[self.target] - value[self.source]
+        if self.strain.any():
+            eta -= ((self.strain[self.source] + self.strain[self.target]) / 2)[:, None] * self.xi
         e = ((2 * self.xi + eta) * eta).sum(axis=1) / (self.xi**2).sum(axis=1)
         return np.asarray(e / (np.sqrt(1 + e) + 1))
 
@@ -57,7 +60,7 @@ class StaticBreakage:
             for _ in self.filling().parts():
                 pass
         columns = [np.concatenate(column) for column in zip(*self._columns.values(), strict=True)]
-        columns.append(np.ones(len(columns[0]), dtype=bool))
+        columns += [np.ones(len(columns[0]), dtype=bool), np.zeros(len(self._filling.area))]
         return Breakable(*columns) if len(columns[0]) else None
 
     def _part(self, rows: NDArray[np.int64]) -> Part:

@@ -2,54 +2,107 @@
 
 The content h diffuses by itself (Fick's law: T with the thermal diffusivity, K). A free node is strained by alpha (h -
 T0), a bond by the mean of its ends, and stretches from there, whatever its law. What deformation makes of the content
-is left out. Both unknowns take the same steps: first the content, then the motion under its strains. What a change of
-strain adds to the energy of bonds is booked as work: the mean of that at the displacements before and after a step, as
-the forces of velocity Verlet are.
+is left out. The content takes one step for a cycle of steps of the motion, in its middle, and goes to its end. At rest
+each step of the content is followed by a load step. What a change of strain adds to the energy of bonds is booked as
+work: the mean of that at the displacements before and after a step, as the forces of velocity Verlet are; at rest the
+same mean is exact for linear bonds.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Run
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.state import State
+from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
+
+CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
 
 
 class Swelling:
-    """Steps of a content and of the motion that it swells; n nodes."""
+    """Steps of a content and of the motion, or load steps, that it swells; n nodes."""
 
-    def __init__(self, content: tuple[Stepper, State], motion: Stepper, bonds: BondList, model: Model) -> None:
-        """`content` is its stepper and its state; `model` has the materials, each with alpha and T0."""
-        (self._content, self._h), self._motion, self._bonds = content, motion, bonds
+    def __init__(
+        self, content: tuple[Stepper, State], motion: Stepper, bonds: BondList, model: Model, cycle: int = 1
+    ) -> None:
+        """`content` is its stepper, whose steps are `cycle` of the motion long, and its state.
+
+        `model` has the materials, each with alpha and T0.
+        """
+        self._content, self._h = content
+        self.motion, self.cycle, self._bonds = motion, cycle, bonds
         self._alpha, self._T0 = coefficients(model)
-        self.swell()
+        if not isinstance(motion, LoadSteps):  # which begin without strains, and with nothing held
+            self.swell()
 
-    def swell(self) -> NDArray[np.float64]:
-        """Strain the bonds by the contents of now; those strains (n,)."""
-        strain = np.asarray(self._alpha * (self._h.value[:, 0] - self._T0))
-        self._bonds.swell(strain)
-        return strain
+    def swell(self) -> None:
+        """Strain the bonds by the contents of now."""
+        self._bonds.swell(self._strain())
+
+    def clamped(self, state: State) -> NDArray[np.float64]:
+        """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
+        return self._bonds.energies(state._replace(value=np.zeros_like(state.value)))[0]
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""
-        before, held = self.swell(), self._held(state)
-        for step in range(first, last):
-            self._content.march(self._h, step, step + 1)
-            strain = self.swell()
-            state.work[:] += (self._held(state) - held) / 2
-            self._motion.march(state, step, step + 1)
-            self._bonds.swell(before)
-            unstrained = self._held(state)
-            self._bonds.swell(strain)
-            before, held = strain, self._held(state)
-            state.work[:] += (held - unstrained) / 2
+        step, held = first, None
+        while step < last:
+            until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
+            if until > step:
+                self.motion.march(state, step, until)
+                step, held = until, None
+                continue
+            held = self._heat(state, step, held)
+            step += 1
 
-    def _held(self, state: State) -> NDArray[np.float64]:
-        """The energy densities (n,) of bonds, J/m^3."""
+    def _heat(self, state: State, step: int, held: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        """Take a step of the content and the one of the motion after it; returns what bonds hold then, if known.
+
+        `held` (n,) is that of before, J/m^3, if it is known.
+        """
+        rests = isinstance(self.motion, LoadSteps)
+        before = np.zeros(len(self._T0)) if rests and step == 1 else self._strain()
+        held = self._held(state, before) if held is None else held
+        self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        strain = self._strain()
+        state.work[:] += (self._held(state, strain) - held) / 2
+
+        def loaded(state: State) -> NDArray[np.float64]:
+            unstrained, now = self._held(state, before), self._held(state, strain)
+            state.work[:] += (now - unstrained) / 2
+            return now
+
+        if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
+            self.motion.swell(strain, state, loaded)
+            self.motion.march(state, step, step + 1)
+            return None
+        self.motion.march(state, step, step + 1)
+        return loaded(state)
+
+    def _strain(self) -> NDArray[np.float64]:
+        """The strains (n,) of free nodes."""
+        return np.asarray(self._alpha * (self._h.value[:, 0] - self._T0))
+
+    def _held(self, state: State, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The energy densities (n,) of bonds at these strains (n,), which stay, J/m^3."""
+        self._bonds.swell(strain)
         return self._bonds.energies(state)[0]
+
+
+def cycle_of(run: Run, step: float, bound: float) -> int:
+    """Steps of the motion, of `step` s, for one of a content whose longest step is `bound`, s.
+
+    It divides the steps between two records, which so have both at the same time.
+    """
+    most = max(1, min(CYCLE, int(bound / step)))
+    between = math.gcd(run.every, run.ledger or run.every)
+    return max(cycle for cycle in range(1, most + 1) if between % cycle == 0)
 
 
 def coefficients(model: Model) -> NDArray[np.float64]:

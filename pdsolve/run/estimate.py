@@ -13,6 +13,7 @@ import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
 from pdsolve.checks import advise
+from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.run.operator_factory import surveyed
@@ -32,7 +33,7 @@ SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lis
 BOND = {"float64": 0.35e-9, "float32": 0.2e-9}
 NODE = {"float64": 9.5e-9, "float32": 6e-9}
 LISTED_BOND = 12e-9
-SWELLING = 4.0  # times as long: what a content adds to the energy of bonds is booked in each step
+SWELLING = 4.0  # more steps' work in each cycle: what a content adds to the energy of bonds is booked
 SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
 COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
@@ -80,8 +81,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels
-    swells = model.swells
-    paired &= not (splits or swells)  # which are listed bond by bond
+    cycle: int | None = None  # of steps for one of a content
+    paired &= not (splits or model.swells)  # which are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     in_blocks = paired and model.grid.dimension == 2
     if prepared is not None and not moves:
@@ -95,6 +96,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     else:
         system = prepare(model, options).system
         model = system.model
+        if isinstance(system.stepper, Swelling) and system.load_steps is None:
+            cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
     settings = counted(model, step).settings
@@ -103,8 +106,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
-    if swells:
-        found = found._replace(wall_time=SWELLING * found.wall_time)
+    if cycle is not None:
+        found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
 
 

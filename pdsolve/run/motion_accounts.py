@@ -9,6 +9,7 @@ import numpy as np
 
 from pdmesh.model.kd_trees import tree_of
 from pdsolve.checks import advise_damped, closing
+from pdsolve.diffusion.swelling import Swelling
 from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Asked, Ledger, books
@@ -33,7 +34,12 @@ class MotionAccounts:
         self._reactions: list[Reaction] = []
         self._watch: MotionChecks | None = None
         self._look_around()
-        self.last = books(system, state, step, asked)
+        self.last, self._clamped = books(system, state, step, asked), self._heat(state)
+
+    def _heat(self, state: State) -> float:
+        """What heat can do at most, J/m, against which little is round-off; 0 without it."""
+        swelling = self._system.stepper
+        return float(np.sum(self._system.area * swelling.clamped(state))) if isinstance(swelling, Swelling) else 0.0
 
     def follow(self, system: System) -> None:
         """Continue with changed nodes."""
@@ -58,7 +64,7 @@ class MotionAccounts:
     @property
     def balance(self) -> float:
         """Relative error of the last ledger entry; see `Ledger.balance`."""
-        return self.last.balance(self._system.initial_energy, self._most)
+        return self.last.balance(self._system.initial_energy, max(self._most, self._clamped))
 
     def words(self, broken: int) -> str:
         """State of the accounts in words, with so many broken bonds, for a progress display."""
@@ -71,7 +77,7 @@ class MotionAccounts:
     def settle(self, state: State, step: int, asked: Asked) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
-            self.last = books(self._system, state, step, asked)
+            self.last, self._clamped = books(self._system, state, step, asked), self._heat(state)
 
     def take(self, state: State, step: int, asked: Asked) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
@@ -79,7 +85,7 @@ class MotionAccounts:
             self._look_around()
         system = self._system
         self.settle(state, step, asked)
-        check_physics(system, state, self.last, self._most)
+        check_physics(system, state, self.last, max(self._most, self._clamped))
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)

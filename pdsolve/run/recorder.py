@@ -23,7 +23,7 @@ from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
-from pdsolve.steppers.load_steps import LoadSteps, Rested
+from pdsolve.steppers.load_steps import Rested
 from pdsolve.steppers.path_steps import PathSteps
 
 KEPT = 1.0  # s between checkpoints in full precision, with frames
@@ -78,8 +78,8 @@ def _until(step: int, broken: Broken) -> Broken:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     here = {**state._asdict(), "held_force": system.drive.held_force}
-    if isinstance(system.stepper, LoadSteps):
-        here["rested"] = system.stepper.keep()
+    if system.load_steps is not None:
+        here["rested"] = system.load_steps.keep()
     if isinstance(system.stepper, PathSteps):
         here |= system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
@@ -120,11 +120,11 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
     expect_broken(past, step, nodes)
     if system.hybrid is None:  # whose nodes are not known before it has gone back
         system.operator.back(kept, past)
-    if isinstance(system.stepper, LoadSteps):
+    if system.load_steps is not None:
         rested = entry(kept, "rested", (step, len(Rested._fields)), float)
         if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"found load steps that are not 1 to {step}, expected those until the checkpoint")
-        system.stepper.back(rested, past)
+        system.load_steps.back(rested, past)
     if isinstance(system.stepper, PathSteps):
         system.stepper.back(kept, step)
     if system.growth is not None:

@@ -29,7 +29,7 @@ from pdsolve.run.summary import meta, summary
 from pdsolve.run.system import Options, System, prepare
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.load_steps import Going, LoadSteps
+from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.step_batching import Pace
 
@@ -231,8 +231,9 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    if isinstance(notes.system.stepper, LoadSteps | PathSteps):
-        notes.system.stepper.watch = going
+    taken = notes.system.stepper if isinstance(notes.system.stepper, PathSteps) else notes.system.load_steps
+    if taken is not None:
+        taken.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         looks = run.steps

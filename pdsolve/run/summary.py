@@ -11,7 +11,6 @@ from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.path_steps import PathSteps
-from pdsolve.steppers.protocol import Stepper
 
 
 def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
@@ -50,7 +49,7 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
         **notes.accounts.summary(),
         **_grown(system),
         **_finer(system),
-        **_rested(system.stepper),
+        **_rested(system.stepper if isinstance(system.stepper, PathSteps) else system.load_steps),
     }
 
 
@@ -71,10 +70,10 @@ def _finer(system: System) -> dict[str, Any]:
     return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
 
 
-def _rested(stepper: Stepper) -> dict[str, Any]:
+def _rested(taken: LoadSteps | PathSteps | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
-    if isinstance(stepper, PathSteps):
-        return {"method": stepper.said, "path_steps": [stepped._asdict() for stepped in stepper.rested]}
-    if not isinstance(stepper, LoadSteps):
+    if isinstance(taken, PathSteps):
+        return {"method": taken.said, "path_steps": [stepped._asdict() for stepped in taken.rested]}
+    if taken is None:
         return {}
-    return {"method": stepper.method.said, "load_steps": [rested._asdict() for rested in stepper.rested]}
+    return {"method": taken.method.said, "load_steps": [rested._asdict() for rested in taken.rested]}

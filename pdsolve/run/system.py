@@ -18,10 +18,10 @@ from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse
-from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, refuse_layers
+from pdsolve.conditions import Drive, damping, drive, held, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.crack_growth import update_interval
 from pdsolve.diffusion import system as diffusion
-from pdsolve.diffusion.swelling import Swelling
+from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.diffusion.system import Transport
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
@@ -37,13 +37,14 @@ from pdsolve.run.operator_factory import stable as stable
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.equilibrium import Method, forces
+from pdsolve.steppers.euler import Euler
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import follows_path, in_load_steps
+from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
 
@@ -86,6 +87,12 @@ class System:
     def hybrid(self) -> Moving | None:
         """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
         return self.operator if isinstance(self.operator, Moving) else None
+
+    @property
+    def load_steps(self) -> LoadSteps | None:
+        """What takes load steps, if the model is solved at rest."""
+        taken = self.stepper.motion if isinstance(self.stepper, Swelling) else self.stepper
+        return taken if isinstance(taken, LoadSteps) else None
 
     @property
     def zone_summary(self) -> ZoneSummary | None:
@@ -190,11 +197,24 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
         raise ModelError(
             f"{model.name}: found {found}, expected mode conservative and kernel listed of bonds that swell"
         )
-    system, state = system_of(model.moving_part(), options._replace(kernel="listed"), scheme)
+    listed, rests = options._replace(kernel="listed"), model.settings.run.solver == "static"
+    if rests:
+        model = in_steps_of_content(model, options.precision)
+        system, state = at_rest(model.moving_part(), listed, scheme)
+    else:
+        system, state = system_of(model.moving_part(), listed, scheme)
     content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
+    transport, cycle = content.system.transport, 1
     assert isinstance(system.operator, BondList)
-    both = (content.system.stepper, content.state)
-    stepper = Swelling(both, system.stepper, system.operator, model)
+    assert transport is not None
+    marches = content.system.stepper
+    if not rests:
+        cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
+        marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+    stepper = Swelling((marches, content.state), system.stepper, system.operator, model, cycle)
+    if not rests:  # the first half step goes with what the strains of time 0 pull
+        pull = forces(system.operator, state) / system.model.rho[:, None]
+        state.second[:] += np.where(held(system.drive), 0.0, pull)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
     return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
 

@@ -30,6 +30,7 @@ class Asked(NamedTuple):
     load: NDArray[np.float64]  # (n, w) body force, N/m^3
     held: NDArray[np.bool_]  # (n, w) components that are held
     at: NDArray[np.float64]  # (n, w) where, m
+    inner: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
 
 
 class Settled(NamedTuple):
@@ -68,7 +69,7 @@ def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float
     External forces count at least as `least` times the norm of displacements, now or `before`, m; `least` in N/m^4.
     """
     load = norm(asked.load[~asked.held])
-    outside = load if load > 0 else norm(out[asked.held])
+    outside = max(load if load > 0 else norm(out[asked.held]), asked.inner)
     left, scale = norm((out + asked.load)[~asked.held]), max(outside, least * max(norm(state.value), before))
     return left / scale if scale > 0 else float(left > 0)
 

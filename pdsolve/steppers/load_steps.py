@@ -77,6 +77,8 @@ class LoadSteps:
         self.rested: list[Rested] = []
         self._remember, self._grow = remember, grow
         self.watch: Callable[[Going], None] | None = None
+        self._inner = 0.0  # N/m^3, of `Asked`
+        self._loaded: Callable[[State], object] = lambda state: None
         self._warned, self._loose = False, cast("Loose | None", None)
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
@@ -93,6 +95,16 @@ class LoadSteps:
         """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
         for step in range(first, last):
             self._take(state, step)
+
+    def swell(self, strain: Array, state: State, loaded: Callable[[State], object]) -> None:
+        """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
+
+        `loaded` is called with the next equilibrium before bonds break.
+        """
+        self._loaded = loaded
+        if self._breakable is not None:
+            self._breakable.strain[:] = strain
+        self._inner = norm(forces(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
     def bring(self, state: State) -> Settled:
         """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
@@ -120,6 +132,7 @@ class LoadSteps:
         try:
             self._balance("")
             settled = self._load(state, before, step, step * self._dt)
+            self._loaded(state)
             settled, breaks, least = self._break(state, step, settled)
             settled, grown = self._let_grow(state, step, settled)
         except UnsettledError as error:
@@ -181,7 +194,7 @@ class LoadSteps:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
         u, pushed, iterations = [state.value.copy()], [self._outside(state, loads[0])], 0
         for load, place in zip(loads[1:], places, strict=True):
-            settled = self.method.settle(state, Asked(load, self.held, place), tell)
+            settled = self.method.settle(state, Asked(load, self.held, place, self._inner), tell)
             iterations += settled.iterations
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
@@ -231,7 +244,7 @@ class LoadSteps:
     def _settle(self, state: State, step: int, iterations: int) -> Settled:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
-        asked = Asked(load, self.held, np.where(self.held, u, 0.0))
+        asked = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner)
         left = [self._left(state, load)]
         settled = self.method.settle(state, asked, self._tell(step, iterations))
         end, way = state.value.copy(), state.value - u

@@ -11,7 +11,7 @@ from pdmesh.model.document import Condition, Displacement, Load
 from pdmesh.model.materials.bond import softens
 from pdmesh.model.selection import components
 from pdsolve.conditions import factors
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model, ModelError, counted
 from pdsolve.steppers.path_steps import CRACK_STEPS
 
 STEPS = 10  # load steps where something varies
@@ -75,12 +75,30 @@ def _in_path_steps(model: Model) -> Model:
     return found
 
 
+def in_steps_of_content(model: Model, precision: str) -> Model:
+    """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
+    run = model.settings.run
+    if precision != "float64":
+        raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
+    if run.time_step is None:
+        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one, after each of which there is rest")
+    if follows_path(model):
+        raise ModelError(f"{model.name}: $.material.law: found one that softens, expected brittle at rest with heat")
+    moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
+    timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
+    rests = msgspec.structs.replace(timed, run=msgspec.structs.replace(timed.run, solver="static"))
+    found = dataclasses.replace(model, settings=rests)
+    steps = found.settings.run.steps
+    _refuse_loads(found, [number * run.time_step for number in range(1, steps + 1)], needed=False)
+    return found
+
+
 def _no_fail(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 
-def _refuse_loads(model: Model, times: list[float]) -> None:
-    """Raise ModelError for conditions without an effect at these times, s, and for contradictory holds."""
+def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None:
+    """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `needed`."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
     for number, condition in enumerate(model.settings.conditions):
@@ -101,7 +119,7 @@ def _refuse_loads(model: Model, times: list[float]) -> None:
                         f"{model.name}: $.conditions[{number}].{axis}: found node {model.grid.ids[row]} held otherwise"
                         f" by $.conditions[{other}], expected one displacement of it, as the solver is static"
                     )
-    if not loads:
+    if needed and not loads:
         raise ModelError(
             f"{model.name}: $.conditions: found none that loads the plate at any load step, expected a load or a"
             " displacement that is not 0"

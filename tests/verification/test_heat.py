@@ -22,8 +22,11 @@ from pdmesh.model.document import (
     Run,
     Settings,
     Source,
+    Static,
 )
 from pdmesh.model.medium import Medium
+from pdsolve.diffusion import swelling
+from pdsolve.diffusion.swelling import Swelling
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
@@ -157,6 +160,29 @@ def test_a_heated_bar_stretches_or_pushes(clamped: bool) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
+@pytest.mark.parametrize(
+    ("D", "every", "ledger", "expected"), [(1e-3, 1000, None, 20), (1e-3, 1000, 35, 5), (2.0, 10, None, 1)]
+)
+def test_slow_heat_takes_a_step_for_many_of_the_motion(D: float, every: int, ledger: int | None, expected: int) -> None:
+    """As many as its stable step allows, at most 20, that divide the steps between two records."""
+    stepper = prepare(bar(D=D, steps=2000, every=every, ledger=ledger), ONE).system.stepper
+    assert isinstance(stepper, Swelling)
+    assert stepper.cycle == expected
+
+
+@pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
+def test_cycles_change_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar heated within 400 steps, which is fast: one step of heat for 20 of the motion, or for each."""
+    found = []
+    for most in (1, 20):
+        monkeypatch.setattr(swelling, "CYCLE", most)
+        with simulate(bar(*ends(clamped=False), D=1e-3, steps=400, every=400), None, ONE) as results:
+            found.append((results.field("ux", 400).astype(float), results.field("c", 400).astype(float)))
+    (u, T), (u20, T20) = found
+    assert np.abs(T20 - T).max() < 0.01 * np.abs(T - 300).max()  # measured 0.002
+    assert np.abs(u20 - u).max() < 0.1 * np.abs(u).max()  # measured 0.076; by far most where waves begin, at the ends
+
+
 def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     model = bar(*ends(clamped=True), steps=40, every=10, ledger=5)
@@ -170,12 +196,13 @@ def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
 
 
 def test_a_plan_knows_what_heat_costs() -> None:
-    """A body that heats is listed bond by bond, and takes four times as long as one that does not."""
+    """A body that heats is listed bond by bond, and takes longer, by how often its heat is booked."""
     heats, cold = bar(steps=1000), bar(steps=1000).moving_part()
-    cost, less = estimate_run(heats, ONE), estimate_run(cold, ONE)
+    seldom, cost, less = estimate_run(bar(D=1e-3, steps=1000), ONE), estimate_run(heats, ONE), estimate_run(cold, ONE)
     assert (cost.in_blocks, less.in_blocks) == (False, True)
     assert cost.bonds == less.bonds
     assert cost.wall_time > 4 * less.wall_time
+    assert seldom.wall_time < cost.wall_time / 2
 
 
 REFUSED = {
@@ -185,7 +212,18 @@ REFUSED = {
         naming("material.T0", found="none"),
     ),
     "a solid": ({"medium": Medium(D=1.0, C_solid=1.0, C_sat=0.1)}, {}, naming("medium.C_solid", found="1")),
-    "rest": ({"run": Run(solver="static")}, {}, naming("run.solver", found="static", expected="explicit")),
+    "rest without a step": ({"run": Run(solver="static")}, {}, naming("run.time_step", found="none")),
+    "rest in load steps": (
+        {"run": Run(solver="static", time_step=1.0, static=Static(load_steps=3))},
+        {},
+        naming("run.static.load_steps", found="3", expected="none"),
+    ),
+    "softening at rest": (
+        {"run": Run(solver="static", time_step=1.0), "material": LAWS["bilinear"][0]},
+        {},
+        naming("material.law", expected="brittle"),
+    ),
+    "implicit motion": ({"run": Run(solver="implicit")}, {}, naming("run.solver", found="implicit", expected="static")),
     "a moving zone": ({"run": Run(adapt="hybrid")}, {}, naming("run.adapt", found="hybrid", expected="none")),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
     "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),
