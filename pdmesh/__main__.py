@@ -17,17 +17,19 @@ from pdmesh.printing import say
 if TYPE_CHECKING:
     from pdmesh.model.document import Document
 
-DRAWING = "a .geo or .py scene, a STEP or BREP file, a mesh, or a model built before"
+DRAWING = "a drawing (.geo, STEP, BREP), a scene in Python, a mesh, or a grid file"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdmesh."""
     program = commandline.program("pdmesh", "Turn a drawing of a plate into a peridynamic node grid.")
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    build = commands.add_parser("build", help="read a drawing, a scene or a mesh, write the node grid as JSON")
+    build = commands.add_parser(
+        "build", help="build a node grid from a drawing, a scene or a mesh, and write it as JSON"
+    )
     _add_drawing(build, "the grid file (default: the drawing's name with .json, in the current folder)")
     build.set_defaults(run=_build)
-    info = commands.add_parser("info", help="say what a model holds")
+    info = commands.add_parser("info", help="report the nodes, bonds, material, conditions and cracks of a model")
     _add_drawing(info, "a file for the report as JSON (default: none)")
     _add_mode(info)
     info.set_defaults(run=_info)
@@ -36,14 +38,16 @@ def parser() -> argparse.ArgumentParser:
     preview.add_argument("--bonds", action="store_true", help="draw the bonds around the end of the first crack")
     preview.set_defaults(run=_preview)
     plan = commands.add_parser(
-        "plan", help="estimate nodes, bonds, memory and time of a scene or a study, beside one scale"
+        "plan",
+        help="estimate nodes, bonds, memory and time of a scene or a study, and compare with one uniform spacing",
     )
     _add_drawing(plan, "a file for the report as JSON (default: none)")
     plan.add_argument(
         "--within",
         type=commandline.share,
         metavar="2%%",
-        help="propose spacing, horizon, zones and step for displacements within this share, from measured scenes",
+        help="propose spacing, horizon, zones and time step that keep the error of displacements within this share;"
+        " based on measured scenes",
     )
     _add_mode(plan)
     plan.set_defaults(run=_plan)
@@ -51,10 +55,10 @@ def parser() -> argparse.ArgumentParser:
     _add_drawing(params, "a file for the list, as JSON (default: none)")
     params.set_defaults(run=_params)
     schema = commands.add_parser("schema", help="print the JSON Schema of the grid file")
-    schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="a file for it (default: stdout)")
+    schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to write (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     schema.set_defaults(run=_schema, quiet=False)
-    doctor = commands.add_parser("doctor", help="say what is installed, what is missing, and how to get it")
+    doctor = commands.add_parser("doctor", help="list what is installed and what is missing, and how to install it")
     doctor.add_argument("--json", action="store_true", help="print the findings as JSON on stdout")
     doctor.set_defaults(run=_doctor, quiet=False)
     return program
@@ -62,7 +66,10 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_mode(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--mode", choices=("thesis", "conservative"), default="conservative", help="of the run (default: conservative)"
+        "--mode",
+        choices=("thesis", "conservative"),
+        default="conservative",
+        help="mode of the run (default: conservative)",
     )
 
 
@@ -76,7 +83,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         action="append",
         default=[],
         metavar="WHAT:DISTANCE[:SPACING]",
-        help="finer nodes within a distance of every crack, notch or hole, such as crack:4e-3",
+        help="refine the grid within a distance (m) of every crack, notch or hole, such as crack:4e-3",
     )
     command.add_argument(
         "--crack",
@@ -84,18 +91,19 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         default=[],
         dest="cracks",
         metavar="X0,Y0,X1,Y1",
-        help="a pre-crack from place to place, more of them for one with kinks (--crack=-1,0,2,0 below zero)",
+        help="add a pre-crack between two points; more points make kinks (--crack=-1,0,2,0 if the first is negative)",
     )
     command.add_argument(
         "--unit",
         choices=tuple(UNITS),
-        help="unit of the drawing's lengths and of those given here (default: m, or what the drawing says)",
+        help="unit of lengths in the drawing and on the command line (default: the drawing's, or m)",
     )
     command.add_argument(
         "--adapt",
         choices=("none", "hybrid", "split", "collocation"),
-        help="hybrid, collocation: the finest nodes everywhere, for peridynamics where bonds may break and a lattice or"
-        " stencils elsewhere; split: the coarsest everywhere, whose cells split where energy is",
+        help="hybrid, collocation: build the finest spacing everywhere; the solver uses peridynamics where bonds may"
+        " break and a coarse lattice (hybrid) or stencils (collocation) elsewhere; split: build the coarsest spacing,"
+        " whose cells split where the energy is high",
     )
     commandline.add_trust(command)
 

@@ -112,7 +112,7 @@ def program(name: str, description: str) -> Parser:
         "--completion",
         action=Completion,
         choices=("bash", "zsh", "tcsh"),
-        help="print a script that lets a shell complete words (docs/install.md)",
+        help="print a script that completes commands and options in a shell (docs/install.md)",
     )
     return parser
 

@@ -28,7 +28,7 @@ ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for mo
 def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
-    program.epilog = "`pdsolve study study.toml` solves many (`pdsolve study --help`)."
+    program.epilog = "`pdsolve study study.toml` solves many models (`pdsolve study --help`)."
     program.others = {"study": _study_parser}
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
@@ -36,31 +36,30 @@ def parser() -> argparse.ArgumentParser:
         output="the database (default: the model's name with .sqlite, in the current folder)",
         assignment="override a setting of the model, such as run.steps=500 or material.E=65e9",
     )
-    program.add_argument("--settings", type=Path, metavar="TOML", help="settings laid over those of the model")
+    program.add_argument("--settings", type=Path, metavar="TOML", help="settings that override those of the model")
     program.add_argument(
         "--mode", choices=("thesis", "conservative"), help="how bonds are filled (default: conservative)"
     )
     program.add_argument(
         "--adapt",
         choices=("none", "hybrid", "split", "collocation"),
-        help="peridynamics only where bonds may break, and elsewhere a compact lattice (hybrid) or stencils of the same"
-        " horizon (collocation); split: cells split where the energy is high, and merge behind it (run.adapt;"
-        " default: none)",
+        help="hybrid, collocation: use peridynamics where bonds may break, and a compact lattice (hybrid) or stencils"
+        " of the same horizon (collocation) elsewhere; split: split cells where the energy is high, and merge them"
+        " afterwards (run.adapt; default: none)",
     )
     program.add_argument(
         "--cracks",
         choices=("bonds", "particles"),
-        help="particles: cracks grow from their tips, particle by particle, and cut bonds (run.cracks; default: bonds)",
+        help="bonds: cracks are broken bonds; particles: cracks grow from their tips as crack particles, and cut bonds"
+        " (run.cracks; default: bonds)",
     )
-    program.add_argument(
-        "--threads", type=int, metavar="N", help="threads to use (default: all cores that the nodes are worth)"
-    )
-    program.add_argument("--precision", choices=("float64", "float32"), help="of the state (default: float64)")
+    program.add_argument("--threads", type=int, metavar="N", help="number of threads (default: by the number of nodes)")
+    program.add_argument("--precision", choices=("float64", "float32"), help="number type (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
         "--fields",
         metavar="A,B",
-        help="fields to store: of ux uy vx vy ax ay energy damage those named, +A,B besides the model's, or all"
+        help="fields to store, from ux, uy, vx, vy, ax, ay, energy, damage; +A,B adds to the model's; or all"
         " (run.fields; default: all)",
     )
     program.add_argument(
@@ -68,17 +67,17 @@ def parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="X,Y",
-        help="record the node nearest to a place (run.probes)",
+        help="record the motion of the node nearest to a point (run.probes)",
     )
     program.add_argument(
         "--until",
         metavar="split|quiet:S",
-        help="stop when the plate is in two, or nothing broke for S seconds (run.until)",
+        help="stop when the plate has split in two, or when no bond has broken for S seconds (run.until)",
     )
-    program.add_argument("--static", action="store_true", help="solve at rest, in load steps (run.solver)")
-    program.add_argument("--float", action="store_true", help="hold softly what nothing supports (run.static.floating)")
+    program.add_argument("--static", action="store_true", help="solve for equilibrium, in load steps (run.solver)")
+    program.add_argument("--float", action="store_true", help="hold unsupported bodies softly (run.static.floating)")
     program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
-    program.add_argument("--resume", action="store_true", help="go on with a run from its last checkpoint")
+    program.add_argument("--resume", action="store_true", help="continue a run from its last checkpoint")
     return program
 
 

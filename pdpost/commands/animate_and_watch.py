@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `animate` and `watch` on the command line."""
-    animate = commands.add_parser("animate", help="make a film of a field: GIF, or MP4 where ffmpeg is found")
+    animate = commands.add_parser("animate", help="make a film of a field, as GIF, or as MP4 if ffmpeg is installed")
     _add_field(animate, "the film, .gif or .mp4 (default: the results' name with the field's and .gif)")
     add_every(animate)
     animate.add_argument("--rate", type=positive, default=10.0, metavar="N", help="frames a second (default: 10)")
     animate.set_defaults(run=_animate)
-    watch = commands.add_parser("watch", help="draw a field anew with each frame of a run that goes on")
+    watch = commands.add_parser("watch", help="redraw a field with each new frame of a run in progress")
     _add_field(watch, "the picture (default: the results' name with the field's and .png)")
     watch.add_argument(
         "--patience",
         type=positive,
         default=600.0,
         metavar="S",
-        help="give up after so many seconds without a new frame (default: 600)",
+        help="stop after N seconds without a new frame (default: 600)",
     )
     watch.set_defaults(run=_watch)
 
@@ -49,9 +49,13 @@ def _add_field(command: argparse.ArgumentParser, output: str) -> None:
         command, output=output, assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11"
     )
     command.add_argument(
-        "--field", choices=FIELDS, help="what is shown (default: damage; of diffusion content, or concentration)"
+        "--field",
+        choices=FIELDS,
+        help="field to draw (default: damage; in models of diffusion content, or concentration)",
     )
-    command.add_argument("--component", metavar="NAME", help="which one, as in the command of the field's name")
+    command.add_argument(
+        "--component", metavar="NAME", help="component of the field, as in the command with the field's name"
+    )
     add_scale(command, default="0")
     add_window(command)
     add_colours(command)

@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
     command.add_argument("--plane", type=plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
     add_csv(command)
     command.set_defaults(run=_slice)
-    about = "draw a body as it looks, without a window (needs the extra render: pip install 'pdsuite[render]')"
+    about = "draw a body in perspective, without a window (needs the extra render: pip install 'pdsuite[render]')"
     command = commands.add_parser("render", help=about, description=f"{about[0].upper()}{about[1:]}.")
     add_results(command)
     commandline.add_common_options(
@@ -41,19 +41,26 @@ def add(commands: Commands) -> None:
     command.add_argument(
         "--level", type=float, metavar="N", help="draw the surface where the field has this value, SI units"
     )
-    command.add_argument("--plane", type=plane, metavar="AXIS=M", help="cut away what is in front of a plane")
-    command.add_argument("--crack", action="store_true", help="the surface of the cracks, in the body as through glass")
+    command.add_argument("--plane", type=plane, metavar="AXIS=M", help="cut away the part in front of a plane")
+    command.add_argument("--crack", action="store_true", help="draw the surfaces of cracks inside a transparent body")
     command.add_argument(
-        "--explode", type=positive, metavar="N", help="fragments, moved from the middle by N of their distance from it"
+        "--explode",
+        type=positive,
+        metavar="N",
+        help="draw the fragments apart, each moved from the middle by N times its distance from it",
     )
     command.set_defaults(run=_render)
 
 
 def _add_shared(command: argparse.ArgumentParser) -> None:
     add_frame(command)
-    command.add_argument("--largest", type=positive, metavar="N", help="where the colours end, in SI units")
-    command.add_argument("--field", metavar="NAME", help="which field (default: content, or damage of mechanics)")
-    command.add_argument("--component", metavar="NAME", help="of a vector: magnitude (default), x, y, z")
+    command.add_argument(
+        "--largest", type=positive, metavar="N", help="the value at which the colours end, in SI units"
+    )
+    command.add_argument(
+        "--field", metavar="NAME", help="field to draw (default: damage; in models of diffusion content)"
+    )
+    command.add_argument("--component", metavar="NAME", help="component of a vector: magnitude (default), x, y, z")
 
 
 def _slice(args: argparse.Namespace) -> int:

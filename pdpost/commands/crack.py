@@ -19,24 +19,26 @@ def add(commands: Commands) -> None:
     """Put `crack` on the command line."""
     crack = commands.add_parser(
         "crack",
-        help="draw the path and the speed of the crack; when it started, branched, split the plate",
+        help="draw the path and the speed of the crack; say when it started, branched and split the plate",
         description="Draw the path of the crack, its length and its speed; say when and where it started, branched and"
-        " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with a"
-        " band, and left out where that is too wide to say anything or what cracked is no line; cracked nodes belong to"
-        " no piece. Of a body in space, the surface of its cracks, coloured by when it opened, its area, energy, front"
-        " and fragments.",
+        " split the plate, and what pieces are left. Speeds are slopes over at least ten spacings of the path, with an"
+        " uncertainty band. A speed is left out where its band is too wide, or where the cracked nodes form no line."
+        " Cracked nodes belong to no piece. For a body in space the command draws the surface of its cracks, coloured"
+        " by when it opened, and says its area, its energy, the speed of its front and the fragments.",
     )
     add_results(crack)
     crack.add_argument(
-        "--along", choices=("right", "left", "up", "down"), help="where the crack runs (default: as it did)"
+        "--along",
+        choices=("right", "left", "up", "down"),
+        help="the direction in which the crack runs (default: measured)",
     )
-    crack.add_argument("--step", type=int, metavar="N", help="all of it until this step (default: the last)")
+    crack.add_argument("--step", type=int, metavar="N", help="follow the crack until this step (default: the last)")
     add_window(crack)
     crack.add_argument(
-        "--compare", type=Path, metavar="OTHER", help="lay the path of another run of this plate over it"
+        "--compare", type=Path, metavar="OTHER", help="draw the crack path of another run of this plate too"
     )
     crack.add_argument(
-        "--surface", type=Path, metavar="FILE", help="of a body: write the crack's surface (.vtp for ParaView, .stl)"
+        "--surface", type=Path, metavar="FILE", help="write the crack surface of a body (.vtp for ParaView, .stl)"
     )
     commandline.add_common_options(
         crack,

@@ -43,7 +43,7 @@ def add(commands: Commands) -> None:
         action="append",
         dest="components",
         choices=("x", "y", "z", "magnitude"),
-        help="a component, z in a body alone; may be repeated (default: magnitude)",
+        help="component to draw (z only in a body); may be repeated (default: magnitude)",
     )
     history.set_defaults(run=_history)
     delivery.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
@@ -53,12 +53,16 @@ def add(commands: Commands) -> None:
         commands, "reaction", "draw the forces of loads and grips over time and displacement"
     )
     reaction.add_argument(
-        "--condition", action="append", default=[], metavar="NAME", help="one by name or number; may be repeated"
+        "--condition",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a load or grip, by name or number; may be repeated",
     )
     reaction.add_argument(
         "--component",
         choices=("x", "y", "z"),
-        help="the component of force and displacement, z in a body alone (default: the larger force's)",
+        help="the component of force and displacement (z only in a body; default: the one with the larger force)",
     )
     reaction.add_argument(
         "--gap",
@@ -69,7 +73,7 @@ def add(commands: Commands) -> None:
         " X,Y,Z in a body)",
     )
     reaction.add_argument(
-        "--smooth", type=int, default=1, metavar="N", help="with --gap: take means over N steps (default: 1)"
+        "--smooth", type=int, default=1, metavar="N", help="with --gap: average over N steps (default: 1)"
     )
     reaction.set_defaults(run=_reaction)
 

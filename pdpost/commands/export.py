@@ -18,10 +18,10 @@ def add(commands: Commands) -> None:
     export = commands.add_parser(
         "export",
         help="write frames for ParaView (.pvd, .vtu, .xdmf), for Gmsh (.msh) or as a table (.csv)",
-        description="Write frames for other programs: .pvd, .xdmf and .msh all of them, .vtu and .csv one. A .pvd lists"
-        " VTU files, which are put in a folder of its name beside it; a .xdmf has its numbers in a .bin file beside it."
+        description="Write frames for other programs. A .pvd, .xdmf or .msh holds all frames, a .vtu or .csv one. A"
+        " .pvd lists VTU files in a folder of its name beside it; a .xdmf keeps its numbers in a .bin file beside it."
         " In ParaView, show points as Point Gaussian, or export --squares; Warp By Vector shows the displacement. A"
-        " .msh has a view for each field, best seen with --squares.",
+        " .msh has a view for each field, which --squares shows best.",
     )
     add_results(export)
     commandline.add_common_options(
@@ -31,9 +31,13 @@ def add(commands: Commands) -> None:
     )
     add_frame(export)
     add_every(export)
-    export.add_argument("--also", type=_tensors, default=(), metavar="NAMES", help="fit these as well: strain,stress")
     export.add_argument(
-        "--squares", action="store_true", help="a square, of a body a cube, for each node, not a point (not for .csv)"
+        "--also", type=_tensors, default=(), metavar="NAMES", help="also write fitted tensors: strain,stress"
+    )
+    export.add_argument(
+        "--squares",
+        action="store_true",
+        help="write a square (in a body a cube) for each node instead of a point (not for .csv)",
     )
     export.set_defaults(run=_export)
 

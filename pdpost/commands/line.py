@@ -25,13 +25,13 @@ def add(commands: Commands) -> None:
             metavar="X,Y[,Z]",
             help=f"where the line {where}, m, of a body with z ({word}=X,... if X is negative)",
         )
-    line.add_argument("--field", choices=FIELDS, default="displacement", help="which one (default: displacement)")
+    line.add_argument("--field", choices=FIELDS, default="displacement", help="field to draw (default: displacement)")
     line.add_argument(
         "--component",
         action="append",
         dest="components",
         metavar="NAME",
-        help="of the picture, as in the command of the field's name; may be repeated (default: its first)",
+        help="component to draw, as in the command with the field's name; may be repeated (default: the first)",
     )
     add_frame(line)
     line.set_defaults(run=_line)

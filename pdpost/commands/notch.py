@@ -17,9 +17,9 @@ def add(commands: Commands) -> None:
     """Put `notch` on the command line."""
     notch = commands.add_parser(
         "notch",
-        help="write the model of a run with the cracks it has grown as its notch, to be solved again",
-        description="Write the grid file that a run with --cracks particles was made from, its notch being the cracks"
-        " as they were at a frame: they can be loaded otherwise, from there. --csv and --json give them as polylines.",
+        help="write the model of a run with its grown cracks as the notch, to solve it again",
+        description="Write the grid file of a run with --cracks particles, with its cracks at a frame as the notch. The"
+        " cracked plate can then be solved under other loads. --csv and --json give the cracks as polylines.",
     )
     add_results(notch)
     commandline.add_common_options(

@@ -50,13 +50,13 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "velocity": "draw the velocity of the nodes",
     "acceleration": "draw the acceleration of the nodes",
     "strain": "draw the strain of the nodes, fitted to their bonds",
-    "stress": "draw the stress of the nodes, that of their model, or Hooke's with their strain",
-    "plastic": "draw the equivalent plastic strain of the nodes, of materials that flow",
-    "rotation": "draw the rotation of the nodes, of models that have one",
-    "volume": "draw the volume of the nodes over that at the start, of models that have one",
-    "concentration": "draw the concentration of what is dissolved, of models of diffusion",
-    "content": "draw the content: concentration and what is solid",
-    "solid": "draw the share of the nodes that is solid",
+    "stress": "draw the stress of the nodes: the model's own, or Hooke's from the fitted strain",
+    "plastic": "draw the equivalent plastic strain of the nodes, in plastic materials",
+    "rotation": "draw the rotation of the nodes, in models with rotations",
+    "volume": "draw the volume of the nodes over their initial volume, in models that compute it",
+    "concentration": "draw the concentration of the dissolved substance, in models of diffusion",
+    "content": "draw the content: dissolved and solid together",
+    "solid": "draw the solid share of each node",
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y, of a body z"),
@@ -70,7 +70,7 @@ def add(commands: Commands) -> None:
     for name, does in FIELDS.items():
         picture = _add_picture(commands, name, does, default="0", several=True)
         if name in PARTS:
-            picture.add_argument("--component", metavar="NAME", help=f"which one: {PARTS[name]}")
+            picture.add_argument("--component", metavar="NAME", help=f"component to draw: {PARTS[name]}")
         add_colours(picture)
         picture.add_argument(
             "--clip",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `report` on the command line."""
-    page = commands.add_parser("report", help="write one HTML page: crack, film, fields, balance, then what was solved")
+    page = commands.add_parser("report", help="write one HTML page: crack, film, fields, energy balance, and the model")
     add_results(page)
     commandline.add_common_options(
         page,

@@ -31,8 +31,8 @@ def add_journal(command: argparse.ArgumentParser) -> None:
         action="append",
         dest="assignments",
         metavar="NAME",
-        help="exactly as wide as a journal's column, with its fonts: elsevier, elsevier-middle, springer, aps, ieee,"
-        " and each of these -wide",
+        help="set the width and fonts to those of a journal's column: elsevier, elsevier-middle, springer, aps, ieee,"
+        " or each of these with -wide",
     )
 
 
@@ -40,12 +40,16 @@ def add_frame(command: argparse.ArgumentParser, several: bool = False, default: 
     """Add --frame and --time, and --frames if `several`. The `default` is a frame number; None means all frames."""
     which = command.add_mutually_exclusive_group()
     which.add_argument(
-        "--frame", type=int, default=default, metavar="N", help="frame, from 0; from the end if negative"
+        "--frame",
+        type=int,
+        default=default,
+        metavar="N",
+        help="frame number, counted from 0, or from the end if negative",
     )
-    which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, in seconds")
+    which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, s")
     if several:
         which.add_argument(
-            "--frames", type=_frames, metavar="N,N,...", help="several frames on one sheet, with the same colours"
+            "--frames", type=_frames, metavar="N,N,...", help="draw several frames on one sheet, with one colour scale"
         )
 
 
@@ -94,7 +98,7 @@ def add_scale(command: argparse.ArgumentParser, default: str) -> None:
         type=_scale,
         default=default,
         metavar="N",
-        help="draw the deformed shape, displacements times N; 0: the reference, auto: so that they are seen"
+        help="draw the deformed shape, with displacements times N; 0: undeformed; auto: large enough to see"
         f" (default: {default})",
     )
 
@@ -135,7 +139,7 @@ def add_window(command: argparse.ArgumentParser) -> None:
         "--window",
         type=_window,
         metavar="X0,Y0,X1,Y1",
-        help="see this part of the plate, m (--window=X0,... if X0 is negative; default: all of it)",
+        help="draw this part of the plate alone, m (--window=X0,... if X0 is negative; default: all of it)",
     )
 
 
@@ -216,9 +220,9 @@ def add_colours(command: argparse.ArgumentParser) -> None:
         "--largest",
         type=positive,
         metavar="N",
-        help="where the colours end, in SI units, and at -N of what has a sign (default: damage 1; others at the"
-        " largest value, or at what 99.5 %% of the nodes stay below where a few are far above; of strain and stress,"
-        " nodes that have lost more than 0.35 of their bonds do not count)",
+        help="the value at which the colours end, in SI units; fields with a sign end at -N too (default: 1 for damage,"
+        " otherwise the largest value, or the value that 99.5 %% of the nodes stay below if a few are far above it;"
+        " for strain and stress, nodes that have lost more than 0.35 of their bonds do not count)",
     )
 
 
@@ -236,7 +240,7 @@ def positive(text: str) -> float:
 def add_csv(command: argparse.ArgumentParser) -> None:
     """Add --csv: the file for the numbers behind the picture."""
     command.add_argument(
-        "--csv", metavar="FILE", help="write the numbers behind the picture as a table, in SI units; -: on stdout"
+        "--csv", metavar="FILE", help="write the numbers behind the picture as a table, in SI units; - writes to stdout"
     )
 
 

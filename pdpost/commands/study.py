@@ -18,16 +18,18 @@ def add(commands: Commands) -> None:
     """Put `study` on the command line."""
     study = commands.add_parser(
         "study",
-        help="draw what was measured of a study's runs against what was varied",
-        description="Draw measures of a study's runs against a parameter: every run a dot, the median, the range. What"
-        " else was varied are curves of their own.",
+        help="draw measures of a study's runs against the parameters that were varied",
+        description="Draw measures of a study's runs against a parameter: a dot for each run, the median and the range."
+        " Each value of the other varied parameters has a curve of its own.",
     )
     study.add_argument("results", type=Path, metavar="study", help="the table written by pdsolve study")
     study.add_argument(
         "--measure", action="append", default=[], metavar="NAME",
         help="what to draw, such as branching; may be repeated (default: up to four that differ between the runs)",
     )  # fmt: skip
-    study.add_argument("--over", metavar="NAME", help="the parameter to draw against (default: the one of most values)")
+    study.add_argument(
+        "--over", metavar="NAME", help="the parameter to draw against (default: the one with the most values)"
+    )
     commandline.add_common_options(
         study,
         output="the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"

@@ -22,18 +22,20 @@ def add(commands: Commands) -> None:
     """Put `tradeoff` on the command line."""
     tradeoff = commands.add_parser(
         "tradeoff",
-        help="chart what results of one scene cost against how far they are from a reference",
-        description="Chart the cost of results of one scene against their errors, shares of the reference's"
-        " displacements, path of the crack, times and energy; mark those that none beats in both, and name the"
-        " cheapest within an error.",
+        help="chart the cost of results of one scene against their errors",
+        description="Chart the cost of results of one scene against their errors, relative to a reference, in"
+        " displacements, crack path, times and energy. Mark the Pareto front, and name the cheapest result within a"
+        " given error.",
     )
     tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve, or tables of studies")
-    tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="what to compare them with")
-    tradeoff.add_argument("--within", type=commandline.share, metavar="2%%", help="name the cheapest within this error")
+    tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="the results to compare with")
+    tradeoff.add_argument(
+        "--within", type=commandline.share, metavar="2%%", help="name the cheapest result within this error"
+    )
     tradeoff.add_argument(
         "--by", choices=ERRORS, action="append", default=[], help="an error that counts; may be repeated (default: all)"
     )
-    tradeoff.add_argument("--cost", choices=COSTS, default="wall_time", help="what counts as cost")
+    tradeoff.add_argument("--cost", choices=COSTS, default="wall_time", help="the measure of cost")
     commandline.add_common_options(
         tradeoff,
         output="the chart, in the format of its suffix, with its numbers in a .tradeoff.json beside it (default:"

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `verify` on the command line."""
-    about = "read all of the database, and say whether it holds what was written to it"
+    about = "read the whole database and check that it is intact"
     verify = commands.add_parser(
         "verify",
         help=about,
         description=f"{about[0].upper()}{about[1:]}: its pages, all checksums, the order and the number of steps,"
-        " frames, fields, nodes and bonds, and that broken bonds and energies agree with each other. The exit code is 0"
-        " if all is well, 2 with what is wrong and where.",
+        " frames, fields, nodes and bonds, and whether broken bonds and energies agree with each other. The exit code"
+        " is 0 if the database is intact, and 2 if not; one line then says what is wrong, and where.",
     )
     add_results(verify)
     verify.add_argument("--json", action="store_true", help="print the result as JSON on stdout")

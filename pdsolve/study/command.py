@@ -21,22 +21,26 @@ def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve study."""
     program = commandline.program(
         "pdsolve study",
-        "Solve a grid or a list of runs, each repeated with a small disturbance, in several processes; write one row"
-        " a run, with its parameters and the measures of its crack, to an SQLite table. What is there is not solved"
-        " again: the same command goes on after an interruption.",
+        "Solve a grid or a list of runs, each repeated with small disturbances, in several processes. Write one row"
+        " for each run, with its parameters and the measures of its crack, to an SQLite table. After an interruption"
+        " the same command continues: finished runs are not solved again.",
     )
-    program.add_argument("study", type=Path, help="what to run, as TOML: drawing, set, vary, runs, repeat")
+    program.add_argument("study", type=Path, help="the study as a TOML file (drawing, set, vary, runs, repeat)")
     program.add_argument(
         "-o", "--output", type=Path, metavar="FILE",
-        help="the table (default: the study's name with .sqlite, in the current folder); runs are in a folder beside"
-        " it, .runs",
+        help="the table (default: the study's name with .sqlite, in the current folder); the runs' databases are in"
+        " a folder beside it, with .runs",
     )  # fmt: skip
-    program.add_argument("--force", action="store_true", help="begin anew, remove the runs that are there")
-    program.add_argument("--again", action="store_true", help="solve those that failed once more")
-    program.add_argument("--workers", type=_count, metavar="N", help="processes (default: cores over --threads)")
-    program.add_argument("--threads", type=_count, default=1, metavar="N", help="of each run (default: 1)")
+    program.add_argument("--force", action="store_true", help="remove existing runs and begin anew")
+    program.add_argument("--again", action="store_true", help="solve failed runs once more")
     program.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers see this folder, such as tls://x:8786"
+        "--workers", type=_count, metavar="N", help="number of processes (default: cores divided by --threads)"
+    )
+    program.add_argument("--threads", type=_count, default=1, metavar="N", help="threads of each run (default: 1)")
+    program.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of a Dask scheduler whose workers share this folder, such as tls://x:8786",
     )
     commandline.add_trust(program)
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
