@@ -41,6 +41,7 @@ SHOWN = {
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
     "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
+    "notched_beam.py": Shown("reaction --condition middle"),
     "penny.geo": Shown("slice --field damage --plane y=0"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
