@@ -1,0 +1,116 @@
+"""Fick's law keeps the protocol of operators, however links are stored, with a solid and with what is outside."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+from media import CORRODING, disc, lattice, model
+from scipy.sparse.linalg import eigs
+
+from pdmesh.model.document import Exchange
+from pdmesh.model.medium import Medium
+from pdsolve.diffusion.operator import Fick
+from pdsolve.diffusion.system import prepare
+from pdsolve.model import Model
+from pdsolve.state import State
+
+
+class Case(NamedTuple):
+    """A medium, and how its links are stored."""
+
+    medium: Medium
+    listed: bool
+    outside: bool = False
+
+
+UNIT, KINETIC = Medium(D=1.0), msgspec.structs.replace(CORRODING, dissolution="kinetic", k_diss=0.5)
+CASES = {
+    "lattice": Case(UNIT, False),
+    "listed": Case(UNIT, True),
+    "without corrections": Case(Medium(D=1.0, surface_correction=False), False),
+    "open": Case(UNIT, False, True),
+    "dissolving": Case(CORRODING, False, True),
+    "kinetic": Case(KINETIC, True, True),
+}
+SMOOTH = [name for name in CASES if name != "kinetic"]
+
+
+def fresh(name: str) -> tuple[Fick, State]:
+    """A disc of a case, and a state of it in which nodes have anything from none to the solid's content."""
+    medium, listed, outside = CASES[name]
+    conditions = (Exchange(box=(-2, -2, 0, 0), coefficient=0.5, length=2.0),) if outside else ()
+    base: Model = disc(0.25, 400, medium) if medium.C_sat else model(lattice(0.25, 3.0, 2), 0.25, medium)
+    settings = msgspec.structs.replace(base.settings, conditions=(*base.settings.conditions, *conditions))
+    system, state = prepare(Model(base.grid, settings), 1, listed)
+    state.value[:, 0] = np.random.default_rng(7).uniform(0.01, 1.0, len(state.value))
+    return system.operator, state
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_rates_are_added_and_only_what_is_outside_is_booked(name: str) -> None:
+    operator, state = fresh(name)
+    before = State(*(one.copy() for one in state))
+    out, twice = np.full((len(state.value), 1), 7.0), np.zeros((len(state.value), 1))
+    operator.add(state, out, 0, 0.25)
+    operator.add(before._replace(work=np.zeros(len(twice))), twice, 0, 0.0)
+    assert out - 7.0 == pytest.approx(twice, abs=1e-13 * np.abs(twice).max())
+    given = -operator.outside * operator.potential(state.value[:, 0])
+    assert bool(given.any()) == CASES[name].outside
+    assert state.work == pytest.approx(0.25 * given)
+    for field in ("value", "rate", "dissipated", "damped"):
+        assert np.array_equal(getattr(state, field), getattr(before, field))
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_rates_follow_from_the_potential_and_the_tangent_is_their_slope(name: str) -> None:
+    """Between the kinks of the potential rates are linear: the difference of two is the tangent's, measured 4e-13."""
+    operator, state = fresh(name)
+    content = state.value[:, 0]
+    found, other, by_potential = np.zeros((3, len(state.value), 1))
+    operator.add(state, found, 0, 0.0)
+    operator.rates(operator.potential(content), by_potential[:, 0])
+    assert np.array_equal(found, by_potential)
+    way = 1e-3 * np.random.default_rng(8).uniform(-1, 1, len(content))
+    way[operator.follows(content + way) != operator.follows(content)] = 0.0
+    operator.add(state._replace(value=state.value + way[:, None]), other, 0, 0.0)
+    slope = -(operator.tangent(state) @ way)
+    assert (other - found)[:, 0] == pytest.approx(slope, abs=1e-11 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_the_bound_is_above_all_eigenvalues(name: str) -> None:
+    operator, state = fresh(name)
+    liquid = state._replace(value=np.zeros_like(state.value))
+    fastest = float(abs(eigs(operator.tangent(liquid), 1, return_eigenvectors=False)[0]))
+    bound = float(operator.stiffness_bound().max())
+    assert fastest <= bound * (1 + 1e-9)
+    assert bound < 2.5 * fastest  # measured 1.8
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_links_are_those_that_are_counted_both_ways(name: str) -> None:
+    operator, _ = fresh(name)
+    source, target = operator.bonds()
+    assert np.array_equal(np.bincount(source, minlength=len(operator.count)), operator.count)
+    assert (np.diff(source * len(operator.count) + target) > 0).all()
+    assert set(zip(source, target, strict=True)) == set(zip(target, source, strict=True))
+    some = [column[(source >= 5) & (source < 9)] for column in (source, target)]
+    for found, expected in zip(operator.bonds(5, 9), some, strict=True):
+        assert np.array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_kept_goes_on_alike(name: str) -> None:
+    """To the same bits; a kinetic solid that has once been liquid stays so."""
+    operator, state = fresh(name)
+    once, again, other = np.zeros((3, len(state.value), 1))
+    operator.add(state, once, 0, 0.0)
+    state.value[:] += 1.0
+    twin, _ = fresh(name)
+    twin.back(operator.keep(), operator.broken())
+    operator.add(state, again, 0, 0.0)
+    twin.add(state, other, 0, 0.0)
+    assert np.array_equal(again, other)
