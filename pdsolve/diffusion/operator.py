@@ -128,7 +128,7 @@ class Fick:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the rates' eigenvalues, 1/s: forward Euler is stable up to 2 over it."""
         faster = max(1.0, self.medium.k_diss) if self.kinetic else 1.0
-        return 0.9 * (faster * self.total + self.outside)
+        return 2 * (faster * self.total + self.outside)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the rates by the contents, (n, n), 1/s. Raises ModelError for a kinetic solid."""
