@@ -26,8 +26,6 @@ def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
     depths = []
     for place, token in enumerate(tokens):
         depths.append(len(open_at))
-        if token.kind != "sign":
-            continue
         if token.text in OPENING:
             open_at.append(place)
             if len(open_at) > DEEPEST:

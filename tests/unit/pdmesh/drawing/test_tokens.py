@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pdmesh.drawing.sandbox.structure import partners
 from pdmesh.drawing.sandbox.tokens import tokens_of, written
 
 
@@ -17,3 +18,12 @@ def test_what_gmsh_skips_begins_with_blanks(text: bytes, word: bytes) -> None:
     after = anew.partition(word)[2]
     assert len(after) - len(after.lstrip(b" ")) >= 4 + 1
     assert anew.replace(b" ", b"") == text.replace(b" ", b"")
+
+
+def test_brackets_in_strings_match_none() -> None:
+    """A string's text begins with its quote, so that none is a bracket."""
+    tokens = tokens_of("a = \"(\"; b = '[';\nc(1);")
+    assert [token.text for token in tokens if token.kind == "string"] == ['"("', "'['"]
+    found, depths = partners(tokens)
+    assert found == {9: 11, 11: 9}
+    assert depths == [0] * 10 + [1, 0, 0]
