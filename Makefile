@@ -26,6 +26,7 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
+unexport PYTHONDONTWRITEBYTECODE # tests start hundreds of processes, each of which would compile all it imports
 
 .PHONY: demo test slow thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare mutants \
 	size places endurance install package pythons gmsh-libraries clean
