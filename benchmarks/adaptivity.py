@@ -202,8 +202,8 @@ def scenes() -> str:
     lines = [
         "## All shipped scenes of bonds in motion",
         "",
-        "Built by `pdmesh build SCENE --adapt hybrid`, with the finest spacing of each; the uniform run is of the same"
-        " nodes.",
+        "Each scene is built by `pdmesh build SCENE --adapt hybrid`, with its finest spacing. The uniform run has the"
+        " same nodes.",
         "",
         "| scene | nodes | fine at the start, end, % | first bond, us: uniform, hybrid | dissipated, J/m | CPU of the"
         " loop, s | balance, % of the work | clipped bonds |",
@@ -230,40 +230,47 @@ def _time(found: Found) -> str:
 
 HEAD = """# Peridynamics where bonds may break, a compact lattice elsewhere
 
-`pdmesh build plate.geo --adapt hybrid`, then `pdsolve plate.json`; or `.adapt()` in a scene, `Peridynamics/Run/Adapt`
-in a drawing, `pdsolve --adapt hybrid` for nodes that are on one lattice already. Written by `python -m
-benchmarks.adaptivity`; times are of the machine it ran on, and only their ratio means something.
+**How to use it.** Run `pdmesh build plate.geo --adapt hybrid`, then `pdsolve plate.json`. A scene in Python says
+`.adapt()`, a drawing `Peridynamics/Run/Adapt`. If the nodes are on one lattice already, `pdsolve --adapt hybrid` is
+enough. `python -m benchmarks.adaptivity` writes this page. Its times depend on the machine; only their ratios matter.
 
-A cell of 2 h is fine, with nodes of spacing h and all bonds of the horizon, or coarse: four springs along its edges
-and two along its diagonals, as stiff as the fine lattice is, its anisotropy included. Cells are fine from the start
-within 12 h of the tips of pre-cracks, and within 4 h more than the horizon of where an outline cuts cells or turns
-inwards. Every 8 steps those become fine that are within 8 h of a node one of whose bonds has broken or begun to
-soften, or of a coarse bond stretched to more than 0.7 of what breaks or softens it. Nothing becomes coarse again, and
-no bond heals: a table has a bit for each bond of the whole plate, which is cleared once. Bonds that leave the fine
-cells are clipped at their edge, and as much stiffer as they are shorter, after A. V. Shapeev (Multiscale Model.
-Simul. 9 (2011) 905-932). A linear field is at rest, edges included, momentum and energy are conserved
-(`tests/verification/test_clipped.py`); of a pulse half, one and two times 2 m h wide 5.2, 2.1 and 0.5 % come back.
-Fine nodes at edges, faces of pre-cracks and interfaces have the bonds of a uniform run; a coarse cell has the mean
-stiffness and mass of its materials.
+**Cells.** The plate is divided into cells of 2 h. A fine cell has nodes of spacing h with all bonds of the horizon. A
+coarse cell has four springs along its edges and two along its diagonals, which are as stiff as the fine lattice,
+including its anisotropy. A coarse cell has the mean stiffness and mass of its materials. Fine nodes at edges, faces of
+pre-cracks and interfaces have the same bonds as in a uniform run.
 
-**What it takes**: nodes on one lattice, horizons up to 6 spacings (5.5 with a constant micromodulus), the conservative
-mode in double precision; both laws, several materials of one micromodulus, holes, notches and any outline, pre-cracks
-without width in any direction, loads, held displacements and velocities, regions that do not break. Frames, histories
-and all that `pdpost` shows are of the coarse nodes and of the fine ones there are; nodes that come and go do so in the
-first step after the last look (ledger or frame) before which they did. `pdmesh build` lays the finest spacing of a
-drawing everywhere and moves cracks, by half a spacing at most, where they would meet a node, and says so.
+**The fine zone.** From the start, cells are fine within 12 h of the tips of pre-cracks, and within a horizon and 4 h of
+places where the outline cuts cells or turns inwards. Every 8 steps more cells become fine: those within 8 h of a node
+with a bond that has broken or begun to soften, and those within 8 h of a coarse bond stretched to more than 0.7 of the
+stretch that breaks or softens it. Fine cells never become coarse again. A broken bond never heals: each bond of the
+whole plate has one bit, which is cleared once.
 
-**What it refuses**, in one line: imported meshes and other nodes on no lattice, several spacings, the thesis mode,
-single precision, held accelerations, absorbing layers, damping, rest, materials of different micromoduli. It runs on
-as many threads as its nodes are worth, to the same bits.
+**The seam.** Bonds that leave the fine cells are clipped at the edge of the zone. Their stiffness increases by the
+factor by which they are shortened, after A. V. Shapeev (Multiscale Model. Simul. 9 (2011) 905-932). A linear
+displacement field is in equilibrium, at edges too, and momentum and energy are conserved
+(`tests/verification/test_clipped.py`). The seam reflects 5.2, 2.1 and 0.5 % of pulses that are half, one and two times
+2 m h wide.
 
-**When not to take it**: where much of the plate is crushed or softens, as then most of it becomes fine; where a plate
-is so small that 12 h around a tip, or what is around its holes, is most of it; with horizons of more than 4 spacings,
-for which the zone is narrow ([where methods fail](where_methods_fail.md)). A run stops where a clipped bond is
-stretched beyond what breaks it.
+**What it supports**: nodes on one lattice; horizons up to 6 spacings (5.5 with a constant micromodulus); the
+conservative mode in double precision; both laws; several materials with one micromodulus; holes, notches and any
+outline; pre-cracks without width in any direction; loads; held displacements and velocities; unbreakable regions.
+Frames, histories and the pictures of `pdpost` contain the coarse nodes and the current fine nodes. In the results,
+nodes that appear or disappear do so in the first step after the preceding ledger entry or frame. `pdmesh build` lays
+nodes of the finest spacing everywhere. Where a crack would meet a node, it moves the crack by half a spacing at most,
+and says so.
 
-"Path off" is the mean two-way distance from the other uniform runs, over the path's length: for uniform runs this is
-how far they are from each other.
+**What it refuses**, in one line: imported meshes and other nodes that are on no lattice, several spacings, the thesis
+mode, single precision, held accelerations, absorbing layers, damping, equilibrium (`--static`), and materials of
+different micromoduli. By default the number of threads follows from the number of nodes; the bits of the results do not
+depend on it.
+
+**When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
+around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the
+zone is narrow ([where methods fail](where_methods_fail.md)). A run stops when a clipped bond is stretched beyond its
+breaking stretch.
+
+"Path off" is the mean two-way distance from the paths of the other uniform runs, over the length of the path. For
+uniform runs it shows how far they are from each other.
 """
 
 

@@ -170,8 +170,9 @@ def page(founds: list[Found], coarse: Found, picture: str) -> str:
     lines = [
         f"## {1e3 * h:g} and {2e3 * h:g} mm between nodes",
         "",
-        f"Horizon {HORIZON / h:.0f} and {HORIZON / h / 2:.0f} spacings, steps of {1e6 * STEP:g} us to"
-        f" {1e6 * DURATION:g} us; {len(uniform.position)} fine nodes in all; one thread, all runs in turn.",
+        f"The horizon is {HORIZON / h:.0f} and {HORIZON / h / 2:.0f} spacings. The runs have steps of {1e6 * STEP:g} us"
+        f" and last {1e6 * DURATION:g} us. The uniform run has {len(uniform.position)} nodes. The runs take turns on"
+        " one thread.",
         "",
         f"![Fine zone, damage and energy around the notch's tip]({picture})",
         "",
@@ -188,10 +189,10 @@ def page(founds: list[Found], coarse: Found, picture: str) -> str:
             f" {1e6 * passed(found):.1f} | {100 * first:.1f}, {100 * later:.1f} | {100 * found.balance:+.2f} |"
             f" {found.stretch:.2f} |"
         )
-    lines += ["", "Nodes cracked at the edge opposite to the struck one, 20 mm of it: "]
+    lines += ["", "Cracked nodes within 20 mm of the edge opposite to the struck one: "]
     far = [f"{found.deck.name} {int(((found.position[:, 0] > 0.08) & (found.damage > CRACKED)).sum())}"
            for found in (*founds, coarse)]  # fmt: skip
-    lines[-1] += ", ".join(far) + f". The last, of {1e3 * coarse.deck.h:g} mm, took {coarse.cpu:.0f} s."
+    lines[-1] += ", ".join(far) + f". The last run, with {1e3 * coarse.deck.h:g} mm, took {coarse.cpu:.0f} s."
     return "\n".join([*lines, ""])
 
 
@@ -209,10 +210,10 @@ def beside(h: float) -> str:
     lines = [
         f"## Beside the hybrid, {1e3 * h:g} mm between nodes",
         "",
-        "For this plate the hybrid's zone is too narrow where a horizon is 5 or 6 spacings, the most that it takes"
-        " ([where methods fail](where_methods_fail.md)), or the profile constant. With"
-        f" {FEW:g} of them, {1e3 * FEW * h:g} mm, and a conical one, on the same {len(model.grid)} nodes, all three as"
-        f" they are by default; CPU time of the loop, least of {TURNS} in turn, one thread."
+        "For this plate the hybrid's zone is too narrow if the horizon is 5 or 6 spacings, the largest it supports"
+        " ([where methods fail](where_methods_fail.md)), or if the micromodulus is constant. The table has all three"
+        f" with their defaults, a horizon of {FEW:g} spacings ({1e3 * FEW * h:g} mm) and a conical micromodulus, on the"
+        f" same {len(model.grid)} nodes. CPU time is that of the loop on one thread, the least of {TURNS} runs in turn."
         " So few spacings need damping beside the seam (`run.collocation.damped`), which takes most of the work.",
         "",
         "| run | CPU of the loop, s | times as fast | fine at the end, % | first bond, us | dissipated, J/m |"
@@ -255,17 +256,20 @@ def chart(founds: list[Found], path: Path) -> None:
 
 HEAD = """# The deck of the multi-adaptive method's source
 
-Written by `python -m benchmarks.collocation` and, with `--full`, at the source's resolution. Kalthoff and Winkler's
-plate of steel as G. Ongaro et al. (Int. J. Fract. 244 (2023)) solve it, plane strain, struck edge held at 16.5 m/s, G0
-= 42408 J/m^2, kappa 0.95; its spacings are not stated; 0.5 and 0.25 mm have its numbers of neighbours, 441 and 1793.
-Both grids have the same horizon; coarse nodes have stencils of few nodes, tied together by those of a compact one (49
-and 12 of them at 12 spacings). Uniform runs are of the same kernel with all nodes fine. "As in the source" is fine
-within one horizon of edges and notches; stencils then reach into the surface layer that bonds have there, and energy is
-lost along all edges: so half a horizon more is the default, `run.collocation.margin`; a quarter is faster, and near
-enough where a few per cent are. The source's runs on 12 cores were 1.86 times as fast as its uniform ones.
+`python -m benchmarks.collocation` writes this page, with `--full` at the resolution of the source. The deck is
+Kalthoff and Winkler's steel plate as G. Ongaro et al. (Int. J. Fract. 244 (2023)) solve it: plane strain, struck edge
+held at 16.5 m/s, G0 = 42408 J/m^2, kappa 0.95. The source does not state its spacings; with 0.5 and 0.25 mm families
+have its numbers of neighbours, 441 and 1793. Both grids have the same horizon. Coarse nodes have stencils of few
+nodes, stabilized by those of a compact stencil (49 and 12 nodes at 12 spacings). Uniform runs use the same kernel with
+all nodes fine.
 
-A bond is one bit here, and its stiffness the lattice's own. Along edges it is corrected: 16 nodes in a row have the
-same corrections as many others along a straight edge, which are kept once; elsewhere they are computed as needed.
+"As in the source" is fine within one horizon of edges and notches. Stencils then reach into the surface layer of the
+bonds, and energy is lost along all edges. The default therefore adds half a horizon (`run.collocation.margin`). A
+quarter is faster, and sufficient for an error of a few per cent. The source's runs on 12 cores were 1.86 times as fast
+as its uniform ones.
+
+Each bond is stored as one bit, and its stiffness is that of the lattice. Along edges it is corrected. Rows of 16 nodes
+along a straight edge share their corrections, which are stored once. Elsewhere corrections are computed as needed.
 """
 
 

@@ -26,22 +26,27 @@ HERE = Path(__file__).parent.parent
 
 ABOVE = """# Stress intensities against the handbook
 
-Written by `python -m benchmarks.handbook`: plates {wide} spacings wide (conical, plane stress, one scale), solved at
-rest, against formulas for the same geometry. **ours** is K1 (K2) of `pdpost sif` over the formula's, of the middle one
-of three rings, with a horizon of {horizon:g} spacings; **rings** is the range of the three; **from J** is the root of
-J E over that of K1^2 + K2^2; **horizon {short:g}** is ours with that horizon. Loads are tractions, for which the
-classical K does not depend on Poisson's ratio, so that that of bonds is as good as any; around the slanted crack alone
-displacements are held, those of an infinite plate.
+`python -m benchmarks.handbook` writes this page. Its plates are {wide} spacings wide (conical, plane stress, one
+scale), are solved at rest, and are compared with formulas for the same geometry.
+
+- **ours** is K1 (K2) of `pdpost sif` over that of the formula, for the middle one of three rings and a horizon of
+  {horizon:g} spacings.
+- **rings** is the range over the three rings.
+- **from J** is the root of J E over that of K1^2 + K2^2.
+- **horizon {short:g}** is ours with a horizon of {short:g} spacings.
+
+Loads are tractions. The classical K then does not depend on Poisson's ratio, so the Poisson's ratio of bonds does no
+harm. Around the slanted crack alone the displacements of an infinite plate are held.
 
 | plate | formula | nodes | K | ours | rings | from J | horizon {short:g} |
 |---|---|---|---|---|---|---|---|
 """
 BELOW = """
 Formulas: **Tada**: H. Tada, P. C. Paris, G. R. Irwin, The Stress Analysis of Cracks Handbook, 3rd edition, ASME, 2000;
-**ASTM**: E399, Standard Test Method for Plane-Strain Fracture Toughness; each with its own accuracy. A crack is as
-long as it is drawn, and ends half-way between two columns of nodes. With a horizon of 3 spacings the lattice is 5 %
-stiffer to stretch than to shear, which plates whose cracks leave two narrow ligaments feel most.
-`tests/verification/test_handbook.py` holds all to 2 % with a horizon of {horizon:g}.
+**ASTM**: E399, Standard Test Method for Plane-Strain Fracture Toughness. The table names the accuracy of each formula.
+A crack is as long as drawn, and ends half-way between two columns of nodes. With a horizon of 3 spacings the lattice
+is 5 % stiffer in tension than in shear. This affects most the plates whose cracks leave two narrow ligaments.
+`tests/verification/test_handbook.py` requires an error below 2 % with a horizon of {horizon:g}.
 """
 
 

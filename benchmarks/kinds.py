@@ -244,14 +244,16 @@ def table(rows: list[Row], seams: list[Seam]) -> str:
     lines = [
         KINDS_BEGIN,
         "",
-        "Written by `python -m benchmarks.kinds`; horizon 4 spacings, conical, coarse nodes twice as far apart. Cost is"
-        " CPU time of the loop over that of the uniform run, one thread, of the fastest of four; the rest are means of"
-        " four runs whose steps differ, and of the path the least and most. Free vibration: energy over that at the"
-        f" start after {number(UNITS)} h sqrt(rho / E), or when it has grown a million times. Pulse: a P pulse"
-        " exp(-(x / w)^2) that leaves the fine part through a straight seam, velocity that comes back over that sent."
-        " Cells that split are drawn twice as coarse, and the steel's pre-cracks a quarter of a millimetre elsewhere."
-        " Their first bond is one at the tip that breaks as cells split there: what is interpolated linearly opens"
-        " ahead of a tip by what it has opened behind; the next are within a microsecond or so of the uniform run's.",
+        "`python -m benchmarks.kinds` writes this section. The horizon is 4 spacings, the micromodulus conical, and"
+        " coarse nodes are twice as far apart. Cost is the CPU time of the loop over that of the uniform run, on one"
+        " thread, of the fastest of four runs. The other numbers are means of four runs with different steps; for"
+        " the path the least and the most are given too. Free vibration is the energy over that at the start, after"
+        f" {number(UNITS)} h sqrt(rho / E) or when it has grown a million times. Pulse is the share of the velocity"
+        " of a P pulse exp(-(x / w)^2) that comes back when the pulse leaves the fine part through a straight seam."
+        " For cells that split, the drawing has twice the spacing, and the steel's pre-cracks are moved by a quarter"
+        " of a millimetre. Their first bond breaks at the tip when cells split there, because linear interpolation"
+        " continues the opening behind a tip ahead of it. Their next bonds break within a microsecond or so of the"
+        " uniform run's.",
         "",
         "![Cost against error of fine zones of all kinds](adaptivity.png)",
         "",
@@ -315,15 +317,17 @@ def chart(rows: list[Row], seams: list[Seam]) -> None:
     figure.savefig(CHART, dpi=120)
 
 
-WORDS = """**What to take when.** Where a family has few bonds, as in all shipped scenes, take `--adapt hybrid`: its
-lattice costs a few bonds a node, it conserves energy and momentum, edges need no bonds, and its seam sends back less
-than those of bonds of two sizes. Take drawn zones where nodes are on no lattice, in the thesis mode, with dampers or at
-rest. Take `--adapt split` to compare with the thesis, or in its mode where it is not known where cracks go: its bonds
-are summed one by one, and listed anew whenever cells change, which costs more than fine nodes everywhere in blocks.
-Take `--adapt collocation` to compare with its source, and where the horizon is a length of the material, of many
-spacings: its cost is that of bonds within one and a half horizons of edges and cracks, and the coarse grid's is next to
-nothing. Small families need damping beside the seam, which takes motion out of the plate and sends long pulses back
-that the seam alone lets through.
+WORDS = """**Which kind to choose.**
+
+- Choose `--adapt hybrid` where a family has few bonds, as in all shipped scenes. Its coarse lattice costs a few bonds a
+  node, it conserves energy and momentum, edges need no bonds, and its seam reflects less than bonds of two sizes do.
+- Choose drawn zones where nodes are on no lattice, in the thesis mode, with absorbing layers or damping, or at rest.
+- Choose `--adapt split` to compare with the thesis, or in the thesis mode if the path of the crack is unknown. It sums
+  its bonds one by one, and lists them anew whenever cells change. That costs more than fine nodes everywhere in blocks.
+- Choose `--adapt collocation` to compare with its source, or if the horizon is a length of the material and spans many
+  spacings. It costs as much as the bonds within one and a half horizons of edges and cracks; the coarse grid costs next
+  to nothing. Small families need damping beside the seam. The damping takes motion out of the plate and reflects long
+  pulses, which the seam alone lets through.
 """
 
 

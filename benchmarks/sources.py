@@ -157,9 +157,9 @@ PAGES = (
     Page(
         "correspondence",
         "Non-ordinary peridynamics: a bar and a branching plate",
-        "The source prints no number of the bar, only that it converges, and says of the plate when it first breaks and"
-        " when it is through. Where a crack branches is chaotic, and no number to compare closely:"
-        " `tests/verification/test_branching.py` compares several runs.",
+        "For the bar the source prints no number; it says only that the solution converges. For the plate it says when"
+        " the first bond breaks and when the crack reaches the far edge. The place of branching is chaotic, so a single"
+        " number cannot be compared closely: `tests/verification/test_branching.py` compares several runs.",
         (
             Example("A bar under sudden end stress", "bar.py", _bar, "displacement", (0.5, 1.0, 2.0)),
             Example("A branching plate", "branching_plate.py", _branching, "damage", (7.6e-6, 45e-6, 60e-6)),
@@ -168,7 +168,8 @@ PAGES = (
     Page(
         "gradients",
         "Gradients of higher order, and nonlinear materials",
-        "Slides whose only numbers are the rotations of the bent square; the nonlinear materials are names there.",
+        "The source is a set of slides. Their only numbers are the rotations of the bent square; the nonlinear"
+        " materials are only named.",
         (
             Example("A square that bends and turns", "bent_square.py", _square, "rotation", (1.0,)),
             Example("A block of rubber between clamps", "rubber_block.py", _rubber, "stress", (1.0,)),

@@ -229,34 +229,39 @@ def pictures(folder: Path) -> list[Path]:
 
 HEAD = f"""{TITLE}
 
-`--adapt split` is the thesis's adaptive refinement (pp. 97-103), for comparison; keys in the
-[guide](guide/adaptivity.md). Every cell, a node with its square, may split into four at a quarter of its spacing
-from its middle, each with the horizon of its own spacing, in both modes. At each look a node is flagged whose energy
-density is above a share of the plate's largest (nodes with conditions aside), between a floor and a ceiling, or whose
-bonds are stretched beyond a share of the critical stretch; all within its horizon splits, by the visibility principle
-of F. Bobaru et al. (2009), and what touches differs by one level at most. Displacements, velocities and accelerations
-are interpolated linearly; a new bond is broken where one between the nodes its ends come from was. Four cells merge
-that stayed calm, two horizons from flagged nodes and one from broken bonds, so that cracks stay fine. Momentum is
-kept to round-off; the ledger's `refinement` is the energy that all this makes, that of interpolated accelerations
-included.
+`--adapt split` is the thesis's adaptive refinement (pp. 97-103), for comparison. The
+[guide](guide/adaptivity.md) lists its keys. It works in both modes. A cell is a node with its square. A cell may split
+into four, whose nodes are a quarter of its spacing from its middle and have the horizon of their own spacing.
 
-Duran's plate of 51 x 20 nodes 2 mm apart (m = 4, conical, 12 MPa, 36 us), whose cells split once, beside uniform runs;
-written by `python -m benchmarks.split` (`make split`). Each row is {len(STEPS)} runs with steps of
-{", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns: the median, the least and the most, to {1e6 * LOOK:g} us. A crack has
+- *Flags.* Every few steps the solver flags a node if its energy density is above a floor and above a share of the
+  plate's largest, which counts up to a ceiling, or if one of its bonds is stretched beyond a share of the critical
+  stretch. Nodes with conditions do not count for the largest energy density.
+- *Splitting.* All cells within the horizon of a flagged node split, by the visibility principle of F. Bobaru et al.
+  (2009). Cells that touch differ by one level at most. Displacements, velocities and accelerations are interpolated
+  linearly. A new bond is broken if the bond between the parents of its ends was broken.
+- *Merging.* Four cells merge if they stayed below the thresholds, two horizons away from flagged nodes and one horizon
+  away from broken bonds. Cracks therefore stay fine.
+- *Conservation.* Momentum is conserved to round-off. The ledger's `refinement` is the energy that splitting and merging
+  make, including that of interpolated accelerations.
+
+The table compares Duran's plate of 51 x 20 nodes 2 mm apart (m = 4, conical, 12 MPa, 36 us), whose cells split once,
+with uniform runs. `python -m benchmarks.split` (`make split`) writes it. Each row is the median, the least and the most of
+{len(STEPS)} runs with steps of {", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns, to {1e6 * LOOK:g} us. A crack has
 branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apart.
 
 ![Start, branching and cost against the threshold, in both modes, for each interval between two looks](split.png)
 
-In the conservative mode every share follows the uniform plate of 1 mm, nearer than that of 2 mm does; looks 40 steps
-apart cost more and scatter more. In the thesis mode the thesis's 0.6 loses the branch: too narrow a strip is refined.
-0.3 has it, in nearly all runs; 0.15 puts it too far ahead. The crack starts late there whatever the share, as
-loaded rows stay whole, and the mode's softening lets three of 2 mm pass on less of a load than six of 1 mm; the balance
-says how much energy bonds between cells of two sizes make or lose, which push without being pushed. A floor of 0.25
-instead of 0.1 loses the branch with 0.3 too in that mode, as cells then split only when the tip is loaded.
+In the conservative mode the runs with every share are closer to the uniform plate of 1 mm than the plate of 2 mm is. An
+interval of 40 steps costs more and scatters more. In the thesis mode the thesis's share of 0.6 loses the branch, because
+the refined strip is too narrow. With 0.3 nearly all runs branch; with 0.15 they branch too far ahead. A floor of 0.25
+instead of 0.1 loses the branch with 0.3 too in that mode, because cells then split only when the tip is loaded. In the
+thesis mode the crack starts late with any share: loaded rows do not split, and three softened rows of 2 mm transmit less
+of the load than six rows of 1 mm. Its balance shows how much energy the one-sided bonds between cells of two sizes make
+or lose.
 
-**When to take it**: to compare with the thesis, or where waves are to be followed by finer nodes, which the hybrid
-does not do. For a crack the hybrid is cheaper: its bonds are summed in blocks, those of cells that split one by one,
-and what is coarse costs next to nothing; and it is fine at the tips of pre-cracks before they are loaded.
+**When to use it**: to compare with the thesis, or to follow waves with finer nodes, which the hybrid does not do. For a
+crack the hybrid is cheaper. It sums its bonds in blocks, while the bonds of cells that split are summed one by one. Its
+coarse part costs next to nothing, and it is fine at the tips of pre-cracks before they are loaded.
 """
 
 

@@ -36,24 +36,25 @@ MODES = ("thesis", "conservative")
 WAVE_STEPS = (10, 30, 50, 70, 90, 100)
 ROUNDS, TIMED = 6, 60  # of timing, the fastest counts; steps in each
 INTRODUCTION = """\
-Every scene of A. De Checchi's thesis (University of Padua, 2012/13), solved in the `thesis` mode, which computes as
-the thesis does, and in the `conservative` mode, which is the default. "Claimed" is what the thesis says, "accepted"
-the range around an independent computation of the same scene. Numbers and pictures are written by `make thesis`.
+This page has every scene of A. De Checchi's thesis (University of Padua, 2012/13), solved in two modes. The `thesis`
+mode computes as the thesis does; the `conservative` mode is the default. "Claimed" is the number in the thesis.
+"Accepted" is a range around an independent computation of the same scene. `make thesis` writes the numbers and the
+pictures.
 """
 DIFFERENCES = """\
 ## Which mode is right
 
-Where the two differ, it is for four reasons, and in each the conservative mode is the one to believe.
+The two modes differ for four reasons. In each case trust the conservative mode.
 
-- *Load.* The softening coefficient multiplies the sum of a node's bonds, which is to divide its mass and its load:
-  the loaded rows pass on less than the traction asked for (four rows at m = 4: four fifths). Plates crack later, and
-  cracks run slower, than under the load that is named. The conservative mode passes on traction times length.
-- *Energy.* Bonds that only one end knows push without being pushed, and softening multiplies what is left: the
-  ledger of the thesis mode misses a few per cent of the work and more while cracks run. The conservative ledger
-  closes to 2e-4 or better on every scene of this page.
+- *Load.* The softening coefficient multiplies the sum of a node's bonds. This is the same as dividing the node's mass
+  and load by it, so the loaded rows transmit less than the given traction (four rows at m = 4: four fifths). Plates
+  crack later, and cracks run slower, than under the given load. The conservative mode transmits traction times length.
+- *Energy.* One-sided bonds exert a force without its reaction, and softening multiplies the remaining bonds. The
+  ledger of the thesis mode therefore misses a few per cent of the work, and more while cracks run. The conservative
+  ledger closes to 2e-4 or better on every scene of this page.
 - *Stiffness and toughness.* The family up to the horizon with Hu's beta makes the lattice softer and less tough than
   the material (conical, m = 3: 4 to 10 % and 9 %). The conservative mode calibrates both to the material's.
-- *Interfaces.* One-sided bonds reflect part of every wave where spacings change; see the accelerations below.
+- *Interfaces.* One-sided bonds reflect part of every wave where the spacing changes; see the accelerations below.
 
 The bilinear scenes keep the thesis's law in both modes (`keep_G0` false), which spends G0 / kr on a crack.
 """

@@ -53,21 +53,26 @@ SHOWN = {("edge", 40): tuple(TIES), ("edge", 80): ("cut", ONE_WAY), ("centre", 4
 ABOVE = """
 ## Where a tip ends
 
-A tip half-way between two columns and two rows is on bonds that cross there. These are ties: they may be cut, be left,
-or those alone that lean one way, as round-off has it. K1 over the handbook's on a ring from 0.2 to 0.45 widths, of
-plates with nodes in the middle of their cells, m = 3; bonds are in plane stress, the others in plane strain with a
-Poisson's ratio of 0.3, influence is constant (correspondence: cubic spline):
+A tip half-way between two columns and two rows lies on bonds that cross there. These bonds are ties. A program may cut
+all of them, leave all of them, or cut only those that lean one way, as round-off decides. The table has K1 over the
+handbook's on a ring from 0.2 to 0.45 widths. The nodes are in the middle of their cells, and m = 3. Bonds are in plane
+stress, the other laws in plane strain with a Poisson's ratio of 0.3. The influence function is constant
+(correspondence: cubic spline).
 
 """
 BELOW = """
-With ties cut one way the other code's numbers come out within {off:.4f}: that is its convention, but for round-off.
-Here ties are cut, as what lies on a crack does not hold; mirror images stay so, where cut one way they turn the tip
-(K2 is {leans:.1e} of K1). **Ordinary** is {ours:.4f} and not {theirs:.4f}: {both:+.4f} are ties cut on both sides,
-{faces:+.4f} weights that are exact at faces, where the published solid is too stiff, the rest which ties round-off
-takes. A spacing of crack is {share:.0%} of K1 of this plate, so that all four laws of the material's C11 are that of a
-tip {least:.2f} spacings behind to {most:.2f} ahead of where it is drawn; that halves with the spacing. Bonds as they
-are here are as stiff as the material in the mean over all strains, and {c11:.1%} stiffer to stretch with this m: that
-does not.
+With ties cut one way the numbers of the other code come out within {off:.4f}: it cuts ties one way, apart from
+round-off. Here all ties are cut, because a bond that lies on a crack carries no force. Mirror images then stay mirror
+images. Ties cut one way turn the tip: K2 is {leans:.1e} of K1.
+
+**Ordinary** is {ours:.4f} and not {theirs:.4f}. Ties cut on both sides account for {both:+.4f}. Weights that are exact
+at faces, where the published solid is too stiff, account for {faces:+.4f}. The rest depends on which ties round-off
+cuts.
+
+A crack longer by one spacing adds {share:.0%} to K1 of this plate. The four laws with the material's C11 therefore
+correspond to a tip between {least:.2f} spacings behind and {most:.2f} spacings ahead of the drawn one. This error
+halves with the spacing. Bonds are calibrated to the mean stiffness over all strains, and are {c11:.1%} stiffer in
+tension with this m. This error does not decrease with the spacing.
 """
 
 
