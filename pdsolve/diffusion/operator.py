@@ -97,7 +97,8 @@ class Fick:
 
     def follows(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of nodes that are not saturated at these contents (n,)."""
-        return np.asarray(value < (np.inf if self.medium.C_sat is None else self.medium.C_sat))
+        C_sat = self.medium.C_sat
+        return np.ones(len(value), dtype=np.bool_) if C_sat is None else value < C_sat
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the fluxes (n,) into each node at this `potential` (n,) to `out` (n,), mol/(m^3 s)."""
