@@ -57,8 +57,8 @@ def combinations() -> str:
     lines = [
         "## What goes with what",
         "",
-        "What is refused has the number of what is expected instead, in the words of the message. `make materials`"
-        " writes this section and\nthe one above from what materials say of themselves (`pdmesh/model/materials`).",
+        "A number after *no* refers to the list below, which has what the message expects instead. `make materials`"
+        " writes this section and\nthe one above from the declarations of the materials (`pdmesh/model/materials`).",
         "",
         "| | " + " | ".join(("space", *RUNS, "thesis mode")) + " |",
         "|---|" + "---|" * (len(RUNS) + 2),

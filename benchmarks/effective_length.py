@@ -50,25 +50,25 @@ LAWS = {
 ABOVE = f"""
 ## Laws at equal effective length
 
-How far a law acts is its horizon's share that its influence leaves. As an effective length l serves how long waves slow
-down, omega^2 = (E' / rho) k^2 (1 - (k l)^2 / 12 + ...). The error is that of the displacement of a plate with a hole of
-{FINENESS} spacings in tension at rest (Kirsch), in plane stress with a Poisson's ratio of 1/3.
+The effective length l of a law depends on its horizon and on its influence function. The dispersion of long waves
+defines it: omega^2 = (E' / rho) k^2 (1 - (k l)^2 / 12 + ...). The error is that of the displacement of a plate with a
+hole of {FINENESS} spacings in tension at rest (Kirsch), in plane stress with a Poisson's ratio of 1/3.
 
 ![Errors over effective length](../effective_length.png)
 
-Error in %, behind it l in spacings:
+The table has the error in %, and l in spacings in brackets:
 
 """
 BETWEEN = f"""
-At equal length the cubic spline of an ordinary solid is no better than its other influences: what it gains at equal
-horizon is that it acts over less. A crack needs length, or it sticks to the lattice. A strip of
-{STRIP[0]} x {STRIP[1]} nodes is pulled apart slowly until it holds {OVER} times G0 for each length of crack ahead. The
-share of the ligament's bonds that break then, in %:
+At equal length the cubic spline of an ordinary solid is no better than its other influence functions. It is better at
+equal horizon because its effective length is shorter. A crack needs a long enough effective length, or it sticks to the
+lattice. The second table measures this: a strip of {STRIP[0]} x {STRIP[1]} nodes is pulled apart slowly until it stores
+{OVER} times G0 per length of crack ahead. The table has the share of the ligament's bonds that break then, in %:
 
 """
 BELOW = """
-That is why `influence` of `ordinary` is constant unless it is set: with less than two spacings cracks do not run. For
-elastic problems take the cubic spline. `python -m benchmarks.effective_length` writes this section.
+Cracks do not run if the effective length is less than two spacings. The default `influence` of `ordinary` is therefore
+constant. For elastic problems choose the cubic spline. `python -m benchmarks.effective_length` writes this section.
 """
 
 

@@ -59,10 +59,10 @@ def page(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
         "# Endurance",
         "",
         f"Written by `make endurance` (here `python -m benchmarks.endurance --minutes {minutes:g}`), version {VERSION},"
-        f" {os.cpu_count()} cores, Python {platform.python_version()}. *Lost* is a run that did not come to the end of"
-        " one that was left alone, or left something behind; a *traceback* an error that no line says; *wrong* another"
-        " number than expected. What did not fit into the time is what is missing of *tried*. Parts are tried beside"
-        " others, so that their minutes add up to more.",
+        f" {os.cpu_count()} cores, Python {platform.python_version()}. *Tried* are the cases that fitted into the"
+        " time, out of all. *Lost* counts runs that did not reach the same end as an undisturbed run, or left files"
+        " behind. *Tracebacks* counts errors that were not reported in one line. *Wrong* counts numbers other than"
+        " expected. Parts run beside each other, so their minutes add up to more than the time.",
         "",
         "| what | tried | lost | tracebacks | wrong | minutes | found |",
         "|---|---|---|---|---|---|---|",

@@ -28,13 +28,13 @@ MEASURES = ("place, mm", "time, us", "angle, degrees", "speed before, m/s", "fur
 ABOVE = """
 ## Where the forked crack forks
 
-Written by `python -m benchmarks.forks`: `forked_crack` at {steps} time steps of {least:g} to {most:g} ns on {grids}
-grids; medians, and from the least to the most in brackets. A finer grid has a shorter horizon, too.
+`python -m benchmarks.forks` solves `forked_crack` with {steps} time steps of {least:g} to {most:g} ns on {grids} grids,
+and writes the medians, with the range in brackets. A finer grid has a shorter horizon too.
 
 """
 BELOW = """
-In all {runs} runs the first fork is on the axis and all arms are mirror images, to {off:.1g} m; how often these fork
-again is left to the time step.
+In all {runs} runs the first fork is on the axis and all arms are mirror images, to {off:.1g} m. How often the arms fork
+again depends on the time step.
 """
 
 

@@ -87,7 +87,7 @@ def section(found: dict[str, str]) -> str:
     lines = [
         "## What bodies do not have yet",
         "",
-        "Written by `make materials`, which tries it.",
+        "`make materials` tries each command and writes this table.",
         "",
         "| command | what it says |",
         "|---|---|",

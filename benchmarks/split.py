@@ -245,19 +245,19 @@ into four, whose nodes are a quarter of its spacing from its middle and have the
   make, including that of interpolated accelerations.
 
 The table compares Duran's plate of 51 x 20 nodes 2 mm apart (m = 4, conical, 12 MPa, 36 us), whose cells split once,
-with uniform runs. `python -m benchmarks.split` (`make split`) writes it. Each row is the median, the least and the most of
-{len(STEPS)} runs with steps of {", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns, to {1e6 * LOOK:g} us. A crack has
+with uniform runs. `python -m benchmarks.split` (`make split`) writes it. Each row is the median, the least and the most
+of {len(STEPS)} runs with steps of {", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns, to {1e6 * LOOK:g} us. A crack has
 branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apart.
 
 ![Start, branching and cost against the threshold, in both modes, for each interval between two looks](split.png)
 
 In the conservative mode the runs with every share are closer to the uniform plate of 1 mm than the plate of 2 mm is. An
-interval of 40 steps costs more and scatters more. In the thesis mode the thesis's share of 0.6 loses the branch, because
-the refined strip is too narrow. With 0.3 nearly all runs branch; with 0.15 they branch too far ahead. A floor of 0.25
+interval of 40 steps costs more and scatters more. In the thesis mode the thesis's share of 0.6 loses the branch: the
+refined strip is too narrow. With 0.3 nearly all runs branch; with 0.15 they branch too far ahead. A floor of 0.25
 instead of 0.1 loses the branch with 0.3 too in that mode, because cells then split only when the tip is loaded. In the
-thesis mode the crack starts late with any share: loaded rows do not split, and three softened rows of 2 mm transmit less
-of the load than six rows of 1 mm. Its balance shows how much energy the one-sided bonds between cells of two sizes make
-or lose.
+thesis mode the crack starts late with any share: loaded rows do not split, and three softened rows of 2 mm transmit
+less of the load than six rows of 1 mm. Its balance shows how much energy the one-sided bonds between cells of
+two sizes make or lose.
 
 **When to use it**: to compare with the thesis, or to follow waves with finer nodes, which the hybrid does not do. For a
 crack the hybrid is cheaper. It sums its bonds in blocks, while the bonds of cells that split are summed one by one. Its
