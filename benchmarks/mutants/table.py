@@ -117,6 +117,30 @@ MUTANTS = (
         "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",
     ),
     Mutant(
+        "pdsolve/laws/cohesive.py",
+        "(peak + 2 * (limit - peak) * area - g * worst)",
+        "(peak + 2 * (limit - peak) * area - g * peak)",
+        "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",
+    ),
+    Mutant(
+        "pdsolve/laws/pair.py",
+        "if law.worst[k] > 0 and bond.stretch.real > 0:",
+        "if law.worst[k] > 0:",
+        "tests/laws/test_cohesive.py::test_a_bond_unloads_to_the_origin_and_is_elastic_in_compression",
+    ),
+    Mutant(
+        "pdsolve/operators/simd_lattice/kernel.py",
+        "return where_above(over_q, none, w, whole) * over_q",
+        "return w * over_q",
+        "tests/laws/test_cohesive.py::test_the_fast_kernel_is_the_list",
+    ),
+    Mutant(
+        "pdmesh/model/cohesive_cracks.py",
+        "material.G0 - held",
+        "material.G0",
+        "tests/laws/test_cohesive.py::test_halves_moved_apart_spend_G0",
+    ),
+    Mutant(
         "pdsolve/laws/ordinary.py",
         "return along(force, bond.xi, bond.eta)",
         "return along(force, bond.xi, bond.xi)",
