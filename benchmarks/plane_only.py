@@ -48,7 +48,6 @@ TRIED = (
     "pdpost line body.sqlite --from 0,0,0 --to 1,0,0",
     "pdpost nodes body.sqlite",
     "pdpost notch body.sqlite",
-    "pdpost sif body.sqlite",
     "pdpost strain body.sqlite",
 )
 

@@ -28,9 +28,10 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "nodes", "notch", "sif", "tradeoff")
+OF_PLATES = ("bonds", "nodes", "notch", "tradeoff")
 OF_BODIES = (
-    "damage and other fields, animate, slice, render, crack, line, history, balance, reaction, report, export and study"
+    "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export and"
+    " study"
 )
 
 

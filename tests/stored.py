@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,10 @@ def results_of(
     broken: list[tuple[int, int, int]],
     model: object = MODEL,
     cracks: NDArray[np.float64] | None = None,
+    path: Path | None = None,
 ) -> Results:
-    """Results with one frame, at step 10, of displacements (n, d), and bonds (step, node, neighbour) broken."""
+    """Results, in memory or at `path`: a frame, at step 10, of displacements (n, d), and bonds (step, node, neighbour)
+    broken."""
 
     def part(first: int, last: int) -> Families:
         start = families.start[first : last + 1]
@@ -63,7 +66,10 @@ def results_of(
     d = u.shape[1]
     cracks = np.empty((0, {2: 4, 3: 9}[d])) if cracks is None else cracks
     meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
-    writer = Writer.create(None, nodes, part, cracks, meta)
+    writer = Writer.create(path, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
     writer.write(Frame(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
+    if path is not None:
+        writer.close("finished")
+        return Results.open(path)
     return Results(writer.connection, "memory")

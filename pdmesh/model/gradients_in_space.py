@@ -23,20 +23,22 @@ def gradients_in_space(
     values: NDArray[np.float64],
     start: NDArray[np.int64],
     neighbour: NDArray[np.int64],
+    rows: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
-    """The gradient (n, k, 3) of nodal values (n, k), fitted to bonds; NaN without bonds, or with bonds in a plane.
+    """The gradient (r, k, 3) of nodal values (n, k), fitted to bonds; NaN without bonds, or with bonds in a plane.
 
-    Nodes are at `position` (n, 3), m, with volumes (n,), m^3. The bonds of row i lead to `neighbour` (b,)
-    [start[i]:start[i + 1]].
+    Nodes are at `position` (n, 3), m, with volumes (n,), m^3. The bonds of `rows` (r,), by default all, lead to
+    `neighbour` (b,); those of the i-th of them are start[i]:start[i + 1].
     """
-    count = len(position)
+    rows = np.arange(len(position)) if rows is None else rows
+    count = len(rows)
     found = np.full((count, values.shape[1], 3), np.nan)
     for first in range(0, count, BLOCK):
         last = min(first + BLOCK, count)
         near, bonds = neighbour[start[first] : start[last]], np.diff(start[first : last + 1])
         if not len(near):
             continue
-        own = np.repeat(np.arange(first, last), bonds)
+        own = np.repeat(rows[first:last], bonds)
         xi = position[near] - position[own]
         weighted = xi * (volume[near] / np.sqrt((xi * xi).sum(axis=1)))[:, None]
         whole = np.flatnonzero(bonds > 0)

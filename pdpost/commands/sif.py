@@ -15,7 +15,7 @@ from pdpost.commands.shared import (
     chosen_frame,
     counted,
     finite_numbers,
-    point,
+    place,
 )
 
 if TYPE_CHECKING:
@@ -29,13 +29,20 @@ UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "
 
 def add(commands: Commands) -> None:
     """Put `sif` on the command line."""
-    sif = delivery.add_command(commands, "sif", "draw J, stress intensities and angle of growth of the tips of cracks")
-    sif.add_argument("--tip", type=point, metavar="X,Y", help="the tip that comes nearest to a place, m (default: all)")
+    sif = delivery.add_command(
+        commands, "sif", "draw J, stress intensities and angle of growth of the tips or along the fronts of cracks"
+    )
+    sif.add_argument(
+        "--tip",
+        type=place,
+        metavar="X,Y[,Z]",
+        help="the tip, of a body the front, that comes nearest to a place, m (default: all)",
+    )
     sif.add_argument(
         "--ring",
         type=_ring,
         metavar="R0,R1",
-        help="the ring around a tip that is summed over, m (default: it fills the room there is, from two horizons on)",
+        help="radii of the ring around a tip or the tube around a front that is summed over, m (default: all the room)",
     )
     add_frame(sif, default=None)
     add_every(sif)
@@ -52,6 +59,7 @@ def _ring(text: str) -> tuple[float, float]:
 
 def _sif(args: argparse.Namespace) -> int:
     from pdmesh.model.domain_integrals import Ring
+    from pdpost.commands import sif_in_space
     from pdpost.measures import stress_intensities
     from pdpost.measures.release import release
     from pdpost.measures.tips import tips
@@ -64,6 +72,10 @@ def _sif(args: argparse.Namespace) -> int:
         expect_mechanics(results)
         check_window(results, args)
         steps = _steps(results, args)
+        if results.dimension == 3:
+            return sif_in_space.deliver_fronts(args, results, steps, path)
+        if args.tip is not None and len(args.tip) != 2:
+            raise commandline.UsageError(f"--tip: found {len(args.tip)} numbers, expected 2, a place in m")
         found = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
         spent = release(results, tips(results, max(steps)))
         beside = spent.at(found[0].time)

@@ -1,0 +1,181 @@
+"""Fronts of the cracks of a body, and the arc, normal and direction of growth at points along them.
+
+Until cracks grow, fronts are those edges of the triangles of pre-cracks that belong to one triangle, where they are
+inside the body. Then they are the ends of the surface of `crack_faces`. An arc is a circle fitted to the front within
+`WINDOW` horizons of a point; the normal is that of the plane that fits the crack's surface best there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdmesh.model.crack_surfaces import TOUCH, front
+from pdmesh.model.front_integrals import FrontPlace
+from pdpost.measures.crack_faces import opened, surface
+from pdpost.measures.crack_fronts import Polyline, chains, fronts, length
+from pdpost.measures.lattice_neighbours import NEAR
+from pdsolve.results import Nodes, Results
+
+EVERY = 2.0  # spacings between points of a front
+WINDOW = 1.5  # horizons to both sides of a point: what an arc and a normal are fitted to
+FEWEST = 6  # points that an arc or a plane is fitted to
+
+
+class Cracks(NamedTuple):
+    """The surface of all cracks as points about a spacing apart, and their fronts inside the body."""
+
+    points: NDArray[np.float64]  # (p, 3) m
+    fronts: list[Polyline]  # the longest first; closed ones end where they begin
+
+
+class FrontPoints(NamedTuple):
+    """Points of a front, from its first end on."""
+
+    along: NDArray[np.float64]  # (k,) m
+    places: list[FrontPlace]
+    spacing: NDArray[np.float64]  # (k,) m, of the nodes there
+
+
+def cracks_at(results: Results, step: int) -> Cracks:
+    """The cracks of a body after `step`."""
+    nodes = results.nodes(step)
+    triangles = results.cracks().reshape(-1, 3, 3)
+    if (results.breaks().step <= step).any():
+        found = opened(results, step)
+        if (found.step >= 0).any():
+            whole, now = surface(results, step, found), step * float(results.meta()["time_step"])
+            return Cracks(whole.middle[whole.time <= now], fronts(whole, now))
+    if not len(triangles):
+        return Cracks(np.zeros((0, 3)), [])
+    spacing, edges = float(nodes.delta.min()), front(triangles)
+    ends = edges.reshape(-1, 3)
+    size = TOUCH * float(np.ptp(ends, axis=0).max())
+    _, first, number = np.unique(np.round(ends / size), axis=0, return_index=True, return_inverse=True)
+    places = ends[first]
+    lines = [part for chain in chains(number.reshape(-1, 2)) for part in _inside(nodes, places[chain], spacing)]
+    return Cracks(_sampled(nodes, triangles, spacing), sorted(lines, key=lambda line: -length(line)))
+
+
+def _inside(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
+    """The parts of a line, as points at most half a spacing apart, that are in the cubes of nodes."""
+    low, high = _box(nodes)
+    kept = []
+    for a, b in itertools.pairwise(line):
+        piece = _clipped(a, b, low, high)
+        count = 0 if piece is None else int(np.ceil(2 * np.linalg.norm(piece[1] - piece[0]) / spacing))
+        if piece is not None and count:
+            kept.append(piece[0] + np.arange(count + 1)[:, None] / count * (piece[1] - piece[0]))
+    if not kept:
+        return []
+    every = np.concatenate([kept[0], *(piece[1:] for piece in kept[1:])])
+    away, nearest = cKDTree(nodes.position).query(every, p=np.inf)
+    there = away <= (0.5 + NEAR) * nodes.delta[nearest]
+    there[1:] &= np.linalg.norm(np.diff(every, axis=0), axis=1) < spacing
+    parts = np.split(np.arange(len(every)), np.flatnonzero(~there))
+    found = [every[part[there[part]]] for part in parts]
+    return [part for part in found if len(part) > 1]
+
+
+def _clipped(
+    a: NDArray[np.float64], b: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """The part (2, 3) of a segment in a box; None if there is none."""
+    way = b - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, two = (low - a) / way, (high - a) / way
+    still = way == 0
+    if (still & ((a < low) | (a > high))).any():
+        return None
+    first = np.where(still, 0.0, np.minimum(one, two)).max(initial=0.0)
+    last = np.where(still, 1.0, np.maximum(one, two)).min(initial=1.0)
+    return np.array([a + first * way, a + last * way]) if first < last else None
+
+
+def _box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    half = nodes.delta[:, None] / 2
+    return (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+
+
+def _sampled(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
+    low, high = _box(nodes)
+    found = []
+    while len(triangles):
+        near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
+        triangles = triangles[near]
+        turned = np.roll(triangles, -1, axis=1)
+        small = ((turned - triangles) ** 2).sum(axis=2).max(axis=1, initial=0.0) <= spacing**2
+        found.append(triangles[small].mean(axis=1))
+        corner, middle = triangles[~small], ((triangles + turned) / 2)[~small]
+        of_corners = [np.stack([corner[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
+        triangles = np.concatenate([middle, *of_corners])
+    return np.concatenate(found)
+
+
+def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> FrontPoints:
+    """Points of a front about two spacings apart, with their arcs; `ratio` is the horizon in spacings.
+
+    Points are left out where too little of the front or of the crack is around them for an arc or a normal.
+    """
+    distances = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    at = np.concatenate([[0.0], np.cumsum(distances)])
+    whole, closed = float(at[-1]), bool(np.allclose(line[0], line[-1]))
+    tree, surface_tree = cKDTree(nodes.position), cKDTree(cracks.points)
+    grain = float(nodes.delta.min())
+    count = max(round(whole / (EVERY * grain)), 1)
+    along = (np.arange(count) + (0.0 if closed else 0.5)) * whole / count
+    fine = np.arange(0.0, whole, min(grain / 2, whole / 64))
+    points = _on(line, at, fine)
+    kept, places, spacings, before = [], [], [], None
+    for s in along.tolist():
+        here = _on(line, at, np.array([s]))[0]
+        spacing = float(nodes.delta[tree.query(here)[1]])
+        off = np.abs(fine - s)
+        off = np.minimum(off, whole - off) if closed else off
+        beside = points[off <= WINDOW * ratio * spacing]
+        behind = cracks.points[surface_tree.query_ball_point(here, WINDOW * ratio * spacing)]
+        if len(beside) < FEWEST or len(behind) < FEWEST:
+            continue
+        place = _arc(here, beside, behind, before)
+        before = place.frame[1]
+        kept.append(s)
+        places.append(place)
+        spacings.append(spacing)
+    return FrontPoints(np.array(kept), places, np.array(spacings))
+
+
+def _on(line: Polyline, at: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([np.interp(s, at, column) for column in line.T])
+
+
+def _arc(
+    here: NDArray[np.float64],
+    beside: NDArray[np.float64],
+    behind: NDArray[np.float64],
+    before: NDArray[np.float64] | None,
+) -> FrontPlace:
+    """The arc at a point: a circle through the front `beside` it, in the plane of the crack `behind` it.
+
+    The normal is on the side of that of the point `before`, of the first one along its longest component.
+    """
+    normal = np.linalg.svd(np.concatenate([behind, beside]) - here, full_matrices=False)[2][2]
+    side = normal if before is None else before
+    normal = normal * np.sign((normal @ side) if before is not None else normal[np.abs(normal).argmax()])
+    tangent = np.linalg.svd(beside - beside.mean(axis=0), full_matrices=False)[2][0]
+    tangent -= (tangent @ normal) * normal
+    tangent /= np.linalg.norm(tangent)
+    growth = np.cross(normal, tangent)
+    if growth @ (behind.mean(axis=0) - beside.mean(axis=0)) > 0:
+        growth, tangent = -growth, -tangent
+    x, w = (beside - here) @ growth, (beside - here) @ tangent
+    unit = float(np.abs(w).max())
+    terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
+    bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
+    tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
+    frame = np.array([np.cross(normal, tangent), normal, tangent])
+    return FrontPlace(here + shift * unit * growth, frame, float(bend / unit))

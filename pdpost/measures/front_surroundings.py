@@ -1,0 +1,103 @@
+"""The undisturbed room around a point of a crack front.
+
+The room reaches to the first obstacle beside the front: anything that is not elastic body with one crack in the plane
+of the arc. Only what is beside the piece of front that a tube belongs to counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdmesh.model.front_integrals import FrontPlace, across
+from pdmesh.model.selection import selected
+from pdpost.measures.front_places import Cracks
+from pdpost.measures.lattice_neighbours import NEAR, neighbours
+from pdpost.measures.strain import stiffness
+from pdpost.measures.tip_surroundings import FREE, Room
+from pdpost.reading.embedded_model import read
+from pdsolve.results import Nodes, Results
+
+BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the distance: what is nearer is on it
+AXIS = 0.95  # of an arc's radius
+
+
+class _Conditions(msgspec.Struct):
+    """The key of the grid file that holds its conditions."""
+
+    conditions: list[dict[str, Any]] = []
+
+
+class ObstaclesInSpace:
+    """Obstacles to the fields around fronts after a step."""
+
+    def __init__(self, results: Results, step: int, cracks: Cracks) -> None:
+        nodes = results.nodes(step)
+        self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
+        self._elastic = stiffness(results, step)
+        held = np.zeros(len(nodes.ids), dtype=bool)
+        for condition in read(results, _Conditions).conditions:
+            if condition["kind"] not in FREE:
+                held |= selected(nodes, condition.get("nodes"), condition.get("box"))
+        self._held, self._surface = held, _outside(nodes)
+
+    def room(self, here: FrontPlace, half: float, most: float) -> Room:
+        """The room around a point of a front, `most` m at most, for a tube of the half length `half`, m."""
+        near = np.array(self._tree.query_ball_point(here.place, np.hypot(most, half + most)), dtype=np.int64)
+        nodes, own = self._nodes, int(self._tree.query(here.place)[1])
+        spacing = float(nodes.delta[own])
+        E, nu, _ = self._elastic
+        other = (E[near] != E[own]) | (nu[near] != nu[own])
+        found = [Room(most, "")]
+        if here.curvature:
+            found.append(Room(AXIS / abs(here.curvature), "the middle of the front's arc"))
+        points = self._cracks.points
+        ahead = np.concatenate(self._cracks.fronts)
+        for places, what in (
+            (self._surface, "the surface of the body"),
+            (points[~_behind(points, here, spacing)], "another crack or a bend of this one"),
+            (ahead[~_on(ahead, here, spacing)], "another front or a bend of this one"),
+            (nodes.position[near[self._held[near]]], "nodes of a load or grip"),
+            (nodes.position[near[other]], "another material"),
+        ):
+            x, y, s, _ = across(places, here)
+            beside = np.abs(s) < half
+            if beside.any():
+                found.append(Room(float(np.hypot(x, y)[beside].min()), what))
+        return min(found)
+
+
+def _outside(nodes: Nodes) -> NDArray[np.float64]:
+    """The middles (k, 3) of those faces of nodes' cubes that other cubes do not cover: the surface of the body."""
+    pairs, count = neighbours(nodes), len(nodes.ids)
+    way = nodes.position[pairs[:, 1]] - nodes.position[pairs[:, 0]]
+    axis = np.abs(way).argmax(axis=1)
+    ahead = way[np.arange(len(pairs)), axis] > 0
+    shared = nodes.delta[pairs].min(axis=1) ** 2
+    covered = np.zeros((6, count))
+    for side in range(6):
+        for end in (0, 1):
+            some = (axis == side % 3) & (ahead == ((side < 3) == (end == 0)))
+            covered[side] += np.bincount(pairs[some, end], shared[some], count)
+    sides, row = np.nonzero(covered < (1 - NEAR) * nodes.delta**2)
+    found = nodes.position[row]
+    found[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
+    return found
+
+
+def _behind(points: NDArray[np.float64], here: FrontPlace, spacing: float) -> NDArray[np.bool_]:
+    """Mask (p,) of points of the crack whose front has the arc."""
+    x, y, _, _ = across(points, here)
+    slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
+    return np.asarray((np.abs(y) < slack) & (x < slack))
+
+
+def _on(points: NDArray[np.float64], here: FrontPlace, spacing: float) -> NDArray[np.bool_]:
+    """Mask (p,) of points of fronts that are on the arc."""
+    x, y, s, _ = across(points, here)
+    slack = np.maximum(BESIDE * spacing, SLANT * np.abs(s))
+    return np.asarray(np.hypot(x, y) < slack)

@@ -1,0 +1,252 @@
+"""J, stress intensities and angle of growth along the fronts of the cracks of a body, at points two spacings apart.
+
+Each is summed over three tubes around a piece of the front: the value is that of the widest, the band is the range of
+the three. The fields are gradients fitted to the intact bonds, and the stress computed from them. In a run in time,
+velocities and accelerations enter too. The auxiliary fields are those of a stationary crack in plane strain. J needs no
+auxiliary fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pdmesh.model.document import Horizon, Material
+from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, MotionInSpace, SampledInSpace, Tube, front_integrals
+from pdmesh.model.gradients_in_space import PAIRS, gradients_in_space, green_in_space, hooke_in_space
+from pdmesh.model.tip_fields import Elastic
+from pdpost.measures.crack_fronts import Polyline
+from pdpost.measures.cracked_nodes import ROUND_OFF, damage_at
+from pdpost.measures.front_places import Cracks, FrontPoints, cracks_at, front_points
+from pdpost.measures.front_surroundings import ObstaclesInSpace
+from pdpost.measures.strain import intact, stiffness
+from pdpost.measures.stress_intensities import CRUMB
+from pdpost.measures.tip_surroundings import Room
+from pdpost.reading.embedded_model import at_rest, read
+from pdpost.reading.stored_fields import vector
+from pdsolve.results import Families, Results, ResultsError
+
+LEAST, MOST = 2.0, 3.5  # horizons of room that are needed, and that are used
+HALF = 1.5  # horizons of a tube to both sides of its point
+TUBES = ((1.0, 0.8), (1.0, 1.0), (1.4, 1.0))  # inner radii in horizons, outer ones of the room; the second is the value
+NAMES = ("J", "K1", "K2", "K3", "angle")
+
+
+class _Model(msgspec.Struct):
+    """The keys of the grid file that fracture parameters need."""
+
+    material: Material
+    horizon: Horizon = Horizon()
+
+
+class AlongFront(NamedTuple):
+    """Fracture parameters at k points of a front in one frame; NaN where a point has no room."""
+
+    name: str
+    step: int
+    time: float  # s
+    along: NDArray[np.float64]  # (k,) m, from the first end of the front
+    place: NDArray[np.float64]  # (k, 3) m
+    growth: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
+    normal: NDArray[np.float64]  # (k, 3) unit vectors: K2 and the angle are positive towards it
+    value: dict[str, NDArray[np.float64]]  # (k,) each: J, K1, K2, K3, angle
+    low: dict[str, NDArray[np.float64]]
+    high: dict[str, NDArray[np.float64]]
+    of_K: NDArray[np.float64]  # (k,) J/m^2, (K1^2 + K2^2) / E' + K3^2 / 2 G
+    refused: tuple[str, ...]  # for each point why it has no room; "" if it has
+
+    @property
+    def known(self) -> NDArray[np.int64]:
+        """The points that have values."""
+        return np.flatnonzero(np.isfinite(self.value["J"]))
+
+
+def follow_fronts(
+    results: Results,
+    steps: Sequence[int],
+    near: tuple[float, ...] | None = None,
+    ring: tuple[float, float] | None = None,
+    progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
+) -> list[AlongFront]:
+    """Fracture parameters along the fronts after `steps`, see `along_fronts`; frames without any are left out.
+
+    Raises ResultsError if none has any.
+    """
+    if near is not None and len(near) != 3:
+        raise ResultsError(f"--tip: found {len(near)} numbers, expected 3, a place in m")
+    found: list[AlongFront] = []
+    why: ResultsError | None = None
+    for step in progress(list(steps)):
+        try:
+            found += along_fronts(results, step, near, ring)
+        except ResultsError as error:
+            why = error
+    if not found and why is not None:
+        raise why
+    return found
+
+
+def along_fronts(
+    results: Results, step: int, near: tuple[float, ...] | None = None, ring: tuple[float, float] | None = None
+) -> list[AlongFront]:
+    """Fracture parameters along the fronts of a body after `step`: of all, or of the one nearest to a place (3,), m.
+
+    `ring` are the radii of the widest tube, m; by default tubes fill the room there is. Raises ResultsError if no front
+    is inside the body, if no point of any has room for a tube, and for frames that lack fields.
+    """
+    cracks, nodes = cracks_at(results, step), results.nodes(step)
+    ratio = read(results, _Model).horizon.ratio
+    lines = cracks.fronts if near is None else sorted(cracks.fronts, key=lambda line: _away(line, near))[:1]
+    found = [front_points(nodes, cracks, line, ratio) for line in lines]
+    numbered = [(number, points) for number, points in enumerate(found) if len(points.places)]
+    if not numbered:
+        raise ResultsError(f"{results.name}: found no front of a crack inside the body, expected one")
+    rooms = _rooms(results, step, cracks, [points for _, points in numbered], ring)
+    tubes = [
+        [_tubes(room, ratio * spacing, ring) for room, spacing in zip(some, points.spacing, strict=True)]
+        for some, (_, points) in zip(rooms, numbered, strict=True)
+    ]
+    every = [
+        (here.place, tube)
+        for (_, points), some in zip(numbered, tubes, strict=True)
+        for here, wide in zip(points.places, some, strict=True)
+        for tube in wide[1:2]
+    ]
+    if not every:
+        raise ResultsError(f"{results.name}: {_refused(numbered[0][1], rooms[0], ratio, ring)[0]}")
+    reach = max(np.hypot(tube.outer, tube.half + tube.outer) for _, tube in every)
+    tree = cKDTree(nodes.position)
+    rows = np.unique(np.concatenate([tree.query_ball_point(place, reach) for place, _ in every]).astype(np.int64))
+    at, elastic = _sample(results, step, rows), stiffness(results, step)
+    series = []
+    for (number, points), some, room in zip(numbered, tubes, rooms, strict=True):
+        own = tree.query(np.array([here.place for here in points.places]))[1]
+        solids = [Elastic(float(elastic.E[row]), float(elastic.nu[row]), "strain") for row in own]
+        got = [
+            [front_integrals(at, here, tube, solid) for tube in wide]
+            for here, wide, solid in zip(points.places, some, solids, strict=True)
+        ]
+        refused = _refused(points, room, ratio, ring)
+        series.append(_along(results, step, f"front {number}", points, got, solids, refused))
+    return series
+
+
+def _away(line: Polyline, near: tuple[float, ...]) -> float:
+    return float(np.linalg.norm(line - np.array(near), axis=1).min())
+
+
+def _rooms(
+    results: Results, step: int, cracks: Cracks, fronts: list[FrontPoints], ring: tuple[float, float] | None
+) -> list[list[Room]]:
+    obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _Model).horizon.ratio
+    return [
+        [
+            obstacles.room(here, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1])
+            for here, spacing in zip(points.places, points.spacing.tolist(), strict=True)
+        ]
+        for points in fronts
+    ]
+
+
+def _tubes(room: Room, horizon: float, ring: tuple[float, float] | None) -> list[Tube]:
+    """Three tubes, the second of which gives the value; none without room."""
+    half = HALF * horizon
+    if ring is not None:
+        if room.radius < ring[1] * (1 - ROUND_OFF):
+            return []
+        quarter = (ring[1] - ring[0]) / 4
+        return [Tube(ring[0], ring[1] - quarter, half), Tube(*ring, half), Tube(ring[0] + quarter, ring[1], half)]
+    if room.radius < LEAST * horizon * (1 - ROUND_OFF):
+        return []
+    return [Tube(inner * horizon, outer * room.radius, half) for inner, outer in TUBES]
+
+
+def _refused(points: FrontPoints, rooms: list[Room], ratio: float, ring: tuple[float, float] | None) -> tuple[str, ...]:
+    """Why each point has no room; "" if it has."""
+    said = []
+    for here, spacing, room in zip(points.places, points.spacing.tolist(), rooms, strict=True):
+        least = LEAST * ratio * spacing if ring is None else ring[1]
+        if room.radius >= least * (1 - ROUND_OFF):
+            said.append("")
+            continue
+        place = ", ".join(f"{x:.4g}" for x in here.place)
+        wide = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
+        said.append(f"found {room.limit} {room.radius:.3g} m from the front at ({place}) m, expected room of {wide}")
+    return tuple(said)
+
+
+def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSpace:
+    """The fields of some nodes."""
+    nodes = results.nodes(step)
+    families = intact(results, results.families(step), step)
+    own = _of_rows(families, rows)
+
+    def fitted(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return gradients_in_space(nodes.position, nodes.area, values, own.start, own.neighbour, rows)
+
+    gradient = fitted(vector(results, "displacement", step))
+    gradient[damage_at(results, step)[rows] > CRUMB] = np.nan
+    strain = green_in_space(gradient)
+    if "sxx" in results.stored(step):
+        stress = vector(results, "stress", step)[rows]
+    else:
+        every = stiffness(results, step)
+        stress = hooke_in_space(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
+    motion = None
+    if not at_rest(results):
+        velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
+        density = read(results, _Model).material.rho
+        motion = MotionInSpace(density, velocity[rows], acceleration[rows], fitted(velocity))
+    return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, _tensor(strain), _tensor(stress), motion)
+
+
+def _of_rows(families: Families, rows: NDArray[np.int64]) -> Families:
+    """The families of some rows."""
+    count = np.diff(families.start)[rows]
+    start = np.concatenate([[0], np.cumsum(count)])
+    at = np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)
+    return Families(start, families.neighbour[at])
+
+
+def _tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric tensors (n, 3, 3) of (n, 6)."""
+    found = np.empty((len(packed), 3, 3))
+    for k, (a, b) in enumerate(PAIRS):
+        found[:, a, b] = found[:, b, a] = packed[:, k]
+    return found
+
+
+def _along(
+    results: Results,
+    step: int,
+    name: str,
+    points: FrontPoints,
+    got: list[list[FoundInSpace]],
+    solids: list[Elastic],
+    refused: tuple[str, ...],
+) -> AlongFront:
+    columns = {one: np.full((3, len(got)), np.nan) for one in NAMES}
+    of_K = np.full(len(got), np.nan)
+    for at, (found, solid) in enumerate(zip(got, solids, strict=True)):
+        if not found:
+            continue
+        for one in NAMES:
+            some = [float(getattr(tube, one)) for tube in found]
+            columns[one][:, at] = some[1], min(some), max(some)
+        _, K1, K2, K3 = found[1]
+        of_K[at] = (K1**2 + K2**2) / solid.effective + K3**2 / (2 * solid.shear)
+    value, low, high = ({one: column[row] for one, column in columns.items()} for row in range(3))
+    frames = _frames(points.places)
+    place, time = np.array([here.place for here in points.places]), step * float(results.meta()["time_step"])
+    return AlongFront(
+        name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
+    )
+
+
+def _frames(places: list[FrontPlace]) -> NDArray[np.float64]:
+    return np.array([here.frame for here in places])
