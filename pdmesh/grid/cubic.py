@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid.filling import Cubes, inside, shares
+from pdmesh.grid.enclosed_volumes import Cubes, inside, shares
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.triangulated_surface import gap
 from pdmesh.scene.body import Body

@@ -21,7 +21,7 @@ from pdmesh.model.document import (
     Vector,
 )
 from pdmesh.model.number_limits import LEAST
-from pdmesh.model.picture import svg
+from pdmesh.model.svg_picture import svg
 
 MOST_NODES = 10**8  # of a lattice
 MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2

@@ -12,7 +12,7 @@ from shapely import MultiLineString, Polygon
 
 from pdmesh.model.document import Material, MediumRegion, Run
 from pdmesh.model.medium import Medium
-from pdmesh.model.picture import svg
+from pdmesh.model.svg_picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface

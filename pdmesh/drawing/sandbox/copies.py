@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pdmesh.drawing.sandbox.mesh_size_words import unused
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
 from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, Token, decoded, tokens_of, written
-from pdmesh.drawing.sandbox.unused_mesh_sizes import unused
 from pdmesh.files import read_bytes
 from pdmesh.scene.shapes import SceneError
 

@@ -19,7 +19,7 @@ from pdmesh.drawing.building import build as make
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import Built, build
 from pdmesh.grid.cubic import Cubic, _given, _thin
-from pdmesh.grid.filling import Cubes, inside, shares
+from pdmesh.grid.enclosed_volumes import Cubes, inside, shares
 from pdmesh.model.document import GridError, Run, encode, read_document
 from pdmesh.model.node_grid import grid_of
 from pdmesh.model.triangulated_surface import facing, volume

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from pdmesh.drawing.sandbox.mesh_size_words import unused
 from pdmesh.drawing.sandbox.scan import Drawing
 from pdmesh.drawing.sandbox.tokens import tokens_of
-from pdmesh.drawing.sandbox.unused_mesh_sizes import unused
 
 
 @pytest.mark.parametrize(
