@@ -70,23 +70,32 @@ class Stiffness(NamedTuple):
     plane: str  # stress or strain
 
 
-def hooke(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """Stress (n, 4), xx, yy, xy, zz, Pa, from strains (n, 3)."""
+def hooke(
+    strain: NDArray[np.float64], elastic: Stiffness, free: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.float64]:
+    """Stress (n, 4), xx, yy, xy, zz, Pa, from strains (n, 3); `free` (n,) is that of no stress in a free body."""
     modulus, nu, plane = elastic
-    xx, yy, xy = strain.T
+    within = free if plane == "stress" else (1 + nu) * free
+    within = within + within**2 / 2  # Green's
+    xx, yy, xy = strain[:, 0] - within, strain[:, 1] - within, strain[:, 2]
     if plane == "stress":
         factor, out = modulus / (1 - nu**2), 0 * nu
         sxx, syy = factor * (xx + nu * yy), factor * (yy + nu * xx)
     else:
         factor, out = modulus / ((1 + nu) * (1 - 2 * nu)), nu
         sxx, syy = factor * ((1 - nu) * xx + nu * yy), factor * ((1 - nu) * yy + nu * xx)
-    return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, out * (sxx + syy)])
+    szz = out * (sxx + syy) - (0.0 if plane == "stress" else modulus * free)
+    return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, szz])
 
 
-def thinning(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
-    """The out-of-plane strain zz (n,) that accompanies in-plane strains (n, 3)."""
+def thinning(
+    strain: NDArray[np.float64], elastic: Stiffness, free: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.float64]:
+    """The out-of-plane strain zz (n,) that accompanies in-plane strains (n, 3); `free` is that of `hooke`."""
+    if elastic.plane != "stress":
+        return np.zeros(len(strain))
     nu = elastic.nu
-    return (strain[:, 0] + strain[:, 1]) * (-nu / (1 - nu) if elastic.plane == "stress" else 0.0)
+    return (strain[:, 0] + strain[:, 1] - 2 * free) * (-nu / (1 - nu)) + free
 
 
 def _blocks(count: int) -> Iterator[tuple[int, int]]:

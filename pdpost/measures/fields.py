@@ -13,7 +13,7 @@ from pdmesh.model.gradients import green, hooke, thinning
 from pdmesh.model.gradients_in_space import green_in_space, hooke_in_space
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.strain import gradients, stiffness
+from pdpost.measures.strain import gradients, stiffness, thermal
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.results import Results
 
@@ -134,10 +134,10 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     if name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
-        strain, elastic = green(gradients(results, step)), stiffness(results, step)
+        strain, elastic, free = green(gradients(results, step)), stiffness(results, step), thermal(results, step)
         if name == "strain":
-            return {**_principal(strain), "zz": thinning(strain, elastic)}
-        stress = hooke(strain, elastic)
+            return {**_principal(strain), "zz": thinning(strain, elastic, free)}
+        stress = hooke(strain, elastic, free)
     xx, yy, xy, zz = stress.T
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
     return {**_principal(stress[:, :3]), "mises": mises, "zz": zz}
@@ -157,6 +157,8 @@ def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.fl
     else:
         tensor = green_in_space(gradients(results, step))
         if name == "stress":
+            free = thermal(results, step)
+            tensor[:, [0, 1, 3]] -= (free + free**2 / 2)[:, None]
             tensor = hooke_in_space(tensor, stiffness(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
     whole = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)

@@ -3,8 +3,8 @@
 The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
 difference of the displacements, the weight the neighbour's area (in a body its volume) over |xi|. The fit is exact for
 affine displacements, at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress
-follows from it by Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not count. A node without
-bonds, or with bonds along one line (in a body in one plane) only, has strain NaN.
+follows from it, less the strain of heat, by Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not
+count. A node without bonds, or with bonds along one line (in a body in one plane) only, has strain NaN.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pdmesh.model.gradients_in_space import gradients_in_space
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
-from pdpost.reading.embedded_model import read
+from pdpost.reading.embedded_model import physics_of, read
 from pdpost.reading.stored_fields import vector
-from pdsolve.results import Families, Nodes, Results
+from pdsolve.results import Families, Nodes, Results, ResultsError
 
 
 class _Materials(msgspec.Struct):
@@ -90,13 +90,31 @@ def stiffness(results: Results, step: int) -> Stiffness:
 
     A node that was born later has the material of the nearest initial node.
     """
-    model = read(results, _Materials)
-    nodes = results.nodes(0)
+    which, materials = _materials(results, step)
+    E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
+    return Stiffness(E, nu, materials[0].plane)
+
+
+def thermal(results: Results, step: int) -> NDArray[np.float64]:
+    """The strain (n,) of free nodes at `step`, alpha (T - T0); 0 in a model of mechanics alone.
+
+    Raises ResultsError if the frame does not hold the temperature (or the concentration), c.
+    """
+    if physics_of(results) != "thermoelastic":
+        return np.zeros(len(results.rows(step)))
+    if "c" not in results.stored(step):
+        raise ResultsError(f"{results.name}: found no field 'c' at step {step}, expected one (pdsolve --fields +c)")
+    which, materials = _materials(results, step)
+    alpha, T0 = (np.array(each)[which] for each in zip(*((m.alpha, m.T0) for m in materials), strict=True))
+    return np.asarray(alpha * (results.field("c", step).astype(float) - T0))
+
+
+def _materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
+    """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
+    model, nodes = read(results, _Materials), results.nodes(0)
     which = np.zeros(len(nodes.ids), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1
     if results.epoch(step):
         which = which[tree_of(nodes.position).query(results.nodes(step).position)[1]]
-    materials = (model.material, *(region.material for region in model.regions))
-    E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
-    return Stiffness(E, nu, model.material.plane)
+    return which, (model.material, *(region.material for region in model.regions))

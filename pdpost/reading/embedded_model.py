@@ -45,7 +45,7 @@ class _Model(Settings, frozen=True, kw_only=True):
 
 def read(results: Results, kind: type[T]) -> T:
     """The keys of the model that are fields of `kind`. Raises ResultsError naming what is wrong with them."""
-    if "material" in kind.__struct_fields__:
+    if "material" in kind.__struct_fields__ and physics_of(results) == "diffusion":
         expect_mechanics(results)
     try:
         found = msgspec.json.decode(results.model(), type=kind)
@@ -90,12 +90,17 @@ def _check(results: Results, model: _Model) -> None:
 
 def expect_mechanics(results: Results) -> None:
     """Raise ResultsError for a model that is not one of mechanics; the message names the commands that show it."""
-    physics = read(results, _Named).physics
+    physics = physics_of(results)
     if physics != "mechanics":
         raise ResultsError(
             f"{results.name}: found a model of {physics}, expected one of mechanics (pdpost history, concentration,"
             " content and solid show it)"
         )
+
+
+def physics_of(results: Results) -> str:
+    """The physics of the model: mechanics, diffusion or thermoelastic. Raises ResultsError."""
+    return read(results, _Named).physics
 
 
 def run_of(results: Results) -> Run:

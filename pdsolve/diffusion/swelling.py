@@ -15,7 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Run
+from pdmesh.model.document import Material, Run
+from pdmesh.model.material_constants import poisson
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.state import State
@@ -106,6 +107,14 @@ def cycle_of(run: Run, step: float, bound: float) -> int:
 
 
 def coefficients(model: Model) -> NDArray[np.float64]:
-    """Strain for each unit of content, and the content without strain, of each node, (2, n)."""
-    each = np.array([(material.alpha or 0.0, material.T0 or 0.0) for material in model.materials])
+    """Strain for each unit of content, and the content without strain, of each node, (2, n).
+
+    In plane strain it is 1 + nu times alpha: what is kept from growing along z grows within the plane instead.
+    """
+    each = np.array([((material.alpha or 0.0) * _within(material), material.T0 or 0.0) for material in model.materials])
     return np.asarray(each[model.material_of].T)
+
+
+def _within(material: Material) -> float:
+    """Strain in the plane of a free body over alpha (T - T0)."""
+    return 1 + poisson(material) if material.plane == "strain" else 1.0

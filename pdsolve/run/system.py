@@ -276,7 +276,7 @@ STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 def step_of(model: Model, bound: float) -> float:
     """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
-    step, damped = model.settings.run.time_step or bound, model.settings.run.damping
+    step, damped = float(model.settings.run.time_step or bound), model.settings.run.damping
     if not np.isfinite(step):
         raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
     if damped * step > STILL:
@@ -424,7 +424,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
     growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
-    step, bound = model.settings.run.time_step or 0.0, stable(operator.stiffness_bound(), model.rho)
+    step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
     counts = filled.family, filled.bonds
     numbers = step, bound, 0.0
     found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
