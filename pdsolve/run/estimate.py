@@ -36,6 +36,7 @@ LISTED_BOND = 12e-9
 SWELLING = 4.0  # more steps' work in each cycle: what a content adds to the energy of bonds is booked
 SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
+TILED = 2.8  # likewise: of bonds in space
 COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
 LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
@@ -106,6 +107,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
+    if in_blocks and model.grid.dimension == 3 and not found.at_rest:
+        found = found._replace(wall_time=TILED * found.wall_time)
     if cycle is not None:
         found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
