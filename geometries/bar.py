@@ -1,8 +1,8 @@
-"""A bar held at its left end and pulled at its right one from time 0 on, by correspondence: 1111 nodes, 10 mm apart.
+"""A bar held at its left end and pulled at its right end from time 0 on, by correspondence: 1111 nodes, 10 mm apart.
 
-Source: the bar of the correspondence model's source (figures 7.1 to 7.7), which is without numbers; these are of the
-classical bar, whose waves are known: at 1, 2, 3, 4 times L / c the end has moved by 1, 2, 1, 0 times sigma L / E.
-Calibrated: the load, a thousandth of E; nu = 0, with which a bar of any height is one.
+Source: the bar of the correspondence model's source (figures 7.1 to 7.7), which gives no numbers. The reference is the
+classical bar: at 1, 2, 3, 4 times L / c its end has moved by 1, 2, 1, 0 times sigma L / E.
+Calibrated: the load, a thousandth of E; nu = 0, so that the height of the bar does not matter.
 """
 
 from pdmesh import Material, Run, Scene, box

@@ -1,7 +1,7 @@
 """A beam in three-point bending, ten times as long as it is high, at rest.
 
-Source: S. P. Timoshenko's beam, w = F L^3 / (48 E I) + F L / (4 k G A) with k = 5/6, to compare with; held by single
-nodes at mid-height of its ends, so that nothing is indented.
+Source: S. P. Timoshenko's beam, w = F L^3 / (48 E I) + F L / (4 k G A) with k = 5/6. Single nodes at
+mid-height of the ends support the beam, so that nothing is indented.
 Calibrated: the load, which bends a beam of glass by less than a thousandth of its height.
 """
 

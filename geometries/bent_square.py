@@ -1,9 +1,9 @@
 """A square of rubber bent about an axis below it and turned by 30 degrees, in plane strain, at rest.
 
-Source: the example of bending and turning of the slides on gradients of higher order, as it was reconstructed: a node
-goes to R ((1/2 + Y) sin X, (1/2 + Y) cos X - 1/2), which turns the corner (0, 0) by 30 degrees. Seen from it, the whole
-square turns by 1.35, 31.35, 29.99 and 30.00 after orders 1, 3, 5 and 7 (the slides say "35" for the third).
-Calibrated: the layer that is moved as it is said, two horizons wide, and the body force that keeps the rest there.
+Source: a reconstruction of the example of bending and turning in the slides on gradients of higher order. A node moves
+to R ((1/2 + Y) sin X, (1/2 + Y) cos X - 1/2), which turns the corner (0, 0) by 30 degrees. Gradients of order 1, 3, 5
+and 7 at this corner give a rotation of 1.35, 31.35, 29.99 and 30.00 degrees (the slides say "35" for the third order).
+Calibrated: the layer with prescribed displacements, two horizons wide, and the body force that holds the other nodes.
 """
 
 from math import cos, log, radians, sin

@@ -1,6 +1,6 @@
 """A block of glass with an inclined edge crack, pulled apart fast: the crack runs, and branches into three sheets.
 
-Source: none; it is the block of plates whose cracks branch, with a crack that is inclined along its thickness.
+Source: none. It is a thick plate like those whose cracks branch, with a crack inclined along its thickness.
 20 480 nodes 0.5 mm apart, in space.
 Calibrated: the speed of the grips, so that the crack branches in the middle of the block.
 """

@@ -1,9 +1,10 @@
 """A pre-cracked glass plate whose crack branches, by correspondence: 16482 nodes, 0.5 mm apart.
 
-Source: the plate of J.-H. Song, H. Wang, T. Belytschko (2008) and M. J. Borden and others (2012), who has 3 J/m^2, with
-the strength of X. Zhou, Y. Wang, Q. Qian (2016).
-Calibrated: the horizon. A strength does not scale with it: 1.5 mm is about where the field of a crack that costs G0
-reaches the strength. Smaller ones start earlier, run faster and branch elsewhere. So are the rows that carry the load.
+Source: the plate of J.-H. Song, H. Wang, T. Belytschko (2008) and M. J. Borden and others (2012), the latter with 3
+J/m^2, with the strength of X. Zhou, Y. Wang, Q. Qian (2016).
+Calibrated: the rows that carry the load, and the horizon. The strength does not scale with the horizon: 1.5 mm is about
+where the field of a crack that costs G0 reaches the strength. With a smaller horizon the crack starts earlier, runs
+faster and branches elsewhere.
 """
 
 from pdmesh import Material, Run, Scene, box

@@ -1,10 +1,10 @@
-"""A compact-tension specimen of PMMA, pulled apart slowly: its crack grows as far as the pins are moved, no further.
+"""A compact-tension specimen of PMMA, pulled apart slowly: its crack grows stably as the pins move.
 
-Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff discs in place of holes; they turn about
-the node that they are pulled at. The load line is x = 0, and the pins are moved apart by 1 mm a minute.
-Two scales: fine around the pins and along the way of the crack, which is between rows of both.
-Calibrated: nothing. A plane body of bonds in plane strain has nu = 1/4, whatever the material's. The ordinary solid
-(`--set model=ordinary`) has that of the material, and no growth: what breaks of it is not followed at rest.
+Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff discs instead of holes; each turns about
+the node at which it is pulled. The load line is x = 0, and the pins are moved apart by 1 mm a minute.
+Two scales: fine around the pins and along the path of the crack, which lies between rows of nodes on both scales.
+Calibrated: nothing. Bonds in plane strain always have nu = 1/4. The ordinary solid (`--set model=ordinary`) has the
+material's nu, but its crack does not grow, because breaking ordinary solids are not solved at rest.
 """
 
 from pdmesh import Circle, Material, Run, Scene, Static, box, ramp

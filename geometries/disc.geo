@@ -2,9 +2,9 @@
 //
 // Source: the corrosion example of A. Ongaro, A. Shojaei, F. Mossaiby, A. Hermann, C. J. Cyron, P. Trovalusci, Int. J.
 // Fract. (2023), doi 10.1007/s10704-023-00709-8, in the plane. C solid is magnesium's density over its molar mass.
-// Calibrated: the other numbers, which the source does not give. Of them C sat over C solid alone decides what is
-// dissolved after so many radius^2 / D.
-// All lengths in millimetres, all else in SI units.
+// Calibrated: the other numbers, which the source does not give. The share dissolved after a number of radius^2 / D
+// depends on C sat over C solid alone.
+// All lengths in millimetres, all other quantities in SI units.
 
 DefineConstant[
   radius = {1, Min 0.01, Name "Peridynamics/Plate/Radius", Units "mm", Help "Radius of the disc"},

@@ -1,7 +1,8 @@
 """Two edge cracks, one above the other, grow towards each other as a plate is pulled apart slowly.
 
-Source: the specimen is the usual one with notches that are not in one line; PMMA. At rest, crack by crack as the stress
-intensities at its tip reach the toughness, sqrt(E G0); a tip stays where there is no room for a ring around it.
+Source: the usual specimen of PMMA with notches that are not in one line. It is solved at rest. Each crack grows when
+the stress intensity at its tip reaches the toughness, sqrt(E G0). A tip without room for a ring around it does not
+grow.
 Calibrated: nothing.
 """
 

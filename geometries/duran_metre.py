@@ -1,8 +1,8 @@
 """A plate of Duran 50 glass, 1 x 1 m, with an edge crack of a quarter of a metre, pulled suddenly at two ends.
 
 Source: the glass of duran50.geo (A. De Checchi, master's thesis, University of Padua 2012/13, after Y. D. Ha and
-F. Bobaru, Int. J. Fract. 162 (2010) 229-244) in a plate that is large enough for no wave to come back from the far
-edges before the crack has run; made for a fine zone that moves: 16 million nodes at 0.25 mm.
+F. Bobaru, Int. J. Fract. 162 (2010) 229-244) in a plate so large that no wave returns from the far edges before the
+crack has run. It is made for a moving fine zone: 16 million nodes at 0.25 mm.
 Calibrated: nothing. The crack lies half a spacing above the middle, between two rows of nodes.
 """
 

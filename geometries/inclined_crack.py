@@ -2,7 +2,7 @@
 
 Source: F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525, with K1 = s sqrt(pi a) cos^2 b and K2 = s sqrt(pi a)
 sin b cos b of a crack at b in an infinite plate.
-Two scales: twenty fine spacings a half length, in a plate six times as wide as the crack is long.
+Two scales: half of the crack is twenty fine spacings long, and the plate is six times as wide as the whole crack.
 Calibrated: the toughness, so that the crack grows at both ends at every inclination up to 60 degrees.
 """
 

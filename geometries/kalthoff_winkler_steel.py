@@ -1,10 +1,10 @@
-"""Kalthoff and Winkler's experiment with the steel's own fracture energy, struck by what the impactor hands on.
+"""Kalthoff and Winkler's experiment with the steel's own fracture energy and half of the impactor's speed.
 
 Source: J. F. Kalthoff, S. Winkler, "Failure mode transition at high rates of shear loading", Impact Loading and Dynamic
 Behavior of Materials 1 (1988) 185-195. A maraging steel plate of 100 x 200 mm with two notches of 50 mm; the impactor
 at 33 m/s, of the same steel, gives the struck edge half of its speed. Brittle, plane strain; all other edges are free.
-Calibrated: nothing. The notches are cuts without width, half a spacing outwards of 75 and 125 mm, so that they lie
-between rows of nodes, and all edges of the plate carry nodes.
+Calibrated: nothing. The notches are cuts without width. They lie half a spacing outside y = 75 and 125 mm, between rows
+of nodes. All edges of the plate carry nodes.
 """
 
 from pdmesh import Material, Run, Scene, box

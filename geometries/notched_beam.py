@@ -1,9 +1,9 @@
-"""A notched beam of concrete in three-point bending, bent until its crack has gone through, at rest.
+"""A notched beam of concrete in three-point bending, at rest, until its crack has grown through the beam.
 
 Source: P.-E. Petersson, report TVBM-1006, Lund (1981): 2 x 0.2 m, 50 mm thick, notched to half its height, E = 30 GPa,
 f_t = 3.33 MPa, G_f = 124 J/m^2. Independent programs have its peak at 0.75 to 0.85 kN.
-Calibrated: nothing. Bonds have nu = 1/3 in the place of 0.2. Each support is one node, as two neighbours would clamp
-it, and so is the one that is pressed down, half a spacing beside the notch.
+Calibrated: nothing. Bonds have nu = 1/3 instead of 0.2. Each support is one node, because two neighbours would clamp
+the beam. The load is applied to one node too, half a spacing beside the notch.
 """
 
 from pdmesh import Material, Run, Scene, Static, box, ramp

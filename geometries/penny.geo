@@ -1,15 +1,15 @@
 // A block of glass with a penny-shaped crack in its middle, pulled suddenly: the crack runs to the sides.
 //
 // Source: the shape is that of I. N. Sneddon, Proc. R. Soc. Lond. A 187 (1946) 229-260; the glass is that of duran50.geo.
-// 27 000 nodes 1 mm apart, the crack four of them in radius.
+// 27 000 nodes 1 mm apart; the crack has a radius of 4 mm.
 // Calibrated: nothing.
 // All lengths in metres, SI units throughout.
 
 SetFactory("OpenCASCADE");
 
 DefineConstant[
-  side = {0.03, Name "Peridynamics/Plate/Side", Units "m", Help "of the block, across and along"},
-  radius = {4e-3, Name "Peridynamics/Plate/Crack radius", Units "m", Help "of the crack"},
+  side = {0.03, Name "Peridynamics/Plate/Side", Units "m", Help "Edge length of the block"},
+  radius = {4e-3, Name "Peridynamics/Plate/Crack radius", Units "m", Help "Radius of the crack"},
   spacing = {1e-3, Name "Peridynamics/Zones/glass/Spacing", Units "m", Help "between nodes"},
   horizon = {3, Name "Peridynamics/Horizon ratio", Help "horizon over spacing"},
   E = {65e9, Name "Peridynamics/Material/E", Units "Pa", Help "Young's modulus"},

@@ -1,8 +1,8 @@
-"""A beam of steel that its ends bend four times as far as where it begins to flow, in plane strain, at rest.
+"""A beam of steel bent by its ends to four times the curvature of first yield, in plane strain, at rest.
 
-Source: stands for the forming that the slides on gradients of higher order name; the moments of the classical beam,
-fibre by fibre (sigma_yy = 0, no strain out of the plane), are 1, 1.3930, 1.4733 and 1.5022 of the first one that flows.
-Calibrated: nothing. The ends are three columns each, turned about the middle; they are free to narrow.
+Source: an example of the forming that the slides on gradients of higher order mention. The moments of the classical
+beam, fibre by fibre (sigma_yy = 0, no strain out of the plane), are 1, 1.3930, 1.4733 and 1.5022 of the yield moment.
+Calibrated: nothing. Three columns at each end are turned about its middle, and can contract freely.
 """
 
 from pdmesh import Material, Run, Scene, Static, box

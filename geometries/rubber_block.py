@@ -1,7 +1,7 @@
 """A block of rubber between clamps, stretched to one and a half times its length, in plane strain, at rest.
 
 Source: the nonlinear materials that the slides on gradients of higher order name (Psi = mu / 2 (I1 - 3) - mu ln J +
-lambda / 2 (ln J)^2); finite elements have a reaction of 0.42257 E and 0.08558 of the side that the middle narrows by.
+lambda / 2 (ln J)^2). Finite elements give a reaction of 0.42257 E; the middle narrows by 0.08558 of the side.
 Calibrated: nothing; the clamps are the outermost columns.
 """
 

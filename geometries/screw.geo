@@ -1,16 +1,17 @@
-// A magnesium screw dissolves in a ball of liquid that is kept clean outside: fine nodes in a cylinder
-// around it, coarse ones elsewhere.
+// A magnesium screw dissolves in a ball of liquid whose outside is kept clean: fine nodes in a cylinder around
+// the screw, coarse ones elsewhere.
 //
 // Source: sizes of screw, cylinder and ball as in the second example (corrosion of Mg-10Gd) of the paper on multi-adaptive
 // spatial discretization of bond-based peridynamics; the slot is not stated there.
-// Calibrated: all that is not a size; C sat over C solid alone decides what is dissolved after so many radius^2 / D. The slot is as wide and as deep as half the radius.
+// Calibrated: all that is not a size. The share dissolved after a number of radius^2 / D depends on C sat over C solid
+// alone. The slot is as wide and as deep as half the radius.
 // All lengths in metres, SI units throughout.
 
 SetFactory("OpenCASCADE");
 
 DefineConstant[
-  radius = {1e-3, Name "Peridynamics/Plate/Radius", Units "m", Help "of the screw"},
-  height = {4e-3, Name "Peridynamics/Plate/Height", Units "m", Help "of the screw"},
+  radius = {1e-3, Name "Peridynamics/Plate/Radius", Units "m", Help "Radius of the screw"},
+  height = {4e-3, Name "Peridynamics/Plate/Height", Units "m", Help "Height of the screw"},
   slot = {0.5e-3, Name "Peridynamics/Plate/Slot", Units "m", Help "its width and its depth, in the upper end"},
   ball = {6e-3, Name "Peridynamics/Plate/Ball", Units "m", Help "radius of the liquid"},
   near = {0.25e-3, Name "Peridynamics/Zones/near/Spacing", Units "m", Help "between nodes in the cylinder"},

@@ -1,7 +1,7 @@
 """A beam of PMMA in three-point bending with a notch at 45 degrees across it: the front twists until it is straight.
 
 Source: the specimen of V. Lazarus, F.-G. Buchholz, M. Fulland, J. Wiebesiek, Int. J. Fract. 153 (2008) 141-151,
-shorter, and moved down quickly. There too the front twists until the crack is straight across the beam.
+but shorter and loaded quickly. In the source too the front twists until the crack is straight across the beam.
 31 200 nodes 1 mm apart, in space.
 Calibrated: the speed of the stamp, so that the crack runs within half a millisecond.
 """

@@ -2,7 +2,7 @@
 
 Source: A. De Checchi, master's thesis, University of Padua 2012/13, "Implementazione di tecniche di grid generation
 e refinement nell'analisi peridinamica 2D", after Y. D. Ha and F. Bobaru, Int. J. Fract. 162 (2010) 229-244. The
-thesis counts 42 rows: half a spacing to 20.5 mm off the crack, so the plate is drawn 41 mm high instead of 40.
+thesis counts 42 rows: from half a spacing to 20.5 mm from the crack. The plate is therefore 41 mm high instead of 40.
 Calibrated: the horizon ratio (4), which gives the critical stretches of the thesis's table 4, and the rows that carry
 the load: 8, the same strip as the four coarse rows on two scales.
 """

@@ -1,9 +1,10 @@
-"""A glass strip held stretched between its long edges, its crack let go: it runs on at a steady speed.
+"""A glass strip that is held stretched between its long edges; its crack is released and runs at a steady speed.
 
-Source: the strip of J. R. Rice, J. Appl. Mech. 35 (1968) 379-386: far behind the tip nothing is left of the energy that
-the strip holds far ahead, E e^2 h / (2 (1 - nu^2)) per length, e its strain, h its height; nu = 1/3 is that of bonds.
-Calibrated: the strain, which feeds the crack with twice the fracture energy; the step, half of the longest that is
-surely stable, for a balance of energy four times as good.
+Source: the strip of J. R. Rice, J. Appl. Mech. 35 (1968) 379-386. Far ahead of the tip the strip stores the energy E
+e^2 h / (2 (1 - nu^2)) per length, with strain e, height h and the nu = 1/3 of bonds. Far behind the tip it stores
+none.
+Calibrated: the strain, which supplies twice the fracture energy, and the step, which is half of the longest step that
+is surely stable, so that the energy balance is four times as good.
 """
 
 from pdmesh import Material, Run, Scene, box
