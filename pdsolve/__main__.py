@@ -268,13 +268,21 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
+    """The kind of a run's steps, and where they ended."""
+    if "load_steps" in summary:
+        return "load steps", f"{summary['time']:.4g} s"
+    if "path_steps" in summary:
+        last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"])
+        return "path steps", f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
+    return "steps", f"{summary['time'] * 1e6:.4g} us"
+
+
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if summary.get("physics") == "diffusion":
         return _lines_of_masses(path, summary)
-    energy, rested = summary["energy"], summary.get("load_steps")
-    what, until = (
-        ("steps", f"{summary['time'] * 1e6:.4g} us") if rested is None else ("load steps", f"{summary['time']:.4g} s")
-    )
+    energy, rested = summary["energy"], summary.get("load_steps") or summary.get("path_steps")
+    what, until = _how_far(summary)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
     how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
     if rested:

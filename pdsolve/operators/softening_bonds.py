@@ -37,6 +37,7 @@ class Response(NamedTuple):
     kappa: Array  # (b,) with the stretches of now
     force: Array  # (b,) N/m
     slope: Array  # (b,) of the force by the stretch, N/m
+    secant: Array  # (b,) of bonds that unload, N/m
     releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
     spent: float  # J/m, by all bonds since they were made
 
@@ -78,11 +79,12 @@ class SofteningBonds:
         e = ((2 * self.xi + eta) * eta).sum(axis=1) / self.length**2
         return np.asarray(e / (np.sqrt(1 + e) + 1))
 
-    def respond(self, value: Array, loading: NDArray[np.bool_] | None = None) -> Response:
-        """The response at displacements (n, d) after the history `kappa`; `loading` (b,) overrides which bonds load."""
+    def respond(self, value: Array) -> Response:
+        """The response at displacements (n, d) after the history `kappa`."""
         y = self.xi + value[self.target] - value[self.source]
         s, now = self.stretches(value), np.sqrt((y**2).sum(axis=1))
         sigma, slope, releases, kappa = s.copy(), np.ones(len(s)), np.zeros(len(s)), self.kappa.copy()
+        secant = slope.copy()
         k = self.breaks
         own, before, peak, limit = s[k], self.kappa[k], self.peak[k], self.limit[k]
         grows = own > np.maximum(before, peak)
@@ -97,11 +99,11 @@ class SofteningBonds:
             omega[own < 0] = 1.0
         sigma[k], kappa[k] = omega * own, worst
         on = grows & (worst < limit)
-        slope[k] = np.where(on, curve, omega)
+        secant[k], slope[k] = omega, np.where(on, curve, omega)
         releases[k] = np.where(on, omega * worst - curve * worst, 0.0)
         c = self.stiffness
-        spent = float(self.spent(kappa).sum())
-        return Response(y / now[:, None], now, kappa, c * sigma, c * slope, c * self.length * releases / 2, spent)
+        spent, along = float(self.spent(kappa).sum()), y / now[:, None]
+        return Response(along, now, kappa, c * sigma, c * slope, c * secant, c * self.length * releases / 2, spent)
 
     def spent(self, kappa: Array) -> Array:
         """Energy (b,), J/m, that bonds have spent at this history."""
@@ -134,10 +136,7 @@ class SofteningBonds:
         """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2; `secant`: of straight bonds."""
         from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
 
-        d, n, slope = self.xi.shape[1], found.along, found.slope
-        if secant:
-            s = found.length / self.length - 1
-            slope = np.where(s == 0, slope, found.force / np.where(s == 0, 1.0, s))
+        d, n, slope = self.xi.shape[1], found.along, found.secant if secant else found.slope
         outer = n[:, :, None] * n[:, None, :]
         block = (slope / self.length)[:, None, None] * outer
         block += (found.force / found.length)[:, None, None] * (np.eye(d) - outer)

@@ -33,6 +33,7 @@ GROWTH = 1.4
 FIRST = 0.05  # of the largest step of dissipation: the first one
 LEAST = 1e-4  # of it: smaller ones are not tried
 NEAR = 0.01  # of a step of dissipation, by which it may be missed
+UNDECIDED = 2  # times that a bond has begun or ceased to load within a step: it gets a mean slope, lest it goes on so
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
 
@@ -97,10 +98,13 @@ class Follower:
             value = tried
         raise UnsettledError(f"found no rest at {factor:.4g} of the loads after {2 * MOST} iterations")
 
-    def follow(self, last: Path, guess: Path | None, more: float, tell: Tell) -> tuple[Path, int, float]:
+    def follow(
+        self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0
+    ) -> tuple[Path, int, float]:
         """The equilibrium where bonds have spent `more` than at the last one, its iterations and its residual.
 
-        `guess` is a place to begin with; None: along the last direction of the secants. Raises UnsettledError.
+        `guess` is a place to begin with; None: along the last direction of the secants. So many first iterations take
+        `secants` for tangents, which leads from further away. Raises UnsettledError.
         """
         free = self._free
         if guess is None:
@@ -108,7 +112,8 @@ class Follower:
         value, factor = guess.value.copy(), guess.factor
         reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
         found, left = self.bonds.respond(value), np.inf
-        for iteration in range(MOST + 1):
+        loads, turns = found.releases > 0, np.zeros(len(found.releases), dtype=int)
+        for iteration in range(secants + MOST + 1):
             at = self.drive.at(factor)
             rest = self._rest(found, at)
             left, missed = self._left(found, at, rest), more - (found.spent - last.spent)
@@ -116,9 +121,13 @@ class Follower:
             if left < self._tolerance and abs(missed) < NEAR * more:
                 self.largest = max(self.largest, self._outside(found, at))
                 return Path(value, factor, found.spent), iteration, left
-            if not np.isfinite(left) or iteration == MOST:
+            if not np.isfinite(left) or iteration == secants + MOST:
                 break
-            matrix = self.bonds.tangent(found)
+            turns += (loads != (found.releases > 0)) & (iteration >= secants)
+            loads = found.releases > 0
+            torn = (turns >= UNDECIDED) & loads
+            mean = found._replace(slope=np.where(torn, (found.slope + found.secant) / 2, found.slope))
+            matrix = self.bonds.tangent(mean, iteration < secants)
             inner, pushed = matrix[free][:, free], self._pushed(matrix)
             a, b = self.solver.solve_two(inner, rest, pushed, iteration == 0)
             q = self.bonds.gradient(found)

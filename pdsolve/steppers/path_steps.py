@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 CRACK_STEPS = 80  # of dissipation in which a crack would go through the body's smallest extent
 COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+SECANTS = 20  # iterations with which a step that does not converge begins again
 SMALL = 1e-3  # of the loads: the first look at an elastic body
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
 ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
@@ -160,7 +161,7 @@ class PathSteps:
 
     def _follow(self, step: int) -> tuple[Path, int, float]:
         """A step of dissipation, as large as it converges."""
-        iterations, last = 0, self._last
+        iterations, last, secants = 0, self._last, 0
         while True:
             guess, done = None, last.spent - self._before.spent
             if self._more < 2 * GROWTH * done and self._more >= LEAST * self._most:
@@ -168,12 +169,12 @@ class PathSteps:
                 ahead = last.value + share * (last.value - self._before.value)
                 guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
             try:
-                new, count, residual = self._follower.follow(last, guess, self._more, self._tell(step))
+                new, count, residual = self._follower.follow(last, guess, self._more, self._tell(step), secants)
                 break
             except UnsettledError:
                 if self._more < LEAST * self._most:
                     raise
-                self._more /= 2
+                self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.factor > 1:

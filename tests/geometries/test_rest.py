@@ -118,3 +118,16 @@ def test_a_compact_specimen_may_have_its_true_poisson_ratio(nu: float) -> None:
         force, opening = pulled(results)
     expected = handbook_compliance() * STIFFNESS / (3e9 / (1 - nu**2))
     assert opening[1] / force[1] == pytest.approx(expected, rel=0.03)  # measured: 0.988, 0.980 of it
+
+
+@pytest.mark.slow
+def test_a_panel_of_concrete_carries_what_tests_do() -> None:
+    """Its load rises to a peak and falls to nothing while the crack goes through; 0.1 m thick."""
+    made = shipped("l_panel.py", [("spacing", "0.025")])
+    with simulate(Model(made.grid, made.settings), None, Options(threads=1)) as results:
+        table, said = results.reactions(), results.summary()
+    arm = table[table["condition"] == 1]
+    assert arm["force_y"].max() * 0.1 == pytest.approx(7250, rel=0.035)  # measured: 7405; tests: 7000 to 7500
+    assert arm["force_y"][-1] < 0.03 * arm["force_y"].max()
+    assert abs(said["balance"]) < 1e-3  # measured: 8e-4
+    assert said["path_steps"][-1]["factor"] == 1

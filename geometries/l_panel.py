@@ -1,0 +1,35 @@
+"""An L-shaped panel of concrete, lifted slowly at its short arm until the crack from its corner has gone through.
+
+Source: B. Winkler, thesis, Innsbruck (2001): 0.5 x 0.5 m, 0.1 m thick, E = 25.85 GPa, f_t = 2.7 MPa, G_f = 65 J/m^2.
+Tests carry 7 to 7.5 kN, and their cracks rise from the corner by some 40 to 60 mm; the one here stays nearly level.
+Calibrated: nothing. Bonds have nu = 1/3 in the place of 0.18. The foot is clamped. The arm is lifted at one node 30 mm
+from its end, as two neighbours would clamp it.
+"""
+
+from shapely import Polygon
+
+from pdmesh import Material, Run, Scene, Static, box, ramp
+
+spacing = 0.0125  # m: between nodes
+horizon = 3.0  # horizon over spacing
+lift = 1e-3  # m: of the arm in the end
+load_steps = 80  # through the panel's whole width
+size, arm = 0.5, 0.25  # m
+
+concrete = Material(E=25.85e9, rho=2400, G0=65, law="cohesive", f_t=2.7e6, shape="exponential", micromodulus="constant")
+outline = Polygon([(0, 0), (arm, 0), (arm, arm), (size, arm), (size, size), (0, size)])
+x = size - spacing * round(0.03 / spacing)
+run = Run(solver="static", static=Static(load_steps=load_steps))
+
+scene = (
+    Scene(outline, spacing, concrete, horizon, run)
+    .fix("bottom", name="foot")
+    .fix(
+        box(x - spacing / 4, arm - spacing / 4, x + spacing / 4, arm + spacing / 4),
+        x=None,
+        y=lift,
+        profile=ramp(1),
+        breakable=True,
+        name="arm",
+    )
+)
