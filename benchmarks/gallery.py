@@ -40,6 +40,7 @@ SHOWN = {
     "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
+    "hot_disc.py": Shown("stress"),
     "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
     "notched_beam.py": Shown("reaction --condition middle"),
     "penny.geo": Shown("slice --field damage --plane y=0"),
