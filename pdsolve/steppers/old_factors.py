@@ -25,11 +25,10 @@ LEFT = 1e-6  # of the right side, which a solution may leave
 
 
 class Solver:
-    """Solves with symmetric matrices, which may be indefinite; counts its factors and its solutions."""
+    """Solves with symmetric matrices, which may be indefinite."""
 
     def __init__(self) -> None:
         self._inverse: Callable[[Array], Array] | None = None
-        self.factors = self.solutions = 0
 
     def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
         """The solution for one right side (k,); `anew` does not use old factors. Raises UnsettledError."""
@@ -49,7 +48,6 @@ class Solver:
 
     def _direct(self, right: Array) -> Array:
         assert self._inverse is not None
-        self.solutions += 1
         return self._inverse(right)
 
     def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
@@ -58,7 +56,6 @@ class Solver:
         assert self._inverse is not None
         first = self._inverse(right)
         size = float(np.sqrt(right @ right))
-        self.solutions += 1
         if self._is_solved(matrix, first, right, size):
             return first
         light = LinearOperator(matrix.shape, self._inverse)
@@ -72,7 +69,6 @@ class Solver:
     def _factorize(self, matrix: csr_array) -> None:
         from scipy.sparse.linalg import splu
 
-        self.factors += 1
         quick = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

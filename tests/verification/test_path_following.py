@@ -70,6 +70,7 @@ def test_a_notched_beam_peaks_as_is_known(h: float, off: float) -> None:
     assert abs(said["balance"]) < 1e-3  # measured: 2e-4
 
 
+@pytest.mark.slow
 def test_dead_loads_are_followed_past_their_largest() -> None:
     """The same path as under a prescribed displacement, which falls to nothing."""
     with pytest.warns(ModelWarning, match="0.77"), simulate(beam(0.02, "load"), None, ONE) as results:
@@ -80,6 +81,7 @@ def test_dead_loads_are_followed_past_their_largest() -> None:
     assert abs(said["balance"]) < 1e-3  # measured: 4e-4
 
 
+@pytest.mark.slow
 def test_a_path_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
@@ -111,6 +113,7 @@ def test_forces_tangent_and_dissipation_belong_together() -> None:
     assert float((bonds.gradient(found) * way).sum()) == pytest.approx(rate, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_order_of_nodes_does_not_matter() -> None:
     model = beam(0.02, load_steps=20)
     order = np.random.default_rng(3).permutation(len(model.grid))
