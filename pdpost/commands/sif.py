@@ -36,13 +36,13 @@ def add(commands: Commands) -> None:
         "--tip",
         type=place,
         metavar="X,Y[,Z]",
-        help="the tip, of a body the front, that comes nearest to a place, m (default: all)",
+        help="the tip (in a body the front) nearest to a point, m (default: all)",
     )
     sif.add_argument(
         "--ring",
         type=_ring,
         metavar="R0,R1",
-        help="radii of the ring around a tip or the tube around a front that is summed over, m (default: all the room)",
+        help="inner and outer radius of the ring around a tip, or of the tube around a front, m (default: all the room)",
     )
     add_frame(sif, default=None)
     add_every(sif)
