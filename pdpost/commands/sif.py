@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
         "--ring",
         type=_ring,
         metavar="R0,R1",
-        help="inner and outer radius of the ring around a tip, or of the tube around a front, m (default: all the room)",
+        help="inner and outer radius of the ring around a tip or the tube around a front, m (default: all the room)",
     )
     add_frame(sif, default=None)
     add_every(sif)
