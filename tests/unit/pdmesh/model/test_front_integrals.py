@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sneddon
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -76,31 +77,12 @@ def test_stress_and_slope_of_the_known_fields_are_those_of_their_displacement() 
         assert np.abs(sampled(np.zeros((4, 3)), gradient).stress - here.stress).max() < 2e-6
 
 
-def penny(x: NDArray[np.float64], a: float) -> NDArray[np.float64]:
-    """Displacements (n, 3) around a crack of radius `a` in z = 0 under unit tension (I. N. Sneddon, 1946).
-
-    With the harmonic F, 2 G u_r = (1 - 2 nu) F_r + z F_rz and 2 G u_z = -2 (1 - nu) F_z + z F_zz above the crack; F is
-    that of a line of sources from -i a to i a along the axis.
-    """
-    r, z, nu = np.hypot(x[:, 0], x[:, 1]), np.abs(x[:, 2]), SOLID.nu
-    w = z + 1j * a
-    root = np.sqrt(r**2 + w**2)
-    log = np.log(w + root)
-    F_r = ((w * root - r**2 * log) / 2 - z * root).imag / r
-    F_z, F_zz = -(root - z * log).imag, -(w / root - log - z / root).imag
-    F_rz = -(r / root - z * r / (root * (w + root))).imag
-    outward = ((1 - 2 * nu) * F_r + z * F_rz) / (np.pi * SOLID.shear)
-    upward = (-2 * (1 - nu) * F_z + z * F_zz) / (np.pi * SOLID.shear) * np.sign(x[:, 2])
-    opened = np.column_stack([outward * x[:, 0] / r, outward * x[:, 1] / r, upward])
-    return opened + x * np.array([-nu, -nu, 1.0]) / SOLID.E
-
-
 def around_a_penny(tube: Tube, bend: float = 1.0) -> FoundInSpace:
     """What is found on a penny of radius 12, its curvature taken `bend` times; the disc is quartered."""
     x = lattice((-3, -3, -13), (25, 17, 13))
     growth = np.array([np.cos(0.3), np.sin(0.3), 0.0])
     frame = np.array([growth, ACROSS, np.cross(growth, ACROSS)])
-    at = sampled(x, fitted(x, penny(x, 12.0), 12.0))
+    at = sampled(x, fitted(x, sneddon.displacements(x, 12.0, SOLID.E, SOLID.nu), 12.0))
     return front_integrals(at, FrontPlace(12.0 * growth, frame, bend / 12.0), tube, SOLID)
 
 

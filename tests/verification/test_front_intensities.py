@@ -1,0 +1,59 @@
+"""Stress intensities along the front of a penny-shaped crack of bonds at rest, beside those of the continuum.
+
+Under tension K1 is 2 s sqrt(a / pi) (I. N. Sneddon, Proc. R. Soc. Lond. A 187 (1946) 229-260). Under shear t, at the
+angle w from its direction, K2 is 4 t cos w sqrt(a / pi) / (2 - nu) and K3 is 1 - nu times that with sin w (M. K.
+Kassir, G. C. Sih, J. Appl. Mech. 33 (1966) 601-611).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pennies
+import pytest
+import sneddon
+from stored import results_of
+
+from pdpost.measures.intensities_in_space import AlongFront, along_fronts
+from pdsolve.results import Families, Nodes
+
+SMALL = 1e-6  # stress: strains are linear
+
+
+def front_of(penny: pennies.Penny) -> AlongFront:
+    """What is found along the front, for the stress `SMALL`."""
+    count, h, bonds = len(penny.position), 1 / penny.nodes_of_radius, penny.whole.bonds
+    cut = penny.whole.family - np.diff(bonds.start)
+    cells = np.full(count, h), np.full(count, h**3)
+    nodes = Nodes(np.arange(1, count + 1), penny.position, *cells, penny.whole.family, cut)
+    material = {"E": penny.E, "rho": 1.0, "G0": 1.0, "plane": "space", "model": "ordinary", "nu": penny.nu}
+    model = {"notch": [], "nodes": [], "version": 2, "run": {"solver": "static"}, "material": material}
+    model |= {"horizon": {"ratio": 3.0}}
+    families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
+    results = results_of(nodes, families, SMALL * penny.u, [], model, pennies.disc(256))
+    (front,) = along_fronts(results, 10)
+    assert len(front.known) == len(front.along)
+    return front
+
+
+@pytest.mark.slow
+def test_a_penny_under_tension() -> None:
+    """Eight spacings in radius, in a cube of twice its width whose outer layers are held as Sneddon has them."""
+    penny = pennies.opened(8, 2, lambda x, E, nu: sneddon.displacements(x, 1.0, E, nu))
+    front, exact = front_of(penny), 2 * SMALL / np.sqrt(np.pi)
+    assert front.value["K1"] / exact == pytest.approx(1.0, abs=0.03)  # measured 0.9995 to 1.0058
+    assert front.value["K1"].mean() / exact == pytest.approx(1.0, abs=0.006)  # measured 1.0016
+    assert max(np.abs(front.value[name]).max() for name in ("K2", "K3")) < 1e-3 * exact
+    root = np.sqrt(front.value["J"].mean() * penny.E / (1 - penny.nu**2)) / exact
+    assert root == pytest.approx(1.0, abs=0.045)  # measured 1.0375
+
+
+@pytest.mark.slow
+def test_a_penny_under_shear() -> None:
+    """Eight spacings in radius, in a cube of three times its width, held as without a crack, which lowers both."""
+    penny = pennies.opened(8, 3, pennies.sheared)
+    front, exact = front_of(penny), 4 * SMALL / ((2 - penny.nu) * np.sqrt(np.pi))
+    angle = np.arctan2(front.place[:, 1], front.place[:, 0])
+    slid, torn = 2 * (front.value["K2"] * np.cos(angle)).mean(), 2 * (front.value["K3"] * np.sin(angle)).mean()
+    assert abs(slid) / exact == pytest.approx(0.968, abs=0.01)  # measured 0.9685
+    assert abs(torn) / ((1 - penny.nu) * exact) == pytest.approx(1.009, abs=0.01)  # measured 1.0093
+    assert np.abs(front.value["K1"]).max() < 1e-3 * exact
