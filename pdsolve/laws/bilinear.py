@@ -62,7 +62,7 @@ def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
     return secant(None, worst, worst, peak, limit)
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def spent_share(worst: float, peak: float, limit: float) -> float:
     """Dissipated share of a bond's energy c xi s_p s_0 / 2 after the stretch `worst`."""
     return (worst - peak) / (limit - peak)

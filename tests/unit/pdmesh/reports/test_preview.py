@@ -8,6 +8,7 @@ import pytest
 from messages import naming
 
 from pdmesh import Body, Box, Circle, Material, Scene, SceneError, build
+from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.preview import draw, save
@@ -80,8 +81,8 @@ def test_the_sections_of_a_flat_body_leave_no_room_empty() -> None:
 
 
 def test_a_solid_without_a_surface_is_refused() -> None:
-    with pytest.raises(SceneError, match=naming("body", found="Box", expected="read_scene")):
-        build(Body(Box((0, 0, 0), (1e-2, 3e-3, 3e-3)), 1e-3, Material(1e9, 1e3, 1.0)))
+    with pytest.raises(SceneError, match=naming("body", found="Box", expected=("build", "read_scene"))):
+        build_body(Body(Box((0, 0, 0), (1e-2, 3e-3, 3e-3)), 1e-3, Material(1e9, 1e3, 1.0)))
 
 
 @pytest.mark.parametrize(
