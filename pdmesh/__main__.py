@@ -45,9 +45,9 @@ def parser() -> argparse.ArgumentParser:
     plan.add_argument(
         "--within",
         type=commandline.share,
-        metavar="2%%",
-        help="propose spacing, horizon, zones and time step that keep the error of displacements within this share;"
-        " based on measured scenes",
+        metavar="SHARE",
+        help="propose spacing, horizon, zones and time step that keep the error of displacements within this share,"
+        " such as 2%%; based on measured scenes",
     )
     _add_mode(plan)
     plan.set_defaults(run=_plan)

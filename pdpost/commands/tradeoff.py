@@ -30,7 +30,10 @@ def add(commands: Commands) -> None:
     tradeoff.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve, or tables of studies")
     tradeoff.add_argument("--reference", type=Path, required=True, metavar="FINE", help="the results to compare with")
     tradeoff.add_argument(
-        "--within", type=commandline.share, metavar="2%%", help="name the cheapest result within this error"
+        "--within",
+        type=commandline.share,
+        metavar="SHARE",
+        help="name the cheapest result within this error, such as 2%%",
     )
     tradeoff.add_argument(
         "--by", choices=ERRORS, action="append", default=[], help="an error that counts; may be repeated (default: all)"
