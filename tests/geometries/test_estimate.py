@@ -42,7 +42,8 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
         found, (flow, _) = planned(Model(grid, settings, name)), diffusion.prepare(Model(grid, settings, name))
         assert (found.bonds, found.time_step) == (int(flow.operator.count.sum()), flow.time_step)
         return
-    springs = settings.material is not None and settings.material.model == "bond"
+    one, moves = settings.material, settings.physics == "mechanics"
+    springs = moves and one is not None and one.model == "bond" and one.law != "cohesive"
     run = settings.run
     for mode in MODES if springs and run.adapt == "none" and run.cracks == "bonds" else MODES[1:]:
         found = planned(Model(grid, settings, name), Options(mode))
