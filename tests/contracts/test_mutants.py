@@ -26,6 +26,7 @@ def test_none_is_out_of_date(mutant: object) -> None:
         assert test.partition("[")[0] in (ROOT / path).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_sample_goes_round_the_folders_and_is_drawn_again_from_its_seed() -> None:
     folders = {path.parent for path in product(ROOT).values()}
     first = list(islice(drawn(ROOT, 0), 3 * len(folders)))

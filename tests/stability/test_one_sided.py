@@ -47,6 +47,7 @@ def energies(problem: Prepared) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 def test_complex_frequencies(failure: Callable[..., None]) -> None:
     """Complex frequencies where spacings meet, over 10^5 steps.
 

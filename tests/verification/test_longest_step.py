@@ -50,7 +50,7 @@ def missed(material: dict[str, object], share: float, steps: int = 1500) -> tupl
     [
         {},
         {"model": "ordinary", "nu": 0.3, "failure": "none"},
-        {"model": "correspondence", "nu": 0.3, "failure": "none"},
+        pytest.param({"model": "correspondence", "nu": 0.3, "failure": "none"}, marks=pytest.mark.slow),
         {"model": "micropolar", "nu": 0.2, "failure": "none"},
     ],
     ids=["bond", "ordinary", "correspondence", "micropolar"],

@@ -76,6 +76,7 @@ def test_the_strain_of_a_plate_of_100_nodes(mode: str, m: int, profile: str) -> 
     assert -0.007 <= found.gauge - softness(m, profile, profile == "constant") <= 0  # measured -0.43 to -0.67 per cent
 
 
+@pytest.mark.slow
 def test_a_load_over_four_columns_too() -> None:
     """The strain of the middle is as good; the ends do stretch less, being loaded inside."""
     found = pulled("conservative", 4, "constant", rows=4)
