@@ -214,11 +214,13 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _show_plan(found: Plan, args: argparse.Namespace) -> int:
-    steps = f"steps of {found.time_step:.4g} s (surely stable up to {found.stable_time_step:.4g} s)"
+    steps = f"{found.steps} steps of {found.time_step:.4g} s (surely stable up to {found.stable_time_step:.4g} s)"
     if found.at_rest:
-        steps = f"load steps of {found.time_step:.4g} s, times without cracks"
+        steps = f"{found.steps} load steps of {found.time_step:.4g} s, times without cracks"
+    if found.along_path:
+        steps = f"about {found.steps} steps along the equilibrium path"
     lines = [
-        f"{found.nodes} nodes, {found.bonds} bonds, {found.steps} {steps}",
+        f"{found.nodes} nodes, {found.bonds} bonds, {steps}",
         f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
     if found.most is not None:

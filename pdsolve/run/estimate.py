@@ -6,9 +6,11 @@ of the measured machine, scaled by the speed of a multiplication on this one.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
@@ -20,6 +22,7 @@ from pdsolve.run.operator_factory import surveyed
 from pdsolve.run.static_start import still
 from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
 from pdsolve.steppers.newton import FACTORED
+from pdsolve.steppers.path_steps import PathSteps
 
 DEFAULT = Options()
 
@@ -50,6 +53,9 @@ RELAXED_BOND = 150.0
 # Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
 # wide; those of a square are more, those of a strip fewer
 FILL, GROWTH = 20.4, 0.31
+# Along an equilibrium path: the share of the steps after which it is given up that are taken (41 to 106 of 800), and
+# how long one takes beside a load step in which nothing breaks (0.8 to 2.8)
+TAKEN, ITERATED = 0.07, 1.3
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
 # Of diffusion: s of a link and of a node in a step; bytes at least, of a link while it is prepared, of a node
@@ -69,6 +75,7 @@ class Plan(NamedTuple):
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
+    along_path: bool = False  # steps are those of an equilibrium path, about so many
     in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
     most: int | None = None  # nodes if all cells were to split, of which none has at the start
@@ -83,6 +90,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels
     cycle: int | None = None  # of steps for one of a content
+    along_path = False
     paired &= not (splits or model.swells)  # which are listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
     in_blocks = paired and model.grid.dimension == 2
@@ -101,6 +109,11 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
+        along_path = isinstance(system.stepper, PathSteps)
+        if along_path:
+            run = msgspec.structs.replace(settings.run, steps=round(TAKEN * settings.run.steps))
+            settings = msgspec.structs.replace(settings, run=run)
+            model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
     advise(model, count, scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
@@ -109,6 +122,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
     if in_blocks and model.grid.dimension == 3 and not found.at_rest:
         found = found._replace(wall_time=TILED * found.wall_time)
+    if along_path:
+        found = found._replace(wall_time=ITERATED * found.wall_time, along_path=True)
     if cycle is not None:
         found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found

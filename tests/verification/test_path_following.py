@@ -18,6 +18,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results
+from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
 
@@ -68,6 +69,9 @@ def test_a_notched_beam_peaks_as_is_known(h: float, off: float) -> None:
     assert found.max() == pytest.approx(798, rel=off)  # measured: 776, 806
     assert found[-1] < 0.05 * found.max()
     assert abs(said["balance"]) < 1e-3  # measured: 2e-4
+    plan = estimate_run(beam(h), ONE)
+    assert (plan.at_rest, plan.along_path) == (True, True)
+    assert 0.5 < plan.steps / said["steps"] < 2  # measured: 1.5
 
 
 @pytest.mark.slow
