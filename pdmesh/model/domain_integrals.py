@@ -40,9 +40,9 @@ class Motion(NamedTuple):
     """The inertia of n nodes: density, velocity, acceleration and velocity gradient."""
 
     density: float  # kg/m^3
-    velocity: NDArray[np.float64]  # (n, 2) m/s
-    acceleration: NDArray[np.float64]  # (n, 2) m/s^2
-    rates: NDArray[np.float64]  # (n, 2, 2) 1/s, dv_a / dx_b
+    velocity: NDArray[np.float64]  # (n, d) m/s
+    acceleration: NDArray[np.float64]  # (n, d) m/s^2
+    rates: NDArray[np.float64]  # (n, d, d) 1/s, dv_a / dx_b
 
 
 class Ring(NamedTuple):

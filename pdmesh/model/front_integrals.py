@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import kink
+from pdmesh.model.domain_integrals import Motion, kink
 from pdmesh.model.front_fields import FrontField, front_field
 from pdmesh.model.tip_fields import Elastic
 
@@ -60,16 +60,7 @@ class SampledInSpace(NamedTuple):
     gradient: NDArray[np.float64]  # (n, 3, 3) du_a / dx_b
     strain: NDArray[np.float64]  # (n, 3, 3)
     stress: NDArray[np.float64]  # (n, 3, 3) Pa
-    motion: MotionInSpace | None = None  # None: at rest
-
-
-class MotionInSpace(NamedTuple):
-    """The inertia of n nodes."""
-
-    density: float  # kg/m^3
-    velocity: NDArray[np.float64]  # (n, 3) m/s
-    acceleration: NDArray[np.float64]  # (n, 3) m/s^2
-    rates: NDArray[np.float64]  # (n, 3, 3) 1/s, dv_a / dx_b
+    motion: Motion | None = None  # None: at rest
 
 
 class FoundInSpace(NamedTuple):
@@ -144,7 +135,7 @@ def _around(at: SampledInSpace, here: FrontPlace, tube: Tube) -> _Around:
 
     motion = at.motion
     if motion is not None:
-        motion = MotionInSpace(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
+        motion = Motion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
     gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
     sampled = SampledInSpace(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
     return _Around(x + 1j * y, here.curvature / far, f * g, slope, sampled)

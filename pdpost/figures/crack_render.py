@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdpost.figures.colours import Colours, mappable
-from pdpost.figures.labels import scaled
+from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures.crack_faces import Opened, Surface
@@ -20,7 +18,6 @@ from pdsolve.results import Nodes
 
 CLEAR = 0.12  # opacity of the body around its cracks
 OLD = "#8a8a8a"  # colour of pre-cracks
-NEARLY = 0.9  # of the area: what opens later has the last colour
 LIGHTING = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.15}
 
 
@@ -30,8 +27,9 @@ def cracks_in_body(nodes: Nodes, surface: Surface, title: str) -> Figure:
     plotter = plotter_of(pyvista)
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
-    painted, label = _add_surface(pyvista, plotter, surface)
-    return framed(taken(plotter, nodes.position.mean(axis=0)), title, painted, label, "max")
+    colours = _add_surface(pyvista, plotter, surface)
+    painted = colours.painted if surface.grown.any() else None
+    return framed(taken(plotter, nodes.position.mean(axis=0)), title, painted, colours.label, "max")
 
 
 def cut_open(
@@ -54,10 +52,9 @@ def cut_open(
     return framed(taken(plotter, nodes.position.mean(axis=0)), title, mappable(shown), shown.label, shown.beyond)
 
 
-def _add_surface(pyvista: Any, plotter: Any, surface: Surface) -> tuple[ScalarMappable | None, str]:
-    """Add the surface of cracks to a plotter; returns its colours, None if nothing opened, and what they mean."""
-    second, seconds = scaled([surface.time[surface.grown]], "s")
-    ends = span(surface)
+def _add_surface(pyvista: Any, plotter: Any, surface: Surface) -> Opening:
+    """Add the surface of cracks to a plotter; returns the colours of what opened."""
+    colours = opening_colours(surface)
     for grown in (False, True):
         some = surface.grown == grown
         if not some.any():
@@ -65,13 +62,12 @@ def _add_surface(pyvista: Any, plotter: Any, surface: Surface) -> tuple[ScalarMa
         quads = np.column_stack([np.full(some.sum(), 4), surface.faces[some]])
         mesh = pyvista.PolyData(surface.corners, quads.ravel())
         if grown:
-            mesh.cell_data["opened"] = surface.time[some] * second
-            clim = (ends[0] * second, ends[1] * second)
-            plotter.add_mesh(mesh, scalars="opened", cmap="viridis", clim=clim, show_scalar_bar=False, **LIGHTING)
+            mesh.cell_data["opened"] = surface.time[some] * colours.factor
+            clim = colours.painted.get_clim()
+            plotter.add_mesh(mesh, scalars="opened", cmap=CMAP, clim=clim, show_scalar_bar=False, **LIGHTING)
         else:
             plotter.add_mesh(mesh, color=OLD, **LIGHTING)
-    colours = ScalarMappable(Normalize(ends[0] * second, ends[1] * second), "viridis")
-    return colours if surface.grown.any() else None, f"opened at, {seconds}"
+    return colours
 
 
 def fragments_apart(nodes: Nodes, found: Opened, by: float, title: str) -> Figure:
@@ -102,12 +98,3 @@ def _solids(pyvista: Any, nodes: Nodes, some: NDArray[np.bool_]) -> list[Any]:
         if mesh is not None:
             found.append(mesh.threshold(0.5, scalars="there"))
     return found
-
-
-def span(surface: Surface) -> tuple[float, float]:
-    """From when to when the colours go, s: until nearly all of the area was open."""
-    time, area = surface.time[surface.grown], np.cumsum(surface.area[surface.grown])
-    if not len(time):
-        return 0.0, 1.0
-    end = float(time[np.searchsorted(area, NEARLY * area[-1])])
-    return float(time[0]), end if end > time[0] else float(time[0]) + 1.0

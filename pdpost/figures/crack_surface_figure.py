@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_rgba
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.crack_render import span
 from pdpost.figures.labels import scaled
+from pdpost.figures.opening_colours import Opening, opening_colours
 from pdpost.measures.crack_faces import Surface
 from pdpost.measures.crack_in_space import SummaryInSpace
 from pdpost.reading.times import told
@@ -36,25 +35,23 @@ def crack_surface(results: Results, found: SummaryInSpace) -> Figure:
     grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
     assert isinstance(axes, Axes3D)
-    painted = _surface(axes, results, found)
+    colours = _surface(axes, results, found)
     when = told(found.step * float(results.meta()["time_step"]), micro="µs")
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
-        figure.colorbar(painted[0], ax=axes, label=f"opened at, {painted[1]}", shrink=0.6, pad=0.08, extend="max")
+        figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")
         _over_time(figure.add_subplot(grid[1, 0]), found)
         _release(figure.add_subplot(grid[1, 1]), found)
     return figure
 
 
-def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[ScalarMappable, str]:
-    """Draw the faces, the front and the box of the body; returns the colours and the unit of time."""
+def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> Opening:
+    """Draw the faces, the front and the box of the body; returns the colours of what opened."""
     surface = found.surface
     low, high = _in_view(results.nodes(0), surface)
     metre, metres = scaled([low, high], "m")
-    second, seconds = scaled([surface.time[surface.grown]], "s")
-    start, end = span(surface)
-    painted = ScalarMappable(Normalize(start * second, end * second), "viridis")
-    colours = painted.to_rgba(surface.time * second)
+    opening = opening_colours(surface)
+    colours = opening.painted.to_rgba(surface.time * opening.factor)
     colours[~surface.grown] = to_rgba(OLD)
     if len(surface.faces):
         quads = surface.corners[surface.faces]
@@ -76,7 +73,7 @@ def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> tuple[Sca
     axes.set_box_aspect(high - low)
     axes.view_init(*VIEW)
     axes.grid(visible=False)
-    return painted, seconds
+    return opening
 
 
 def _in_view(nodes: Nodes, surface: Surface) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import parted
 from pdmesh.model.output_fields import CRACKED
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.lattice_neighbours import NEAR, neighbours
 from pdsolve.results import Nodes, Results
 
@@ -96,7 +97,7 @@ def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
     found[some] = np.maximum(found[some], _cracked_at(damage, pairs[some], step, threshold))
     found[found > step] = CLOSED
     found[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return Opened(pairs, found, damage.at(np.arange(count), np.full(count, step)) <= threshold)
+    return Opened(pairs, found, damage_at(results, step) <= threshold)
 
 
 class Damage:
@@ -176,16 +177,29 @@ def meshed(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) ->
     every = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges, sides = np.unique(every, axis=0, return_inverse=True)
     free = np.bincount(sides.ravel(), minlength=len(edges)) == 1
-    inside = _inside(nodes, stairs[edges])
-    corners = _smoothed(stairs, edges, free, _stays(nodes, stairs, edges[free], inside[free]))
+    cubes = Cubes(nodes)
+    inside = _inside(cubes, stairs[edges])
+    corners = _smoothed(stairs, edges, free, _stays(cubes, stairs, edges[free], inside[free]))
     return Surface(corners, faces, time, areas(corners[faces]), edges, sides.reshape(-1, 4), inside)
 
 
-def _inside(nodes: Nodes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
+class Cubes:
+    """The cubes of a body's nodes."""
+
+    def __init__(self, nodes: Nodes) -> None:
+        self._tree, self._delta, self.finest = cKDTree(nodes.position), nodes.delta, float(nodes.delta.min())
+
+    def cover(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mask (k,) of places (k, 3), m, in the cube of the nearest node."""
+        away, nearest = self._tree.query(places, p=np.inf)
+        return np.asarray(away < (0.5 + NEAR) * self._delta[nearest])
+
+
+def _inside(cubes: Cubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (e,) of edges (e, 2, 3) of cubes that are between four cubes."""
     if not len(edges):
         return np.zeros(0, dtype=bool)
-    tree, row = cKDTree(nodes.position), np.arange(len(edges))
+    row = np.arange(len(edges))
     way = np.abs(edges[:, 1] - edges[:, 0])
     axis, far = way.argmax(axis=1), way.max(axis=1) / 2
     found = np.ones(len(edges), dtype=bool)
@@ -193,23 +207,21 @@ def _inside(nodes: Nodes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
         place = edges.mean(axis=1)
         place[row, (axis + 1) % 3] += u * far
         place[row, (axis + 2) % 3] += v * far
-        away, nearest = tree.query(place, p=np.inf)
-        found &= away < (0.5 + NEAR) * nodes.delta[nearest]
+        found &= cubes.cover(place)
     return found
 
 
 def _stays(
-    nodes: Nodes, stairs: NDArray[np.float64], free: NDArray[np.int64], inside: NDArray[np.bool_]
+    cubes: Cubes, stairs: NDArray[np.float64], free: NDArray[np.int64], inside: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask (p,) of corners on edges of the body, and of those where `free` (k, 2) edges inside meet others."""
-    tree, reach, cubes = cKDTree(nodes.position), float(nodes.delta.min()) / 4, np.zeros(len(stairs), dtype=int)
+    reach, around = cubes.finest / 4, np.zeros(len(stairs), dtype=int)
     for way in itertools.product((-reach, reach), repeat=3):
-        away, nearest = tree.query(stairs + way, p=np.inf)
-        cubes += away < (0.5 + NEAR) * nodes.delta[nearest]
+        around += cubes.cover(stairs + way)
     ends = np.zeros((2, len(stairs)), dtype=bool)
     for row, some in zip(ends, (inside, ~inside), strict=True):
         row[free[some]] = True
-    return np.asarray((cubes <= ON_EDGE) | ends.all(axis=0))
+    return np.asarray((around <= ON_EDGE) | ends.all(axis=0))
 
 
 def _smoothed(

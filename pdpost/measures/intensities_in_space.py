@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, MotionInSpace, SampledInSpace, Tube, front_integrals
+from pdmesh.model.domain_integrals import Motion
+from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
 from pdmesh.model.gradients_in_space import PAIRS, gradients_in_space, green_in_space, hooke_in_space
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.crack_fronts import Polyline
@@ -201,7 +202,7 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
         density = read(results, _Model).material.rho
-        motion = MotionInSpace(density, velocity[rows], acceleration[rows], fitted(velocity))
+        motion = Motion(density, velocity[rows], acceleration[rows], fitted(velocity))
     return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, _tensor(strain), _tensor(stress), motion)
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, norm, round_off
+from pdsolve.steppers.factors import factors
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -198,19 +199,13 @@ class Newton:
         self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
 
     def _factors(self, inner: csr_array) -> Callable[[Array], Array]:
-        from scipy.sparse.linalg import splu
-
-        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         try:
-            solve: Callable[[Array], Array] = splu(
-                inner.tocsc(), **(symmetric if self._operator.symmetric else {})
-            ).solve
+            return factors(inner, self._operator.symmetric)
         except RuntimeError:
             raise UnsettledError(
                 "found a body that is free to move in its own plane without a force, expected supports, or"
                 " run.static.floating (--float)"
             ) from None
-        return solve
 
     def _gradients(self, inner: csr_array) -> Callable[[Array], Array]:
         from scipy.sparse import diags_array

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.factors import factors
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -32,23 +33,16 @@ class Solver:
 
     def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
         """The solution for one right side (k,); `anew` does not use old factors. Raises UnsettledError."""
-        if anew or self._inverse is None:
-            self._factorize(matrix)
-            return self._direct(right)
-        found = self._by_old_factors(matrix, right)
+        found = None if anew or self._inverse is None else self._by_old_factors(matrix, right)
         if found is None:
-            self._factorize(matrix)
-            return self._direct(right)
+            self._inverse = _factors(matrix)
+            found = self._inverse(right)
         return found
 
     def solve_two(self, matrix: csr_array, first: Array, second: Array, anew: bool) -> tuple[Array, Array]:
         """Solutions for two right sides (k,)."""
         a = self.solve(matrix, first, anew)
         return a, self.solve(matrix, second, False)
-
-    def _direct(self, right: Array) -> Array:
-        assert self._inverse is not None
-        return self._inverse(right)
 
     def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
         from scipy.sparse.linalg import LinearOperator, gmres
@@ -66,13 +60,12 @@ class Solver:
         left = right - matrix @ found
         return bool(np.sqrt(left @ left) <= 2 * LEFT * size)
 
-    def _factorize(self, matrix: csr_array) -> None:
-        from scipy.sparse.linalg import splu
 
-        quick = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                self._inverse = splu(matrix.tocsc(), **quick).solve
-            except RuntimeError:
-                raise UnsettledError("found a singular tangent") from None
+def _factors(matrix: csr_array) -> Callable[[Array], Array]:
+    """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return factors(matrix)
+        except RuntimeError:
+            raise UnsettledError("found a singular tangent") from None

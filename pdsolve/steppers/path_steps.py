@@ -19,7 +19,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.softening_bonds import SofteningBonds
+from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, held_at
@@ -125,14 +125,15 @@ class PathSteps:
             new, iterations, residual = self._elastic() if not self.rested else self._follow(step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        after = self._outside(new)
+        found = self._bonds.respond(new.value)
+        after = self._outside(new, found)
         work = _along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed = self._pushed[1], after
-        self._bonds.kappa[:] = self._bonds.respond(new.value).kappa
+        self._bonds.kappa[:] = found.kappa
         self._before, self._last = self._last, new
         state.value[:] = new.value
         state.work[:] += work / self._area
-        self._note(state, step)
+        self._note(state, step, found)
         pull = float((after * self._follower.drive.growth)[self._driven].sum())
         self.rested.append(Stepped(step, iterations, residual, new.factor, pull, new.spent))
         self._look(step)
@@ -205,16 +206,15 @@ class PathSteps:
         put_loads(self._drive, factor)
         return np.where(self._held, held_at(self._drive, factor), self._area[:, None] * self._drive.force)
 
-    def _outside(self, at: Path) -> Array:
+    def _outside(self, at: Path, found: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
-        inner = self._bonds.forces(self._bonds.respond(at.value))
-        return np.where(self._held, -inner, self._follower.drive.at(at.factor))
+        return np.where(self._held, -self._bonds.forces(found), self._follower.drive.at(at.factor))
 
-    def _note(self, state: State, step: int) -> None:
+    def _note(self, state: State, step: int, found: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
         bonds, drive, factor = self._bonds, self._drive, self._last.factor
         put_loads(drive, factor)
-        inner = bonds.forces(bonds.respond(state.value)) / self._area[:, None]
+        inner = bonds.forces(found) / self._area[:, None]
         drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
         drive.before[:] = drive.force
         old = self._operator.broken()
@@ -261,10 +261,8 @@ def _along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) 
     steep = ahead / back
     bend = (new.value - last.value) - steep * (last.value - first.value)  # of a parabola through the three places
     bow = (f2 - f1) - steep * (f1 - f0)
-    bend, bow = (
-        bend / (1 + 1 / steep),
-        bow / (1 + 1 / steep),
-    )  # so that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
+    # So that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
+    bend, bow = bend / (1 + 1 / steep), bow / (1 + 1 / steep)
     way = new.value - last.value
     middle = (f1 + f2) / 2 - bow / 4
     return np.asarray((f1 * (way - bend) + 4 * middle * way + f2 * (way + bend)) / 6)

@@ -16,6 +16,7 @@ from pdsolve.conditions import Drive, held, hold_values, put_loads
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
 from pdsolve.state import State
+from pdsolve.steppers.factors import factors
 
 TOLERANCE = 1e-12  # of the right-hand side
 ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
@@ -104,13 +105,10 @@ class Theta:
     def _factors_of(self, state: State) -> Solve:
         """A solver for the free nodes, reused for all steps."""
         from scipy.sparse import diags_array
-        from scipy.sparse.linalg import splu
 
         volume, keep = diags_array(self._operator.volume), diags_array(self._free.astype(float))
         matrix = volume + self._dt * self._theta * (keep @ volume @ self._operator.tangent(state) @ keep)
-        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        found: Solve = splu(matrix.tocsc(), **symmetric).solve
-        return found
+        return factors(matrix)
 
 
 def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
