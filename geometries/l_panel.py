@@ -6,9 +6,9 @@ Calibrated: nothing. Bonds have nu = 1/3 in the place of 0.18. The foot is clamp
 from its end, as two neighbours would clamp it.
 """
 
-from shapely import Polygon
+from shapely import Point, Polygon
 
-from pdmesh import Material, Run, Scene, Static, box, ramp
+from pdmesh import Material, Run, Scene, Static, ramp
 
 spacing = 0.0125  # m: between nodes
 horizon = 3.0  # horizon over spacing
@@ -24,12 +24,5 @@ run = Run(solver="static", static=Static(load_steps=load_steps))
 scene = (
     Scene(outline, spacing, concrete, horizon, run)
     .fix("bottom", name="foot")
-    .fix(
-        box(x - spacing / 4, arm - spacing / 4, x + spacing / 4, arm + spacing / 4),
-        x=None,
-        y=lift,
-        profile=ramp(1),
-        breakable=True,
-        name="arm",
-    )
+    .fix(Point(x, arm), x=None, y=lift, profile=ramp(1), breakable=True, name="arm")
 )

@@ -6,6 +6,8 @@ Calibrated: nothing. Bonds have nu = 1/3 instead of 0.2. Each support is one nod
 the beam. The load is applied to one node too, half a spacing beside the notch.
 """
 
+from shapely import Point
+
 from pdmesh import Material, Run, Scene, Static, box, ramp
 
 layers = 11  # spacings over the height, an odd number, so that the notch ends between two rows
@@ -17,16 +19,12 @@ concrete = Material(E=30e9, rho=2400, G0=124, law="cohesive", f_t=3.33e6, shape=
 spacing = height / layers
 beside = spacing / 2  # m: nodes are half a spacing beside the ends and the notch
 
-
-def node(x, y):
-    """A box around one node."""
-    return box(x - spacing / 4, y - spacing / 4, x + spacing / 4, y + spacing / 4)
-
-
 scene = (
     Scene(box(0, 0, length, height), spacing, concrete, horizon, Run(solver="static", static=Static()))
     .crack([(length / 2, 0), (length / 2, height / 2)])
-    .fix(node(beside, 0), name="left")
-    .fix(node(length - beside, 0), x=None, name="right")
-    .fix(node(length / 2 - beside, height), x=None, y=-deflection, profile=ramp(1), breakable=True, name="middle")
+    .pin(beside, 0, name="left")
+    .roller(length - beside, 0, name="right")
+    .fix(Point(length / 2 - beside, height), x=None, y=-deflection, profile=ramp(1), breakable=True, name="middle")
+    .gap("mouth", (length / 2 - beside, 0), (length / 2 + beside, 0))
+    .load_cell("supports", "left", "right")
 )

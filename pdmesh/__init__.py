@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.building import build
     from pdmesh.drawing.file_reading import read_scene
     from pdmesh.drawing.geo import read_outline
-    from pdmesh.model.document import GridError, Material, ParticleRules, Run, Static
+    from pdmesh.model.document import Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
@@ -31,8 +31,10 @@ else:
             "Box": "pdmesh.scene.solids",
             "Circle": "pdmesh.scene.shapes",
             "Cylinder": "pdmesh.scene.solids",
+            "Gap": "pdmesh.model.document",
             "GridError": "pdmesh.model.document",
             "Heat": "pdmesh.scene.heat",
+            "LoadCell": "pdmesh.model.document",
             "Material": "pdmesh.model.document",
             "Medium": "pdmesh.model.medium",
             "ParticleRules": "pdmesh.model.document",
@@ -54,8 +56,10 @@ __all__ = [
     "Box",
     "Circle",
     "Cylinder",
+    "Gap",
     "GridError",
     "Heat",
+    "LoadCell",
     "Material",
     "Medium",
     "ParticleRules",

@@ -42,7 +42,7 @@ KINDS = {  # kind: dimensions, folder of its parameters
 }
 PLACED = ("load", "fix", "move", "hold", "supply", "begin")
 SHAPES = ("Point", "Curve", "Surface", "Volume")
-OF_PLATES = ("Refine/", "Absorbs/", "Area rule", "Run/Adapt")
+OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Area rule", "Run/Adapt")
 Placed = dict[str, tuple[Shell | Sheet, str]]  # by name: where, and the folder of its parameters
 
 

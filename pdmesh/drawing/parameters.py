@@ -48,6 +48,7 @@ FOLDERS = {
     f"Fixes/{ANY}": FIX + SHARED,
     f"Moves/{ANY}": MOVE + SHARED,
     f"Absorbs/{ANY}": ("Width", "Box"),
+    f"Load cells/{ANY}": ("Of",),
     "Material": MATERIAL,
     f"Materials/{ANY}": MATERIAL,
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
@@ -65,6 +66,8 @@ FOLDERS = {
         "Solver",
         "Start",
         "Load steps",
+        "Control",
+        "Opening",
         "Damping",
         "Adapt",
         "Collocation damped",
@@ -304,8 +307,11 @@ def run(parameters: Parameters) -> Run:
     given = {name: value for name, value in given.items() if value is not None}
     if parameters.maybe("Run/Collocation damped") is not None:
         given["collocation"] = {"damped": parameters.flag("Run/Collocation damped", False)}
+    rest = {"control": parameters.text("Run/Control") or None, "opening": parameters.maybe_length("Run/Opening")}
     if parameters.maybe("Run/Load steps") is not None:
-        given["static"] = {"load_steps": parameters.whole("Run/Load steps", 1)}
+        rest["load_steps"] = parameters.whole("Run/Load steps", 1)
+    if any(value is not None for value in rest.values()):
+        given["static"] = {name: value for name, value in rest.items() if value is not None}
     if step is not None:
         given["steps"] = _steps(step, duration)
     elif duration is not None:

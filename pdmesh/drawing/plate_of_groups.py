@@ -5,6 +5,8 @@
     Physical Curve("crack:NAME")              -
     Physical Curve or Surface("load:NAME")    Loads/NAME/Traction x, y or Body force x, y; *
     Physical Curve or Surface("fix:NAME")     Fixes/NAME/Components (xy), Displacement x, y; *
+    Physical Point("fix:NAME")                the same of the one node nearest to it
+    Physical Point("gap:NAME")                - (two points, between which the opening is monitored)
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
@@ -14,15 +16,16 @@
                                               Strength, Solid, Form, Control, Control factor, Order,
                                               Constant term, Yield stress, Hardening, alpha, T0
     -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
+    -                                         Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
-    -                                         Run/Solver (explicit, static), Start, Load steps, Damping, Adapt,
-                                              Collocation damped
+    -                                         Run/Solver (explicit, static), Start, Load steps, Control, Opening,
+                                              Damping, Adapt, Collocation damped
 
-Lengths - coordinates, Spacing, Distance, Displacement, Width, Box - are in the unit that Units names (m), all else in
-SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those not in
-Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME FACTOR,
-TIME FACTOR, ...".
+Lengths - coordinates, Spacing, Distance, Displacement, Width, Box, Opening - are in the unit that Units names (m), all
+else in SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those
+not in Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME
+FACTOR, TIME FACTOR, ...".
 """
 
 from __future__ import annotations
@@ -51,7 +54,8 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "zone": ((2,), "Zones"),
     "crack": ((1,), None),
     "load": ((1, 2), "Loads"),
-    "fix": ((1, 2), "Fixes"),
+    "fix": ((0, 1, 2), "Fixes"),
+    "gap": ((0,), None),
     "move": ((1, 2), "Moves"),
     "absorb": ((1, 2), "Absorbs"),
     "material": ((2,), "Materials"),
@@ -124,6 +128,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         drawing=text,
         parameters=tuple(values.items()),
     )
+    scene = _with_monitors(scene, named_groups["gap"], parameters)
     scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
     return _with_diffusion(scene, named_groups, parameters)
 
@@ -241,6 +246,22 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
     return scene
 
 
+def _with_monitors(scene: Scene, gaps: Mapping[str, Group], parameters: Parameters) -> Scene:
+    for name, group in gaps.items():
+        if len(group.curves) != 2:
+            raise SceneError(f"gap '{name}': found {len(group.curves)} points, expected two")
+        scene = scene.gap(name, *(_point(curve) for curve in group.curves))
+    for name in sorted(parameters.below("Load cells")):
+        words = parameters.text(f"Load cells/{name}/Of").split(",")
+        scene = scene.load_cell(name, *filter(None, map(str.strip, words)))
+    return scene
+
+
+def _point(curve: Any) -> tuple[float, float]:
+    x, y = np.asarray(curve)[0, :2].tolist()
+    return x, y
+
+
 def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
     """The scene with regions of other media, solids and the conditions of diffusion."""
     for name, group in groups["medium"].items():
@@ -253,17 +274,25 @@ def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameter
 
 def _places(
     groups: dict[str, dict[str, Group]], parameters: Parameters, kind: str
-) -> list[tuple[str, Curve | Surface, str]]:
+) -> list[tuple[str, Curve | Surface | shapely.Point, str]]:
     """Name, place and parameter folder of each condition of a kind."""
     top = GROUPS[kind][1]
-    found: list[tuple[str, Curve | Surface, str]] = []
+    found: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
     for name, group in groups[kind].items():
-        place = f"{kind} '{name}'"
-        where = _surface(place, group) if group.dimension == 2 else MultiLineString(_lines(place, group.curves))
-        found.append((name, where, f"{top}/{name}"))
+        found.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
     for name in sorted(parameters.below(str(top)) - set(groups[kind])):
         found.append((name, _box(parameters, f"{top}/{name}/Box"), f"{top}/{name}"))
     return found
+
+
+def _where(place: str, group: Group) -> Curve | Surface | shapely.Point:
+    if group.dimension == 2:
+        return _surface(place, group)
+    if group.dimension == 1:
+        return MultiLineString(_lines(place, group.curves))
+    if len(group.curves) != 1:
+        raise SceneError(f"{place}: found {len(group.curves)} points, expected one: a support at one node")
+    return shapely.Point(_point(group.curves[0]))
 
 
 def _box(parameters: Parameters, name: str) -> Surface:

@@ -10,10 +10,12 @@ from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import Shift, build_grid
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
+from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,9 @@ def build(scene: Scene | Body) -> Built:
 
     Raises SceneError if it does not represent the drawing.
     """
+    wrong = contradiction(scene.run, [condition.action.name for condition in scene.conditions])
+    if wrong is not None:
+        raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):
         grid, settings, moved = build_body(scene)
         return Built(grid, settings, (*scene.notes, *moved))

@@ -26,6 +26,8 @@ from pdmesh.model.medium import MediumRegion as MediumRegion
 from pdmesh.model.medium import OfDiffusion as OfDiffusion
 from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
+from pdmesh.model.monitors import Gap as Gap
+from pdmesh.model.monitors import LoadCell as LoadCell
 from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
@@ -184,6 +186,8 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     tolerance: Tolerance = 1e-8  # what is left of the forces over those from outside
     iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
     floating: bool = False  # bodies that nothing supports are held softly, not refused
+    control: str | None = None  # of bonds that soften: the gap that grows in equal steps; None: the energy they spend
+    opening: Positive | None = None  # m, of that gap in the end
 
 
 class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -232,6 +236,8 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
     probes: tuple[Vector, ...] = ()  # places whose nearest node is written down with the ledger, m
+    gaps: tuple[Gap, ...] = ()  # openings that are monitored; their ends are probes too
+    load_cells: tuple[LoadCell, ...] = ()  # forces that are summed
     adapt: Adapt = "none"  # what is modelled finely where, see Adapt
     split: Split = Split()  # where adapt is that
     cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown

@@ -145,6 +145,9 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     if run.cracks == "bonds" and any(material.model == "bond" and softens(material) for _, material in every):
         yield from _along_path(run.static)
+    elif run.static.control is not None:
+        expected = "none, as no bond softens: of these alone a path is followed"
+        yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb):
             kind = str(condition.__struct_config__.tag)

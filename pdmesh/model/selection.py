@@ -23,6 +23,7 @@ from pdmesh.model.document import (
     Timed,
     Velocity,
 )
+from pdmesh.model.monitors import contradiction
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
@@ -83,6 +84,12 @@ def check(settings: Settings, cloud: Cloud, name: str) -> None:
         _check_selection(region, cloud, f"{name}: $.regions[{number}]")
     for number, probe in enumerate(settings.run.probes):
         _check_length(probe, cloud.position.shape[1], f"{name}: $.run.probes[{number}]")
+    for number, gap in enumerate(settings.run.gaps):
+        for end in gap.ends:
+            _check_length(end, cloud.position.shape[1], f"{name}: $.run.gaps[{number}].ends")
+    wrong = contradiction(settings.run, [condition.name for condition in settings.conditions])
+    if wrong is not None:
+        raise GridError(f"{name}: $.run.{wrong}")
 
 
 def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import shapely
 
 from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
 from pdmesh.model.medium import Medium, contradiction
@@ -14,7 +15,7 @@ from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
 from pdmesh.scene.heat import Heat
 from pdmesh.scene.plate import Plate
-from pdmesh.scene.shapes import SceneError, Surface, checked_spacing
+from pdmesh.scene.shapes import Curve, SceneError, Surface, checked_spacing
 
 LARGE_PLATE, LARGEST_PLATE = 2.0, 20.0  # m; beyond, the numbers may be, or are taken for, millimetres
 SAY_UNIT = '"mm" (--unit mm) for a drawing in millimetres, "m" for one in metres'
@@ -39,6 +40,12 @@ def check(scene: Plate) -> None:
             raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
     for condition in scene.conditions:
         _condition(condition, scene)
+    for gap in scene.run.gaps:
+        for end in gap.ends:
+            if scene.shape.distance(shapely.Point(end[:2])) > scene.spacing:
+                raise SceneError(
+                    f"gap '{gap.name}': found ({end[0]:g}, {end[1]:g}) m away from the plate, expected in it"
+                )
 
 
 def _numbers(scene: Plate) -> None:
@@ -188,8 +195,9 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     if isinstance(action, Load):
         if (action.traction is None) == (action.body_force is None):
             raise SceneError(f"{place}: found neither or both of traction and body force, expected one of them")
-        if action.traction is not None and isinstance(condition.place.shape, Surface):
-            raise SceneError(f"{place}: found a traction on a surface, expected a body force there, or a curve")
+        if action.traction is not None and not isinstance(condition.place.shape, Curve):
+            what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
+            raise SceneError(f"{place}: found a traction {what}, expected a body force there, or a curve")
         values = [*(action.traction or ()), *(action.body_force or ())]
     elif isinstance(action, Absorb | OfDiffusion):
         values = [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]

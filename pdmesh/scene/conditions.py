@@ -24,13 +24,16 @@ R = TypeVar("R", Region, MediumRegion)
 
 @dataclass(frozen=True)
 class Place:
-    """The place of a condition: rows of nodes along a curve, or the nodes in a surface."""
+    """The place of a condition: rows of nodes along a curve, the nodes in a surface, or the one nearest to a point."""
 
-    shape: Curve | Surface
+    shape: Curve | Surface | shapely.Point
     rows: int = 1
 
     def nodes(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of the nodes in this place, at `position` (n, 2) with spacings `delta` (n,), m."""
+        if isinstance(self.shape, shapely.Point):
+            away = np.hypot(*(position - [self.shape.x, self.shape.y]).T)
+            return np.asarray(np.arange(len(position)) == away.argmin())
         if isinstance(self.shape, Curve) and len(np.unique(delta)) > MOST_SPACINGS:  # a mesh, with no rows to speak of
             return near(position, self.shape, self.rows * delta * (1 - SLACK))
         if isinstance(self.shape, Surface):
@@ -95,13 +98,15 @@ def describe(action: AnyCondition) -> str:
     return f"{action.__struct_config__.tag} '{action.name}'"
 
 
-def name_of(where: str | Curve | Surface | Circle | Points, kind: str) -> str:
+def name_of(where: str | Curve | Surface | Circle | shapely.Point | Points, kind: str) -> str:
     """Default name of a condition: its side, or the shape and position (m) of its place.
 
     Raises SceneError for points that are no curve.
     """
     if isinstance(where, str):
         return where
+    if isinstance(where, shapely.Point):
+        return f"node at ({where.x:g}, {where.y:g}) m"
     if isinstance(where, Circle):
         return f"circle at ({where.x:g}, {where.y:g}) m"
     if isinstance(where, Surface):

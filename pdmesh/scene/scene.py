@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import msgspec
+import shapely
 from shapely import LineString
 
 from pdmesh.model.document import (
@@ -27,8 +28,10 @@ from pdmesh.model.document import (
     Concentration,
     Displacement,
     Exchange,
+    Gap,
     InitialConcentration,
     Load,
+    LoadCell,
     Material,
     Point,
     Region,
@@ -39,12 +42,12 @@ from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.heat import capacity
 from pdmesh.scene.plate import Plate, Refinement, Zone
-from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, polyline, surface
+from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
 
 DEEP = 12.0  # horizons: of a layer that absorbs
 
-Where: TypeAlias = str | Curve | Surface | Circle | Points
+Where: TypeAlias = str | Curve | Surface | Circle | shapely.Point | Points
 Components: TypeAlias = tuple[float | None, float | None]
 
 
@@ -125,9 +128,30 @@ class Scene(Plate):
     ) -> Scene:
         """The scene with prescribed displacements (m); None leaves a component free.
 
-        Other arguments are those of `load`.
+        A `shapely.Point` stands for the one node nearest to it. Other arguments are those of `load`.
         """
         return self._with(Displacement, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+
+    def pin(self, x: float, y: float, name: str = "") -> Scene:
+        """The scene with a pin: the node nearest to (x, y), m, does not move, and the plate turns about it."""
+        return self.fix(shapely.Point(x, y), name=name)
+
+    def roller(self, x: float, y: float, along: Literal["x", "y"] = "x", name: str = "") -> Scene:
+        """The scene with a roller: the node nearest to (x, y), m, moves along one axis alone."""
+        if along not in ("x", "y"):
+            raise SceneError(f"roller '{name}': along: found {along!r:.40}, expected x or y")
+        held_x, held_y = (None, 0.0) if along == "x" else (0.0, None)
+        return self.fix(shapely.Point(x, y), held_x, held_y, name=name)
+
+    def gap(self, name: str, one: Point, other: Point) -> Scene:
+        """The scene with a monitored opening between the nodes nearest to two places, m."""
+        ends = tuple(map(tuple, coordinates([one, other], 2, f"gap '{name}'").tolist()))
+        return replace(self, run=msgspec.structs.replace(self.run, gaps=(*self.run.gaps, Gap(name, ends))))  # type: ignore[arg-type]
+
+    def load_cell(self, name: str, *conditions: str) -> Scene:
+        """The scene with a load cell: the sum of the forces of conditions of these names."""
+        cells = (*self.run.load_cells, LoadCell(name, conditions))
+        return replace(self, run=msgspec.structs.replace(self.run, load_cells=cells))
 
     def move(
         self,
@@ -243,8 +267,8 @@ class Scene(Plate):
 
     def _length(self, where: Where, place: str) -> float:
         curve = self._place(where, place)
-        if isinstance(curve, Surface):
-            raise SceneError(f"{place}: found a surface, expected a curve that the flux goes through")
+        if not isinstance(curve, Curve):
+            raise SceneError(f"{place}: found a {curve.geom_type.lower()}, expected a curve that the flux goes through")
         return float(curve.length)
 
     def _with(
@@ -256,9 +280,12 @@ class Scene(Plate):
         condition = PlacedCondition(Place(place, rows), action)
         return replace(self, conditions=(*self.conditions, condition))
 
-    def _place(self, where: Where, place: str) -> Curve | Surface:
+    def _place(self, where: Where, place: str) -> Curve | Surface | shapely.Point:
         if isinstance(where, str):
             return self.side(where, place)
+        if isinstance(where, shapely.Point):
+            ((x, y),) = coordinates([(where.x, where.y)], 1, place)
+            return shapely.Point(x, y)
         if isinstance(where, Circle | Surface):
             return surface(where, self.finest, place)
         return polyline(where, place)

@@ -66,11 +66,10 @@ def add(commands: Commands) -> None:
     )
     reaction.add_argument(
         "--gap",
-        nargs=2,
-        type=_place("--gap", 2, 3),
-        metavar="X,Y",
-        help="draw the force against the opening between the nodes nearest to two places, m (' -1,0' if X is negative;"
-        " X,Y,Z in a body)",
+        nargs="+",
+        metavar=("NAME", "X,Y"),
+        help="draw the force against an opening, its peak and the area under the curve: a gap of the model by name, or"
+        " two places, m, between whose nearest nodes it is (' -1,0' if X is negative; X,Y,Z in a body)",
     )
     reaction.add_argument(
         "--smooth", type=int, default=1, metavar="N", help="with --gap: average over N steps (default: 1)"
@@ -276,7 +275,7 @@ def _reaction(args: argparse.Namespace) -> int:
 def _gap(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import per_thickness
     from pdpost.measures.forces import chosen, reactions
-    from pdpost.measures.gaps import against, gap
+    from pdpost.measures.gaps import against, gap, named_gap
     from pdsolve.results import Results
 
     if args.smooth < 1:
@@ -284,8 +283,7 @@ def _gap(args: argparse.Namespace) -> int:
     path = delivery.picture_path(args, ".gap.png")
     with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per = _axis(results, args), per_thickness(results)
-        (_, one), (_, other) = args.gap
-        opened = gap(results, one, other)
+        opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap(results, *_two_places(args.gap))
         conditions = chosen(reactions(results), args.condition)
         found = [against(opened, each, each.axis if axis is None else axis, args.smooth) for each in conditions]
         if path is not None:
@@ -294,14 +292,26 @@ def _gap(args: argparse.Namespace) -> int:
             style.save(charts.openings(found, per), path)
     lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
     for each in found:
-        at = int(abs(each.force).argmax())
-        last, most = (f"{each.force[k]:+.4g} N{per} at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, at))
-        lines.append(f"{each.name}, along {'xyz'[each.axis]}: {last} of opening in the end, {most} at most")
+        last, most = (f"{each.force[k]:+.4g} N{per} at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, each.peak))
+        area = f"area {abs(each.area):.4g} J{per}"
+        lines.append(f"{each.name}, along {'xyz'[each.axis]}: {last} of opening in the end, {most} at most, {area}")
     rows = [
         (each.name, opening, force) for each in found for opening, force in zip(each.opening, each.force, strict=True)
     ]
-    result = {"units": _units(per), "nodes": opened.nodes, "forces": [each._asdict() for each in found]}
+    forces = [each._asdict() | {"peak": float(each.force[each.peak]), "area": each.area} for each in found]
+    result = {"units": _units(per), "nodes": opened.nodes, "forces": forces}
     return delivery.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
+
+
+def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The places of a gap. Raises UsageError."""
+    if len(words) != 2:
+        raise commandline.UsageError(f"--gap: found {len(words)} words, expected a name, or two places X,Y")
+    try:
+        one, other = (_place("--gap", 2, 3)(word)[1] for word in words)
+    except argparse.ArgumentTypeError as error:
+        raise commandline.UsageError(f"--gap: {error}") from None
+    return one, other
 
 
 def _axis(results: Results, args: argparse.Namespace) -> int | None:

@@ -140,15 +140,19 @@ def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -
 
 
 def openings(found: list[Pulled], per: str = "/m") -> Figure:
-    """Forces against the opening of a gap; `per` is the end of the unit."""
+    """Forces against the opening of a gap with their peaks, and the areas below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
     newton, newtons = scaled((one.force for one in found), f"N{per}")
     metre, metres = scaled((one.opening for one in found), "m")
     for number, one in enumerate(found):
-        label = f"{one.name}, {'xyz'[one.axis]}"
-        axes.plot(one.opening * metre, one.force * newton, lw=1.2, label=label, **look(number))
+        style, (x, y) = look(number), (one.opening * metre, one.force * newton)
+        axes.plot(x, y, lw=1.2, label=f"{one.name}, {'xyz'[one.axis]}: {abs(one.area):.4g} J{per}", **style)
+        axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
+        axes.plot(x[one.peak], y[one.peak], "o", ms=4, color=style["color"])
+        said = f"{y[one.peak]:.4g} {newtons} at {x[one.peak]:.3g} {metres}"
+        axes.annotate(said, (x[one.peak], y[one.peak]), (6, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure

@@ -8,15 +8,20 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import LoadCell, Run
 from pdmesh.model.suggestions import called
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 
 class _Named(msgspec.Struct):
-    """The keys of the grid file that name its conditions."""
+    """The keys of the grid file that name its conditions and load cells."""
 
     conditions: list[dict[str, Any]] = []
+    run: Run = Run()
+
+
+CELL = "load cell"
 
 
 WHAT = ("force", "displacement")
@@ -25,9 +30,9 @@ WHAT = ("force", "displacement")
 class Reaction(NamedTuple):
     """Force and displacement of one condition at t steps, for a plate per metre of thickness; d is 2 or 3."""
 
-    number: int  # in the model's list of conditions
+    number: int  # in the model's list of conditions; of a load cell in that of load cells
     name: str  # its name there, or its number
-    kind: str  # "load", "displacement", "velocity" or "acceleration"
+    kind: str  # "load", "displacement", "velocity", "acceleration" or "load cell"
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
     force: NDArray[np.float64]  # (t, d) N/m, of a body N, on the solid
@@ -40,9 +45,9 @@ class Reaction(NamedTuple):
 
 
 def reactions(results: Results) -> list[Reaction]:
-    """Reactions of all conditions over the run. Raises ResultsError if there are none."""
-    rows, ways = results.reactions(), "xyz"[: results.dimension]
-    conditions = read(results, _Named).conditions
+    """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""
+    rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _Named)
+    conditions = model.conditions
     found = []
     wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))
     if wrong.any():
@@ -55,14 +60,22 @@ def reactions(results: Results) -> list[Reaction]:
         found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
     if not found:
         raise ResultsError(f"{results.name}: found no condition that acts, expected a load or something that is held")
-    return found
+    return found + [_summed(cell, number, found) for number, cell in enumerate(model.run.load_cells)]
+
+
+def _summed(cell: LoadCell, number: int, found: list[Reaction]) -> Reaction:
+    parts = [one for one in found if one.name in cell.of]
+    force = np.sum([one.force for one in parts], axis=0)
+    moved = np.mean([one.displacement for one in parts], axis=0)
+    return Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, moved)
 
 
 def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
     """The reactions with these names or numbers; all if `names` is empty. Raises ResultsError naming the conditions."""
-    by_name = {str(one.number): one for one in all_of_them} | {one.name: one for one in all_of_them}
+    numbered = {str(one.number): one for one in all_of_them if one.kind != CELL}
+    by_name = numbered | {one.name: one for one in all_of_them}
     for name in names:
         if name not in by_name:
-            there = ", ".join(f"{one.number} ({one.name})" for one in all_of_them)
+            there = ", ".join(one.name if one.kind == CELL else f"{one.number} ({one.name})" for one in all_of_them)
             raise ResultsError(f"--condition: found no condition '{name}', expected one of {there}")
     return [by_name[name] for name in names] or all_of_them

@@ -5,11 +5,14 @@ from __future__ import annotations
 from functools import reduce
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Run
 from pdpost.measures.forces import Reaction
 from pdpost.measures.histories import at_place
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 Place = tuple[float, ...]  # x, y and in a body z, m
@@ -30,6 +33,31 @@ class Pulled(NamedTuple):
     axis: int  # 0, 1 or 2
     opening: NDArray[np.float64]  # (t,) m
     force: NDArray[np.float64]  # (t,) N/m, of a body N
+
+    @property
+    def peak(self) -> int:
+        """The step with the largest force, by its size."""
+        return int(np.abs(self.force).argmax())
+
+    @property
+    def area(self) -> float:
+        """The area under the curve, J/m, of a body J: the work of a force that acts where the gap opens."""
+        return float(np.sum(np.diff(self.opening) * (self.force[1:] + self.force[:-1])) / 2)
+
+
+class _Monitored(msgspec.Struct):
+    """The key of the grid file that has its gaps."""
+
+    run: Run = Run()
+
+
+def named_gap(results: Results, name: str) -> Gap:
+    """The gap of this name in the model. Raises ResultsError naming those that there are."""
+    gaps = {each.name: each for each in read(results, _Monitored).run.gaps}
+    if name not in gaps:
+        raise ResultsError(f"--gap: found no gap '{name}', expected {', '.join(gaps) or 'two places: it has no gap'}")
+    one, other = gaps[name].ends
+    return gap(results, one, other)
 
 
 def gap(results: Results, one: Place, other: Place) -> Gap:

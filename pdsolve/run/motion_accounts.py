@@ -47,7 +47,8 @@ class MotionAccounts:
 
     def _look_around(self) -> None:
         """Find the nodes of conditions and probes among the current nodes."""
-        model, probes = self._system.model, self._system.model.settings.run.probes
+        model, run = self._system.model, self._system.model.settings.run
+        probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
         self._grips = grips(self._system)
         self._probed = (
             tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []

@@ -3,9 +3,9 @@
 All loads and prescribed displacements grow with one factor, lambda. Up to the first bond that softens, lambda is scaled
 until that bond is at its peak. From there each step prescribes the energy that bonds spend, which never decreases, and
 finds lambda as another unknown, so that snap-backs and snap-throughs are followed (C. V. Verhoosel, J. J. C. Remmers,
-M. A. Gutierrez, Int. J. Numer. Meth. Engng 77 (2009) 1290-1321).
+M. A. Gutierrez, Int. J. Numer. Meth. Engng 77 (2009) 1290-1321). A monitored opening may take the energy's place.
 
-    u  displacements of free components       D  energy spent, J/m           R  residual forces, N/m
+    u  displacements of free components       D  energy spent, or opening    R  residual forces, N/m
     K  consistent tangent, N/m^2              q  dD / du                     p  d(forces) / d(lambda) at fixed u
     K a = R,  K b = p,  d lambda = (dD - (D - D_n) - q a) / (q b),  du = a + d lambda b
 """
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.steppers.equilibrium import Tell, UnsettledError, norm
 from pdsolve.steppers.old_factors import Solver
+from pdsolve.steppers.path_control import Control
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -32,7 +33,7 @@ FEW = 5  # iterations: a step that needs no more grows by
 GROWTH = 1.4
 FIRST = 0.05  # of the largest step of dissipation: the first one
 LEAST = 1e-4  # of it: smaller ones are not tried
-NEAR = 0.01  # of a step of dissipation, by which it may be missed
+NEAR = 0.01  # of a step of the control, by which it may be missed
 UNDECIDED = 2  # times that a bond has begun or ceased to load within a step: it gets a mean slope, lest it goes on so
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
@@ -60,8 +61,8 @@ class Proportional(NamedTuple):
 class Follower:
     """Finds equilibria of softening bonds."""
 
-    def __init__(self, bonds: SofteningBonds, drive: Proportional, tolerance: float) -> None:
-        self.bonds, self.drive, self._tolerance = bonds, drive, tolerance
+    def __init__(self, bonds: SofteningBonds, drive: Proportional, tolerance: float, control: Control) -> None:
+        self.bonds, self.drive, self._tolerance, self.control = bonds, drive, tolerance, control
         self._free = np.flatnonzero(~drive.held.ravel())
         self.solver = Solver()
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
@@ -101,7 +102,7 @@ class Follower:
     def follow(
         self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0
     ) -> tuple[Path, int, float]:
-        """The equilibrium where bonds have spent `more` than at the last one, its iterations and its residual.
+        """The equilibrium where the control is by `more` larger than at the last one, its iterations and its residual.
 
         `guess` is a place to begin with; None: along the last direction of the secants. So many first iterations take
         `secants` for tangents, which leads from further away. Raises UnsettledError.
@@ -109,14 +110,14 @@ class Follower:
         free = self._free
         if guess is None:
             guess = self._along(last, more)
-        value, factor = guess.value.copy(), guess.factor
+        value, factor, begin = guess.value.copy(), guess.factor, self.control.measure(last.value, last.spent)
         reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
         found, left = self.bonds.respond(value), np.inf
         loads, turns = found.releases > 0, np.zeros(len(found.releases), dtype=int)
         for iteration in range(secants + MOST + 1):
             at = self.drive.at(factor)
             rest = self._rest(found, at)
-            left, missed = self._left(found, at, rest), more - (found.spent - last.spent)
+            left, missed = self._left(found, at, rest), more - (self.control.measure(value, found.spent) - begin)
             tell(iteration, left)
             if left < self._tolerance and abs(missed) < NEAR * more:
                 self.largest = max(self.largest, self._outside(found, at))
@@ -130,7 +131,7 @@ class Follower:
             matrix = self.bonds.tangent(mean, iteration < secants)
             inner, pushed = matrix[free][:, free], self._pushed(matrix)
             a, b = self.solver.solve_two(inner, rest, pushed, iteration == 0)
-            q = self.bonds.gradient(found)
+            q = self.control.gradient(value, found)
             free_q, held_q = q.ravel()[free], float((q * np.where(self.drive.held, self.drive.growth, 0.0)).sum())
             along = float(free_q @ b) + held_q
             if along == 0 or not np.isfinite(along):
@@ -142,8 +143,8 @@ class Follower:
             value, factor = value + size * move, factor + size * turn
             found = self.bonds.respond(value)
         raise UnsettledError(
-            f"found no equilibrium where bonds have spent {more:.3g} J/m more after {MOST} iterations, a residual of"
-            f" {left:.2g}, expected {self._tolerance:g} of the external forces"
+            f"found no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {MOST}"
+            f" iterations, a residual of {left:.2g}, expected {self._tolerance:g} of the external forces"
         )
 
     def direction(self, found: Response) -> Array:
@@ -155,22 +156,25 @@ class Follower:
         return way
 
     def _along(self, last: Path, more: float) -> Path:
-        """Where bonds have spent `more`, along the straight direction of growing loads."""
+        """Where the control is by `more` larger, along the straight direction of growing loads."""
         way = self.direction(self.bonds.respond(last.value))
-        spent, turn = self._spent_along(last, way), max(last.factor, 1e-6) * 1e-3
-        while spent(turn) < more and turn < 1e3:
+        grown, turn = self._grown_along(last, way), max(last.factor, 1e-6) * 1e-3
+        while grown(turn) < more and turn < 1e3:
             turn *= 2
         low, high = 0.0, turn
         for _ in range(40):
             middle = (low + high) / 2
-            low, high = (middle, high) if spent(middle) < more else (low, middle)
-        return Path(last.value + high * way, last.factor + high, last.spent + more)
+            low, high = (middle, high) if grown(middle) < more else (low, middle)
+        return Path(last.value + high * way, last.factor + high, last.spent)
 
-    def _spent_along(self, last: Path, way: Array) -> Callable[[float], float]:
-        def spent(turn: float) -> float:
-            return self.bonds.respond(last.value + turn * way).spent - last.spent
+    def _grown_along(self, last: Path, way: Array) -> Callable[[float], float]:
+        begin = self.control.measure(last.value, last.spent)
 
-        return spent
+        def grown(turn: float) -> float:
+            value = last.value + turn * way
+            return self.control.measure(value, self.bonds.respond(value).spent) - begin
+
+        return grown
 
     def _pushed(self, matrix: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""

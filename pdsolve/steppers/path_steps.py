@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.kd_trees import tree_of
 from pdsolve.checkpoint import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
@@ -23,7 +24,9 @@ from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, held_at
-from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, Follower, Path, Proportional
+from pdsolve.steppers.no_fail_bonds import held_crack
+from pdsolve.steppers.path_control import Control, Dissipation, Opening
+from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, Follower, Path, Proportional
 from pdsolve.steppers.rigid_body_modes import loose
 
 Array = NDArray[np.float64]
@@ -65,16 +68,18 @@ class PathSteps:
         start, end = self._outside_at(0.0), self._outside_at(1.0)
         self._driven = held if (end - start)[held].any() else ~held
         static = model.settings.run.static
-        self._follower = Follower(bonds, Proportional(held, start, end - start), max(static.tolerance, COARSEST))
-        extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
-        cost = max(material.G0 for material in model.materials)
-        d = model.grid.dimension
-        self._most = cost * extent ** (d - 1) / (static.load_steps or CRACK_STEPS)
+        control = _controlled(model, bonds)
+        self._follower = Follower(
+            bonds, Proportional(held, start, end - start), max(static.tolerance, COARSEST), control
+        )
+        self._most = _largest_step(model)
+        self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
         self._last, self._before = Path(np.zeros(held.shape), 0.0, 0.0), Path(np.zeros(held.shape), 0.0, 0.0)
         self._pushed = np.zeros(held.shape), np.zeros(held.shape)  # loads and reactions there, N/m
         self.rested: list[Stepped] = []
         self.watch: Callable[[Going], None] | None = None
+        self._told = False  # of bonds that must not break where a crack would pass
         self.ended = False
         drive.force[:] = 0
 
@@ -152,10 +157,27 @@ class PathSteps:
             rate = (bonds.stretches(near.value)[k] - first) / (factor - start.factor)
             grows = rate > 0
             reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
+            if np.isfinite(self._opening):
+                reach = min(reach, self._reach_of_opening(start, near))
             here, factor = near, min(float(start.factor + reach), 1.0)
         found = self._settle(here, factor)
-        self.ended = factor == 1.0
+        self.ended = factor == 1.0 or self._opened(found[0])
         return found[0], count + found[1], max(residual, found[2])
+
+    def _measure(self, at: Path) -> float:
+        return self._follower.control.measure(at.value, at.spent)
+
+    def _opened(self, at: Path) -> bool:
+        """Whether the gap that controls is as wide as it is to be in the end."""
+        return self._measure(at) > self._opening - NEAR * self._most
+
+    def _reach_of_opening(self, start: Path, near: Path) -> float:
+        """The factor by which loads grow from the start until an elastic body has the last opening."""
+        opened = self._measure(near) - self._measure(start)
+        if not opened > 0:
+            said = f"found that {self._follower.control.said} {opened:.3g} m under growing loads"
+            raise UnsettledError(f"{said}, expected a gap that grows")
+        return (self._opening - self._measure(start)) / opened * (near.factor - start.factor)
 
     def _settle(self, near: Path, factor: float) -> tuple[Path, int, float]:
         return self._follower.settle(near.value, factor, self._tell(0))
@@ -163,8 +185,9 @@ class PathSteps:
     def _follow(self, step: int) -> tuple[Path, int, float]:
         """A step of dissipation, as large as it converges."""
         iterations, last, secants = 0, self._last, 0
+        self._more = min(self._more, max(self._opening - self._measure(last), LEAST * self._most))
         while True:
-            guess, done = None, last.spent - self._before.spent
+            guess, done = None, self._measure(last) - self._measure(self._before)
             if self._more < 2 * GROWTH * done and self._more >= LEAST * self._most:
                 share = self._more / done
                 ahead = last.value + share * (last.value - self._before.value)
@@ -174,6 +197,10 @@ class PathSteps:
                 break
             except UnsettledError:
                 if self._more < LEAST * self._most:
+                    if np.isfinite(self._opening):
+                        gap = self._model.settings.run.static.control
+                        said = f"found that the gap '{gap}' does not grow along the path, expected one that does, or"
+                        raise UnsettledError(f"{said} no run.static.control") from None
                     raise
                 self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
         if count <= FEW:
@@ -185,12 +212,18 @@ class PathSteps:
             except UnsettledError:  # the path turns round beyond
                 pass
             self.ended = True
+        self.ended |= self._opened(new)
         return new, iterations + count, residual
 
     def _look(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
         pulls = [abs(one.pull) for one in self.rested]
         most, now = max(pulls), pulls[-1]
+        held = None if self._told else held_crack(self._model, self._bonds, self._last.value)
+        if held is not None:
+            self._told = True
+            said = f"{self._model.name}: path step {step}: {held}"
+            warnings.warn(said, ModelWarning, stacklevel=2)
         self.ended |= now < END * most
         if self._driven[self._held].any() or now >= PASSED * most or min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
@@ -247,6 +280,26 @@ class PathSteps:
                 self.watch(Going(step, iterations, residual, len(self._operator.broken().step)))
 
         return tell
+
+
+def _controlled(model: Model, bonds: SofteningBonds) -> Control:
+    """The control that a model asks for."""
+    for gap in model.settings.run.gaps:
+        if gap.name == model.settings.run.static.control:
+            one, other = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
+            return Opening(gap.name, model.grid.position, (one, other))
+    return Dissipation(bonds)
+
+
+def _largest_step(model: Model) -> float:
+    """Of the control: m of the gap, or J/m that bonds spend."""
+    static = model.settings.run.static
+    steps = static.load_steps or CRACK_STEPS
+    if static.opening is not None:
+        return static.opening / steps
+    extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
+    cost = max(material.G0 for material in model.materials)
+    return float(cost * extent ** (model.grid.dimension - 1) / steps)
 
 
 def _along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) -> Array:

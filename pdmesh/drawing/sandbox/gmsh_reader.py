@@ -146,7 +146,9 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
         {
             "name": name,
             "dimension": dimension,
-            "curves": [sampled(int(curve)) for curve in entities] if dimension == 1 else [],
+            "curves": [sampled(int(curve)) for curve in entities]
+            if dimension == 1
+            else [[gmsh.model.getValue(0, int(point), []).tolist()] for point in entities if dimension == 0],
             "surfaces": [[sampled(curve) for curve in _bounds(gmsh, [surface])] for surface in entities]
             if dimension == 2
             else [],

@@ -28,7 +28,7 @@ OF_GEL = Settings(
     run=Run(adapt="collocation", collocation=Collocation(kappa=0.5)),
 )
 # Used by every run, switches themselves, and what is refused where it would mean nothing
-ALWAYS = {"fields", "probes", "adapt", "cracks", "until", "quiet", "solver", "start", "damping"}
+ALWAYS = {"fields", "probes", "gaps", "load_cells", "adapt", "cracks", "until", "quiet", "solver", "start", "damping"}
 
 
 def of(run: Run, **more: Any) -> Settings:

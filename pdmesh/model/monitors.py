@@ -1,0 +1,54 @@
+"""What a laboratory reads off a test: openings between two places, and load cells that sum forces."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from pdmesh.model.timed_selection import Vector
+
+if TYPE_CHECKING:
+    from pdmesh.model.document import Run
+
+
+class Gap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A monitored opening: how much longer the distance between the nodes nearest to two places has become."""
+
+    name: str
+    ends: tuple[Vector, Vector]  # m
+
+
+class LoadCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The sum of the forces of some conditions."""
+
+    name: str
+    of: tuple[str, ...]  # names of conditions
+
+
+def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
+    """What is wrong with the monitors of a run whose `conditions` have these names; None if nothing is.
+
+    The place below ``run``, what was found and expected.
+    """
+    gaps, static = [gap.name for gap in run.gaps], run.static
+    for key, names in (("gaps", gaps), ("load_cells", [cell.name for cell in run.load_cells])):
+        for number, name in enumerate(names):
+            if not name or Counter(names)[name] > 1:
+                return f"{key}[{number}].name: found '{name}' {Counter(names)[name]} times, expected a name of its own"
+    for number, gap in enumerate(run.gaps):
+        if gap.ends[0] == gap.ends[1]:
+            return f"gaps[{number}].ends: found one place twice, expected two places"
+    for number, cell in enumerate(run.load_cells):
+        missing = [name for name in cell.of if name not in conditions]
+        if missing or not cell.of:
+            found, known = f"'{missing[0]}'" if missing else "none", ", ".join(filter(None, conditions)) or "a name"
+            return f"load_cells[{number}].of: found {found}, expected names of conditions: {known}"
+    if static.control is not None and static.control not in gaps:
+        return f"static.control: found '{static.control}', expected {', '.join(gaps) or 'a gap (run.gaps has none)'}"
+    if (static.control is None) != (static.opening is None):
+        found, other = ("opening", "control") if static.control is None else ("control", "opening")
+        return f"static.{other}: found none, expected one, as there is a static.{found}"
+    return None
