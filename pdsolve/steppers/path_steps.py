@@ -292,7 +292,7 @@ def _controlled(model: Model, bonds: SofteningBonds) -> Control:
 
 
 def _largest_step(model: Model) -> float:
-    """Of the control: m of the gap, or J/m that bonds spend."""
+    """The largest step along a path: m of the gap that controls it, or J/m that bonds spend."""
     static = model.settings.run.static
     steps = static.load_steps or CRACK_STEPS
     if static.opening is not None:
