@@ -32,6 +32,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "correspondence, j2": SOLID | {"solid": "j2", "yield_stress": 1e8},
     "correspondence, rate": SOLID | {"form": "rate"},
     "micropolar": {"model": "micropolar", "nu": 0.2},
+    "micropolar, cohesive": {"model": "micropolar", "nu": 0.2, "law": "cohesive", "f_t": 1e6},
 }
 RUNS = {
     "load steps": Run(solver="static"),

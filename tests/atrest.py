@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from plates import plate, square_grid
 from scipy.sparse.linalg import LinearOperator, cg
 
+from pdmesh.model.document import Material
 from pdsolve.operators.protocol import Operator
+from pdsolve.run.system import Options, prepare
 from pdsolve.state import State
 
 SMALL = 1e-7  # of displacements: what is left of what is not linear
@@ -50,3 +53,20 @@ def settled(
     assert not failed
     start[free] = x
     return start
+
+
+def strip(material: Material, width: int = 20) -> tuple[float, float]:
+    """E and nu of a free strip of 60 x `width` nodes, one column loaded at each end, in its middle ninth."""
+    system, state = prepare(plate(square_grid(60, width, 1.0), 3, material=material), Options(threads=1))
+    position, load = system.model.grid.position, np.zeros_like(state.value)
+    load[position[:, 0] == 0, 0], load[position[:, 0] == 59, 0] = -1, 1
+    pinned = np.zeros(load.shape, dtype=bool)
+    pinned[(position[:, 0] == 29) & (position[:, 1] == width // 2), :2] = True
+    pinned[(position[:, 0] == 33) & (position[:, 1] == width // 2), 1] = True
+    u = settled(system.operator, system.area, pinned, np.zeros(load.shape), load, rtol=1e-9)
+    middle = (np.abs(position - [29.5, (width - 1) / 2]) < [10, width / 6]).all(axis=1)
+    x, y = position[middle].T
+    design = np.column_stack([np.ones(len(x)), x, y])
+    xx = np.linalg.lstsq(design, u[middle, 0], rcond=None)[0][1]
+    yy = np.linalg.lstsq(design, u[middle, 1], rcond=None)[0][2]
+    return float(1 / xx), float(-yy / xx)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material
-from pdmesh.model.material_constants import C11, C66, critical_stretch, dimension_of, micromodulus
+from pdmesh.model.material_constants import C11, C66, critical_stretch, dimension_of, micromodulus, poisson
 from pdmesh.model.neighbours import ROUND_OFF, lengths
 
 
@@ -100,3 +100,23 @@ def calibration(ratio: float, material: Material, partial_cells: bool = True) ->
     found = lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells)
     stiffness = 3 / (found.c11 + found.c12 + found.c66)
     return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (found.row + found.diagonal)))))
+
+
+class Sheared(NamedTuple):
+    """Stiffnesses of bonds with shear and a free rotation, whose energy is c |xi| (s^2 + r gamma^2) / 2."""
+
+    stiffness: float  # c over that of calibrated springs
+    ratio: float  # r
+
+
+def sheared(material: Material, ratio: float) -> Sheared:
+    """Bonds whose lattice has the material's Young's modulus and Poisson's ratio in the mean of all directions.
+
+    C11 + C12 follows from the sum of c |xi| alone, C11 - C12 and 2 C66 in the mean from r, on any square lattice.
+    """
+    nu, partial = poisson(material), has_partial_cells(material)
+    found = lattice_ratios(ratio, material.micromodulus, material.plane, partial)
+    uniform = calibration(ratio, material, partial).stiffness * (3 * found.c11 + found.c12) / 4
+    if material.plane == "stress":
+        return Sheared(2 / (3 * (1 - nu)) / uniform, (1 - 3 * nu) / (1 + nu))
+    return Sheared(1 / (1.6 * (1 + nu) * (1 - 2 * nu)) / uniform, 1 - 4 * nu)

@@ -21,7 +21,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.materials import KINDS, Refusal, Refusals
-from pdmesh.model.materials.bond import softens
+from pdmesh.model.materials.kind import softens
 
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
@@ -143,7 +143,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "true",
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
-    if run.cracks == "bonds" and any(material.model == "bond" and softens(material) for _, material in every):
+    if run.cracks == "bonds" and any(softens(material) for _, material in every):
         yield from _along_path(run.static)
     elif run.static.control is not None:
         expected = "none, as no bond softens: of these alone a path is followed"

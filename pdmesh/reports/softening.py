@@ -14,7 +14,7 @@ def softening(material: Material | None, ratio: float, spacing: float, dimension
 
     Of bilinear bonds `f_t` is the tensile strength that their `kr` amounts to.
     """
-    if material is None or material.model != "bond":
+    if material is None or material.model not in ("bond", "micropolar"):
         return {}
     material = msgspec.structs.replace(material, plane="space") if dimension == 3 else material
     horizon = ratio * spacing

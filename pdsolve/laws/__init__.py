@@ -12,6 +12,7 @@ from pdsolve.laws import (
     breitzman_dayal,
     brittle,
     cohesive,
+    cohesive_micropolar,
     correspondence,
     higher_order_correspondence,
     micropolar,
@@ -77,6 +78,8 @@ def law_named(material: Material, place: str) -> tuple[str, Law]:
             return f"{material.model} with {material.control}", wan.LAW
         if material.order > 1 or material.constant_term:
             return f"{material.model} of order {material.order}", higher_order_correspondence.LAW
+        if material.model == "micropolar" and material.law == "cohesive":
+            return f"{material.model}, cohesive, {material.shape}", cohesive_micropolar.LAWS[material.shape]
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""

@@ -197,7 +197,7 @@ def bind(law: Law) -> None:
         _pairs[kind] = law.pair
     _bind_bonds(kind, said)
     _bind_families(kind, said)
-    if law.pair is not None:
+    if law.pair is not None or law.curve is not None:
         _bind_pair(kind, said)
     if isinstance(law.passes, Sums):
         _bind_sums(kind, said)
@@ -218,8 +218,9 @@ def _functions(law: Law) -> dict[str, Function]:
     found |= {"gather_again": again.gather, "close_again": again.close}
     found |= vars(law.failure or Failure(_never_alert, _fail_never))
     found |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
-    if law.pair is not None:
-        found |= _of_pair(law.pair)
+    curve = law.pair or law.curve
+    if curve is not None:
+        found |= _of_pair(curve)
     if law.lanes is not None:
         found |= {"finish": law.lanes.finish, "nears": law.lanes.nears}
     return found

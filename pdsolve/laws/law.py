@@ -156,3 +156,4 @@ class Law:
     age: Function | None = None  # (law, bond, now, m, i, j, k) of pair laws; returns what node i spends, J/m^3
     memory: tuple[str, ...] = ()  # columns of bonds that `age` changes, but for `broken`
     pair: Pair | None = None  # of a law of bonds that know nothing of others; see `pdsolve.laws.pair.pair_law`
+    curve: Pair | None = None  # how bonds that are not of `pair` soften by their drive, an equivalent stretch

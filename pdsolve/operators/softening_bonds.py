@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+NONE = np.zeros((0, 2))
 
 
 class Response(NamedTuple):
@@ -35,11 +36,21 @@ class Response(NamedTuple):
     along: Array  # (b, d) unit vectors from source to target
     length: Array  # (b,) m, now
     kappa: Array  # (b,) with the stretches of now
-    force: Array  # (b,) N/m
+    force: Array  # (b,) N/m; with shear (b, 2), along and across
     slope: Array  # (b,) of the force by the stretch, N/m
     secant: Array  # (b,) of bonds that unload, N/m
     releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
     spent: float  # J/m, by all bonds since they were made
+    toward: Array = NONE  # (b, 2) with shear: derivative of the drive by both strains
+
+
+class Softened(NamedTuple):
+    """State of bonds (b,) at some drives."""
+
+    kappa: Array  # with these
+    omega: Array  # secant over the first stiffness
+    slope: Array  # of the force over that by the drive, omega where kappa does not grow
+    releases: Array  # sigma - sigma' kappa where it does, else 0
 
 
 class SofteningBonds:
@@ -47,8 +58,9 @@ class SofteningBonds:
 
     def __init__(self, law: Law, whole: Assembly) -> None:
         """Bonds of a pair law that conserve momentum: area times stiffness is the same from both ends."""
-        assert law.pair is not None
-        assert law.pair.softening is not None
+        curve = law.pair or law.curve
+        assert curve is not None
+        assert curve.softening is not None
         bonds, nodes = whole.bonds, len(whole.area)
         source, target = np.repeat(np.arange(nodes), np.diff(bonds.start)), bonds.neighbour.astype(np.int64)
         once = np.flatnonzero(source < target)
@@ -58,7 +70,7 @@ class SofteningBonds:
         self.peak, self.limit = bonds.peak[once].astype(float), bonds.limit[once].astype(float)
         self.breaks = np.flatnonzero(np.isfinite(self.limit))
         self.kappa = np.zeros(len(once))
-        self._pair, self._softening, self._nodes = law.pair, law.pair.softening, nodes
+        self._pair, self._softening, self._nodes = curve, curve.softening, nodes
         self._pattern: tuple[Index, Index, Index] | None = None
 
     def remember(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
@@ -82,28 +94,39 @@ class SofteningBonds:
     def respond(self, value: Array) -> Response:
         """The response at displacements (n, d) after the history `kappa`."""
         y = self.xi + value[self.target] - value[self.source]
-        s, now = self.stretches(value), np.sqrt((y**2).sum(axis=1))
-        sigma, slope, releases, kappa = s.copy(), np.ones(len(s)), np.zeros(len(s)), self.kappa.copy()
-        secant = slope.copy()
+        s, now, c = self.stretches(value), np.sqrt((y**2).sum(axis=1)), self.stiffness
+        found = self._soften(s)
+        if self._pair.elastic_in_compression:
+            pressed = self.breaks[(s < 0)[self.breaks] & (found.kappa < self.limit)[self.breaks]]
+            found.omega[pressed] = found.slope[pressed] = 1.0
+        releases = c * self.length * found.releases / 2
+        spent, along = float(self.spent(found.kappa).sum()), y / now[:, None]
+        return Response(
+            along, now, found.kappa, c * (found.omega * s), c * found.slope, c * found.omega, releases, spent
+        )
+
+    def _soften(self, drive: Array) -> Softened:
+        """The state of bonds (b,) at these drives, of springs their stretches, after the history `kappa`."""
+        slope, releases, kappa, omega = (
+            np.ones(len(drive)),
+            np.zeros(len(drive)),
+            self.kappa.copy(),
+            np.ones(len(drive)),
+        )
         k = self.breaks
-        own, before, peak, limit = s[k], self.kappa[k], self.peak[k], self.limit[k]
+        own, before, peak, limit = drive[k], self.kappa[k], self.peak[k], self.limit[k]
         grows = own > np.maximum(before, peak)
         worst = np.minimum(np.where(grows, own, before), limit)
         there = worst > 0
-        omega, curve = np.ones(len(k)), np.zeros(len(k))
+        secant, curve = np.ones(len(k)), np.zeros(len(k))
         at = worst[there], peak[there], limit[there]
-        omega[there] = self._pair.secant(None, own[there], *at) if self._pair.secant is not None else 1.0
+        secant[there] = self._pair.secant(None, own[there], *at) if self._pair.secant is not None else 1.0
         curve[there] = self._softening.slope(None, *at)
-        omega[worst >= limit] = curve[worst >= limit] = 0.0
-        if self._pair.elastic_in_compression:
-            omega[own < 0] = 1.0
-        sigma[k], kappa[k] = omega * own, worst
+        secant[worst >= limit] = curve[worst >= limit] = 0.0
         on = grows & (worst < limit)
-        secant[k], slope[k] = omega, np.where(on, curve, omega)
-        releases[k] = np.where(on, omega * worst - curve * worst, 0.0)
-        c = self.stiffness
-        spent, along = float(self.spent(kappa).sum()), y / now[:, None]
-        return Response(along, now, kappa, c * sigma, c * slope, c * secant, c * self.length * releases / 2, spent)
+        kappa[k], omega[k], slope[k] = worst, secant, np.where(on, curve, secant)
+        releases[k] = np.where(on, secant * worst - curve * worst, 0.0)
+        return Softened(kappa, omega, slope, releases)
 
     def spent(self, kappa: Array) -> Array:
         """Energy (b,), J/m, that bonds have spent at this history."""
@@ -134,16 +157,20 @@ class SofteningBonds:
 
     def tangent(self, found: Response, secant: bool = False) -> csr_array:
         """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2; `secant`: of straight bonds."""
-        from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
-
         d, n, slope = self.xi.shape[1], found.along, found.secant if secant else found.slope
         outer = n[:, :, None] * n[:, None, :]
         block = (slope / self.length)[:, None, None] * outer
         block += (found.force / found.length)[:, None, None] * (np.eye(d) - outer)
-        indptr, indices, place = self._structure(d)
-        values = np.concatenate([block, block, -block, -block]).ravel()
-        data = np.bincount(place, values, len(indices))
-        return csr_array((data, indices, indptr), (d * self._nodes, d * self._nodes))
+        return self._assembled(np.concatenate([block, block, -block, -block]))
+
+    def _assembled(self, blocks: Array) -> csr_array:
+        """The matrix (n w, n w) of blocks (4 b, w, w): source-source, target-target, source-target, target-source."""
+        from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
+
+        w = blocks.shape[1]
+        indptr, indices, place = self._structure(w)
+        data = np.bincount(place, blocks.ravel(), len(indices))
+        return csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
 
     def _structure(self, d: int) -> tuple[Index, Index, Index]:
         """Row starts and columns of the tangent, and where each entry of each bond's four blocks belongs."""

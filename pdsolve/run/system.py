@@ -30,6 +30,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_bonds import SofteningBonds
+from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of
@@ -388,13 +389,16 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     filling = scheme.fill(model)
     operator, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area, nodes = filling.area, len(model.grid)
-    driven = drive(model, area, scheme.exact_load, np.float64)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     if driven.force.size - len(driven.holds.node) > FACTORED_IN[2]:
-        most = FACTORED_IN[2] // model.grid.dimension
+        most = FACTORED_IN[2] // width
         raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
-    stepper = PathSteps(model, operator, driven, area, SofteningBonds(law_of(model), filling.whole()))
+    law, whole = law_of(model), filling.whole()
+    bonds = SofteningBonds(law, whole) if law.pair is not None else SofteningShear(law, whole, model)
+    stepper = PathSteps(model, operator, driven, area, bonds)
     bound = stable(operator.stiffness_bound(), model.rho)
     step = model.settings.run.time_step or 1.0
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)

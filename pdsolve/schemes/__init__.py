@@ -31,7 +31,9 @@ def _refuse_others(model: Model) -> None:
 
 def _symmetric(model: Model) -> Filling:
     """Symmetric bonds for any model."""
-    return average_horizon.fill(model) if model.materials[0].model == "bond" else families.fill(model)
+    first = model.materials[0]
+    springs = first.model == "bond" or (first.model == "micropolar" and first.law == "cohesive")
+    return average_horizon.fill(model) if springs else families.fill(model)
 
 
 SCHEMES: dict[str, Scheme] = {

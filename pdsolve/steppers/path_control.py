@@ -56,14 +56,14 @@ class Opening:
 
     def measure(self, value: Array, spent: float) -> float:
         """The opening, without cancellation."""
-        more = value[self._other] - value[self._one]
+        more = (value[self._other] - value[self._one])[: len(self._way)]
         now = float(np.sqrt(((self._way + more) ** 2).sum()))
         return float((2 * self._way + more) @ more) / (now + self._length)
 
     def gradient(self, value: Array, found: Response) -> Array:
         """Unit vectors (n, d) at the two nodes."""
-        way = self._way + value[self._other] - value[self._one]
+        way = self._way + (value[self._other] - value[self._one])[: len(self._way)]
         out = np.zeros_like(value)
-        out[self._other] = way / np.sqrt((way**2).sum())
+        out[self._other, : len(way)] = way / np.sqrt((way**2).sum())
         out[self._one] = -out[self._other]
         return out

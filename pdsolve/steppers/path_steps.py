@@ -61,7 +61,8 @@ class PathSteps:
         self._model, self._operator, self._drive, self._area, self._bonds = model, operator, drive, area, bonds
         held = np.zeros(drive.force.shape, dtype=bool)
         held[drive.holds.node, drive.holds.axis] = True
-        found = loose(model.grid.position, model.grid.ids, operator.bonds(start=True), held)
+        d = model.grid.dimension
+        found = loose(model.grid.position, model.grid.ids, operator.bonds(start=True), held[:, :d])
         if found.said:
             raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
         self._held = held

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import Condition, Displacement, Load
-from pdmesh.model.materials.bond import softens
+from pdmesh.model.materials.kind import softens
 from pdmesh.model.selection import components
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
@@ -45,9 +45,7 @@ def in_load_steps(model: Model, precision: str) -> Model:
 
 def follows_path(model: Model) -> bool:
     """Whether bonds soften and break by themselves: then the equilibrium path is followed."""
-    return model.settings.run.cracks == "bonds" and any(
-        material.model == "bond" and softens(material) for material in model.materials
-    )
+    return model.settings.run.cracks == "bonds" and any(softens(material) for material in model.materials)
 
 
 def _in_path_steps(model: Model) -> Model:

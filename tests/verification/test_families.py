@@ -8,7 +8,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from atrest import settled
+from atrest import strip
 from kirsch import solved
 from plates import GLASS, plate, square_grid
 from strips import torn
@@ -65,23 +65,6 @@ def test_what_the_corrected_solid_holds(ratio: float) -> None:
 def test_what_a_lattice_of_beams_holds(ratio: float, nu: float, expected: tuple[float, ...]) -> None:
     beams = msgspec.structs.replace(UNIT, model="micropolar", nu=nu)
     assert held(beams, ratio) == pytest.approx(expected, abs=1e-4)  # independent
-
-
-def strip(material: Material, width: int = 20) -> tuple[float, float]:
-    """E and nu of a free strip of 60 x `width` nodes, one column loaded at each end, in its middle ninth."""
-    system, state = prepare(plate(square_grid(60, width, 1.0), 3, material=material), Options(threads=1))
-    position, load = system.model.grid.position, np.zeros_like(state.value)
-    load[position[:, 0] == 0, 0], load[position[:, 0] == 59, 0] = -1, 1
-    pinned = np.zeros(load.shape, dtype=bool)
-    pinned[(position[:, 0] == 29) & (position[:, 1] == width // 2), :2] = True
-    pinned[(position[:, 0] == 33) & (position[:, 1] == width // 2), 1] = True
-    u = settled(system.operator, system.area, pinned, np.zeros(load.shape), load, rtol=1e-9)
-    middle = (np.abs(position - [29.5, (width - 1) / 2]) < [10, width / 6]).all(axis=1)
-    x, y = position[middle].T
-    design = np.column_stack([np.ones(len(x)), x, y])
-    xx = np.linalg.lstsq(design, u[middle, 0], rcond=None)[0][1]
-    yy = np.linalg.lstsq(design, u[middle, 1], rcond=None)[0][2]
-    return float(1 / xx), float(-yy / xx)
 
 
 @pytest.mark.parametrize("nu", [0.2, 0.45])

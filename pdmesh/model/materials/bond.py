@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from pdmesh.model.document import USUAL_LAW, Material
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.materials.kind import Kind, Parameter, Refusal, Refusals
+from pdmesh.model.materials.kind import COHESIVE, Kind, Parameter, Refusal, Refusals, softens, without_strength
 
 FOLLOWED = (USUAL_LAW, "bilinear", "cohesive")  # laws whose bonds break at rest
 NEAR = 0.01  # Poisson's ratios this near are one
-
-
-def softens(material: Material) -> bool:
-    """Whether the bonds are of a law that is not brittle."""
-    return material.law != USUAL_LAW and not (material.law == "bilinear" and material.kr == 1)
 
 
 def wrong(material: Material) -> Refusals:
     """A cohesive law needs its strength, and Poisson's ratio is that of springs at most."""
     if material.law != "cohesive":
         return
-    if material.f_t is None:
-        yield Refusal("f_t", "the tensile strength, Pa, with law 'cohesive'")
+    yield from without_strength(material)
     most = BONDS_NU[material.plane]
     if material.nu is not None and material.nu > most + NEAR:
         yield Refusal("nu", f"{most:.4g} of bonds in plane {material.plane}, or less, with law 'cohesive'")
@@ -57,11 +51,9 @@ def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
 BOND = Kind(
     name="bond",
     parameters=(
-        Parameter("law"),
         Parameter("kr", used=("law", "bilinear"), instead=USUAL_LAW),
         Parameter("keep_G0", used=("law", "bilinear"), instead=USUAL_LAW, refused=False),
-        Parameter("f_t", "Pa", used=("law", "cohesive"), instead=USUAL_LAW),
-        Parameter("shape", used=("law", "cohesive"), instead=USUAL_LAW),
+        *COHESIVE,
     ),
     failures=("stretch",),
     wrong=wrong,

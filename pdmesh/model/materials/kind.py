@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pdmesh.model.document import Material
+from pdmesh.model.document import USUAL_LAW, Material
 
 
 class Parameter(NamedTuple):
@@ -27,6 +27,26 @@ class Refusal(NamedTuple):
 
 
 Refusals = Iterator[Refusal]
+
+
+COHESIVE = (  # settings of bonds that soften by what a laboratory gives
+    Parameter("law"),
+    Parameter("f_t", "Pa", used=("law", "cohesive"), instead=USUAL_LAW),
+    Parameter("shape", used=("law", "cohesive"), instead=USUAL_LAW),
+)
+
+
+def softens(material: Material) -> bool:
+    """Whether bonds, alone or with rotations, are of a law that is not brittle."""
+    if material.model not in ("bond", "micropolar"):
+        return False
+    return material.law != USUAL_LAW and not (material.law == "bilinear" and material.kr == 1)
+
+
+def without_strength(material: Material) -> Refusals:
+    """Refuses a cohesive law without its strength."""
+    if material.law == "cohesive" and material.f_t is None:
+        yield Refusal("f_t", "the tensile strength, Pa, with law 'cohesive'")
 
 
 def nothing(material: Material) -> Refusals:

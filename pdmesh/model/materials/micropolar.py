@@ -1,29 +1,39 @@
-"""Micropolar bonds: beams, with a rotation at each node."""
+"""Micropolar bonds: beams, or cohesive bonds with shear, with a rotation at each node."""
 
 from __future__ import annotations
 
-from pdmesh.model.document import Material
+from pdmesh.model.document import USUAL_LAW, Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.materials.kind import (
+    COHESIVE,
     Kind,
     Refusal,
     Refusals,
     bonds_alone,
     compressible,
-    intact_at_rest,
+    softens,
     symmetric_alone,
+    without_strength,
 )
 
 SAME = 1e-12  # of Poisson's ratios: nearer than round-off
+NEAR = 1e-3  # of Poisson's ratios: bonds whose shear is this soft are springs
 
 
 def wrong(material: Material) -> Refusals:
-    """Bending resists up to the Poisson's ratio of springs."""
+    """Bending and shear resist up to the Poisson's ratio of springs."""
     yield from compressible(material)
+    if material.law not in (USUAL_LAW, "cohesive"):
+        yield Refusal("law", f"'{USUAL_LAW}' or 'cohesive' with model 'micropolar'")
+    yield from without_strength(material)
+    if softens(material) and material.failure != "stretch":
+        yield Refusal("failure", "'stretch' with law 'cohesive'")
     most = BONDS_NU[material.plane]
     if material.nu is not None and most + SAME < material.nu < 0.5:
         expected = f"{most:.4g} at most with model 'micropolar' in plane {material.plane}: its beams are soft beyond"
         yield Refusal("nu", expected)
+    elif material.nu is not None and softens(material) and material.nu > most - NEAR:
+        yield Refusal("nu", f"less than {most - NEAR:.4g} with cohesive bonds that shear, or model 'bond'")
 
 
 def in_space(material: Material) -> Refusals:
@@ -32,19 +42,19 @@ def in_space(material: Material) -> Refusals:
 
 
 def from_rest(material: Material) -> Refusals:
-    """Solvers of plates at rest know displacements alone."""
+    """Solvers of plates at rest whose bonds do not soften know displacements alone."""
     yield Refusal("model", "one without rotations at rest with 'micropolar'")
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
-    """Nor do load steps."""
-    yield from from_rest(material)
-    yield from intact_at_rest(material, breaks)
+    """Path steps follow bonds that soften; load steps know no rotations."""
+    if not (breaks and softens(material)):
+        yield Refusal("model", "one without rotations at rest with 'micropolar', unless law is 'cohesive'")
 
 
 MICROPOLAR = Kind(
     name="micropolar",
-    parameters=(),
+    parameters=COHESIVE,
     failures=("stretch", "none"),
     wrong=wrong,
     in_space=in_space,

@@ -1,0 +1,99 @@
+r"""Softening bonds with shear and rotations at rest: forces, consistent tangent and dissipation; see
+`pdsolve.laws.cohesive_micropolar`.
+
+A pair of nodes has one bond here. Symbols, of a bond of length xi:
+
+    p = (s, gamma)   strains                  w = (s+, r gamma) / drive   derivative of the drive by p
+    D = diag(1, r)   stiffness over C         B                           derivative of p by what both ends have
+
+The force is C omega D p, whose derivative is C (omega D + (sigma' - omega) w w^T) where kappa grows: symmetric. Under
+compression s+ is 0 and the first entry of D has no omega.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Assembly
+from pdsolve.laws.cohesive_micropolar import shear_of
+from pdsolve.laws.law import Law
+from pdsolve.model import Model
+from pdsolve.operators.softening_bonds import Response, SofteningBonds
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+
+class SofteningShear(SofteningBonds):
+    """The bonds of n nodes with values (n, 3), each pair once, in the order of their nodes."""
+
+    def __init__(self, law: Law, whole: Assembly, model: Model) -> None:
+        """Bonds that conserve momentum: area times stiffness is the same from both ends."""
+        super().__init__(law, whole)
+        stiffness, ratio = shear_of(model, whole.bonds)
+        once = np.repeat(np.arange(self._nodes), np.diff(whole.bonds.start)) < whole.bonds.neighbour
+        self.stiffness, self.ratio = stiffness[once] * whole.area[self.source], ratio[once]
+        self._root = np.sqrt(self.ratio)
+        turn = 1 / np.broadcast_to(model.horizons, self._nodes)
+        x, y = (self.xi / self.length[:, None]).T
+        own = np.zeros((2, len(x), 2, 3))  # B of the source and of the target
+        for end, way, rows in ((0, -1, self.source), (1, 1, self.target)):
+            own[end, :, 0, 0], own[end, :, 0, 1] = way * x / self.length, way * y / self.length
+            own[end, :, 1, 0], own[end, :, 1, 1] = -way * y / self.length, way * x / self.length
+            own[end, :, 1, 2] = -turn[rows] / 2
+        self._B = own
+
+    def _strains(self, value: Array) -> Array:
+        """s and gamma (b, 2)."""
+        source, target = value[self.source], value[self.target]
+        return np.asarray(np.einsum("bpa,ba->bp", self._B[0], source) + np.einsum("bpa,ba->bp", self._B[1], target))
+
+    def stretches(self, value: Array) -> Array:
+        """Drives (b,) at these values (n, 3)."""
+        s, gamma = self._strains(value).T
+        return np.asarray(np.hypot(np.maximum(s, 0.0), self._root * gamma))
+
+    def respond(self, value: Array) -> Response:
+        """The response at values (n, 3) after the history `kappa`."""
+        s, gamma = self._strains(value).T
+        pulled = np.maximum(s, 0.0)
+        drive = np.hypot(pulled, self._root * gamma)
+        found, c = self._soften(drive), self.stiffness
+        toward = np.column_stack([pulled, self.ratio * gamma]) / np.where(drive > 0, drive, 1.0)[:, None]
+        normal = c * np.where((s > 0) | (found.kappa >= self.limit), found.omega, 1.0)
+        force = np.column_stack([normal * s, c * found.omega * self.ratio * gamma])
+        spent, releases = float(self.spent(found.kappa).sum()), c * self.length * found.releases / 2
+        secant, slope = c * found.omega, c * found.slope
+        return Response(normal[:, None], self.length, found.kappa, force, slope, secant, releases, spent, toward)
+
+    def forces(self, found: Response) -> Array:
+        """Forces (n, 3) of bonds on nodes, N/m."""
+        return self._pushed(-self.length[:, None] * found.force)
+
+    def gradient(self, found: Response) -> Array:
+        """Derivative (n, 3) of the spent energy by the values, N/m."""
+        return self._pushed(found.releases[:, None] * found.toward)
+
+    def _pushed(self, by_strain: Array) -> Array:
+        """Sums (n, 3) at nodes of B^T times what belongs to strains (b, 2)."""
+        out = np.zeros((self._nodes, 3))
+        for B, rows in zip(self._B, (self.source, self.target), strict=True):
+            parts = np.einsum("bpa,bp->ba", B, by_strain)
+            for a in range(3):
+                out[:, a] += np.bincount(rows, parts[:, a], self._nodes)
+        return out
+
+    def tangent(self, found: Response, secant: bool = False) -> csr_array:
+        """Minus the derivative (n 3, n 3) of the forces by the values, N/m^2; `secant`: of straight bonds."""
+        M = np.zeros((len(self.length), 2, 2))
+        M[:, 0, 0], M[:, 1, 1] = found.along[:, 0], found.secant * self.ratio
+        if not secant:
+            M += (found.slope - found.secant)[:, None, None] * (found.toward[:, :, None] * found.toward[:, None, :])
+        M *= self.length[:, None, None]
+        blocks = [np.swapaxes(self._B[i], 1, 2) @ M @ self._B[j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))]
+        return self._assembled(np.concatenate(blocks))
