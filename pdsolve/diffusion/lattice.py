@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
-from pdsolve.diffusion.links import Linking, shape
-from pdsolve.diffusion.listed import compiled
+from pdsolve.diffusion.links import Linking, Unlike, shape
+from pdsolve.diffusion.listed import ChangedLinks, compiled
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ ABREAST = 8  # cells that are summed up at once: runs are as if longer, and what
 FEWER = 0.7  # of the runs along x: worth that nodes, which are in its order, are read and written out of theirs
 LEAST_FILLED = 0.2  # cells of the box that have a node
 LEAST_NODES = 64
+MOST_UNLIKE = 0.2  # of the links: how many may differ from those of the lattice
 
 
 class Runs(NamedTuple):
@@ -104,26 +105,40 @@ def family(linking: Linking, spacing: float, D: float) -> tuple[NDArray[np.int64
 
 
 def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
-    """Links of a model as slots; None unless its nodes are on one lattice, in one medium, and without obstacles."""
-    grid = linking.model.grid
-    alike = (linking.diffusivity == linking.diffusivity[0]).all() and (grid.delta == grid.delta[0]).all()
-    if not alike or not linking.sight.clear or linking.dimension != grid.position.shape[1]:
+    """Links of a model as slots; None unless its nodes are on one lattice, and few links differ from those there."""
+    grid, D = linking.model.grid, linking.diffusivity
+    if (grid.delta != grid.delta[0]).any() or linking.dimension != grid.position.shape[1]:
         return None
-    steps, conductance = family(linking, float(grid.delta[0]), float(linking.diffusivity[0]))
+    steps, conductance = family(linking, float(grid.delta[0]), float(D[0]))
     box = box_of(grid.position, float(grid.delta[0]), int(np.abs(steps).max()))
     if box is None:
         return None
-    return OnLattice(box, slots_of(steps, conductance, box), volume, threads)
+    unlike = linking.unlike()
+    found = OnLattice(box, slots_of(steps, conductance, box), volume, threads, D / D[0], unlike)
+    return None if len(unlike.source) > MOST_UNLIKE * found.count.sum() else found
 
 
 class OnLattice:
-    """Exchange between the nodes of one lattice."""
+    """Exchange between the nodes of one lattice; few of its links may differ from what they are inside of one medium.
+
+    Rates of a node are `scale` (n,) times those of the slots; by default 1.
+    """
 
     name = "lattice"
 
-    def __init__(self, box: Box, slots: Slots, volume: NDArray[np.float64], threads: int) -> None:
+    def __init__(
+        self,
+        box: Box,
+        slots: Slots,
+        volume: NDArray[np.float64],
+        threads: int,
+        scale: NDArray[np.float64] | None = None,
+        unlike: Unlike | None = None,
+    ) -> None:
         self.volume, self.threads = volume, threads
         self._box, self._slots = box, slots
+        self._change: ChangedLinks | None = None
+        self._scale = np.ones(len(volume)) if scale is None else scale
         self._amount, self._whole = np.zeros((2, box.size + ABREAST))
         self._whole[box.cell] = volume
         runs = box.runs
@@ -132,11 +147,17 @@ class OnLattice:
         nothing, one, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
         self._amount[box.cell] = 1.0
         some = slots._replace(conductance=np.sign(np.abs(slots.conductance)))
-        self._share(_pull, some, (self._amount, nothing, nothing, box.order), counts)
+        self._share(_pull, some, (self._amount, nothing, nothing, one, box.order), counts)
         self.count = np.rint(counts).astype(np.int64)
-        self.total = nothing
-        self.rates(one, total := np.zeros(len(volume)))
-        self.total = total
+        self._outflow = nothing  # (n,) 1/s, of the slots
+        _put(box.cell, one, volume, self._amount)
+        self._share(_pull, slots, (self._amount, one, nothing, one, box.order), outflow := np.zeros(len(volume)))
+        self._outflow, self.total = outflow, self._scale * outflow
+        self.blocked = np.zeros(len(volume), dtype=np.int64)  # (n,) links that a crack blocks
+        if unlike is not None and len(unlike.source):
+            self._change = ChangedLinks(*unlike[:3], volume, threads)
+            self.count, self.blocked = self.count - unlike.lost, unlike.blocked
+            self.total = self.total + self._change.total
 
     def _share(self, kernel, slots, of, out) -> None:  # type: ignore[no-untyped-def]
         runs, ends = self._box.runs, self._ends
@@ -145,11 +166,13 @@ class OnLattice:
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         _put(self._box.cell, potential, self.volume, self._amount)
-        self._share(_pull, self._slots, (self._amount, potential, self.total, self._box.order), out)
+        self._share(_pull, self._slots, (self._amount, potential, self._outflow, self._scale, self._box.order), out)
+        if self._change is not None:
+            self._change.rates(potential, out)
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
-        full = self._slots.conductance.sum() * cell
+        full = self._scale * self._slots.conductance.sum() * cell
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
     def tangent(self) -> csr_array:
@@ -158,20 +181,23 @@ class OnLattice:
 
         nodes, row = np.arange(len(self.volume)), np.full(self._box.size, -1)
         row[self._box.cell] = nodes
-        entries = [(-self.total, nodes, nodes)]
+        entries = [(-self._scale * self._outflow, nodes, nodes)]
         for ahead, conductance in zip(*self._slots, strict=True):
             target = row[self._box.cell + ahead]
             there = (target >= 0) & (conductance > 0)
-            entries.append((conductance * self.volume[target[there]], nodes[there], target[there]))
+            pulls = self._scale[there] * conductance * self.volume[target[there]]
+            entries.append((pulls, nodes[there], target[there]))
         value, source, target = (np.concatenate(column) for column in zip(*entries, strict=True))
-        return coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
+        found: csr_array = coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
+        return found if self._change is None else (found + self._change.tangent()).tocsr()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         self._amount[self._box.cell] = share
         out = np.zeros(len(share))
         self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)
-        return float((out * self.volume).sum())
+        found = float((out * self._scale * self.volume).sum())
+        return found if self._change is None else found + self._change.contrast(share)
 
 
 @compiled()
@@ -182,7 +208,7 @@ def _put(cell, potential, volume, amount):  # type: ignore[no-untyped-def]
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
-    amount, potential, total, order = of
+    amount, potential, total, scale, order = of
     ahead, g = slots
     eights = len(ahead) // TOGETHER * TOGETHER
     s = np.zeros((runs.cells[first:last].max() if last > first else 1) + ABREAST)
@@ -205,7 +231,7 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
                 s[x] += g0 * amount[b0 + x] + g1 * amount[b1 + x]
         for x in range(runs.cells[r]):
             i = order[runs.node[r] + x]
-            out[i] += s[x] - total[i] * potential[i]
+            out[i] += scale[i] * (s[x] - total[i] * potential[i])
 
 
 @compiled()

@@ -39,11 +39,23 @@ def dimension_of(model: Model) -> int:
 
 
 class Part(NamedTuple):
-    """Links of some nodes, and the number blocked by cracks."""
+    """Links of some nodes, and those that they would have without cracks, holes and edges."""
 
     pairs: Pairs
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
-    blocked: NDArray[np.int64]  # rows of the nodes that each blocked one is of
+    blocked: NDArray[np.int64]  # rows of the nodes that each one blocked by a crack is of
+    lost: Pairs  # of all that are blocked
+    lost_conductance: NDArray[np.float64]  # 1/(s m^d)
+
+
+class Unlike(NamedTuple):
+    """Links of n nodes that differ from those of a full lattice, sorted by source, then target."""
+
+    source: NDArray[np.int64]  # (b,)
+    target: NDArray[np.int64]  # (b,)
+    conductance: NDArray[np.float64]  # (b,) 1/(s m^d), to be added
+    lost: NDArray[np.int64]  # (n,) links that are not there
+    blocked: NDArray[np.int64]  # (n,) those of them that a crack blocks
 
 
 def diffusivities(model: Model) -> NDArray[np.float64]:
@@ -109,12 +121,14 @@ class Linking:
     def part(self, rows: NDArray[np.int64]) -> Part:
         """Links of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
-        pairs = chosen(pairs, self.sight.inside(pairs))
         conductance = self.conductance(pairs)
-        there = conductance > ROUND_OFF * conductance.max(initial=0.0)
+        some = conductance > ROUND_OFF * conductance.max(initial=0.0)
+        pairs, conductance = chosen(pairs, some), conductance[some]
+        there = self.sight.inside(pairs)
         blocked = there & self.sight.cut(pairs)
         there &= ~blocked
-        return Part(chosen(pairs, there), conductance[there], pairs.source[blocked])
+        kept, lost = ((chosen(pairs, which), conductance[which]) for which in (there, ~there))
+        return Part(*kept, pairs.source[blocked], *lost)
 
     def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Links (b,) of some increasing rows, and their conductances (b,)."""
@@ -123,6 +137,24 @@ class Linking:
     def parts(self) -> Iterator[Part]:
         """All links, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
+
+    def unlike(self) -> Unlike:
+        """Where links differ from those of a full lattice that has each node's own diffusivity all over."""
+        D, nodes = self.diffusivity, len(self.model.grid)
+        lost, blocked = np.zeros((2, nodes), dtype=np.int64)
+        nothing = np.zeros(0, dtype=np.int64)
+        found = [(nothing, nothing, np.zeros(0))]
+        for part in self.parts() if (D[0] != D).any() or not self.sight.clear else ():
+            (i, j, _), (k, m, _) = part.pairs, part.lost
+            blocked += np.bincount(part.blocked, minlength=nodes)
+            lost += np.bincount(k, minlength=nodes)
+            crosses = D[i] != D[j]
+            i, j = i[crosses], j[crosses]
+            found.append((i, j, part.conductance[crosses] * (D[j] - D[i]) / (2 * D[j])))
+            found.append((k, m, -part.lost_conductance * (D[k] + D[m]) / (2 * D[m])))
+        source, target, conductance = (np.concatenate(column) for column in zip(*found, strict=True))
+        order = np.lexsort((target, source))
+        return Unlike(source[order], target[order], conductance[order], lost, blocked)
 
 
 class Links(NamedTuple):
@@ -141,7 +173,7 @@ def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64
     """All parts as one list, and the number (n,) of links of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
-    for pairs, conductance, hidden in parts:
+    for pairs, conductance, hidden, *_ in parts:
         blocked += np.bincount(hidden, minlength=nodes)
         digits = np.round(np.log(conductance) / ALIKE).astype(np.int64)
         order = np.lexsort((digits, pairs.source))

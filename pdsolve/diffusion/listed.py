@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.links import Links
-from pdsolve.diffusion.surfaces import Change
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import share
 
@@ -71,12 +70,19 @@ class BondList:
 
 
 class ChangedLinks(BondList):
-    """Exchange along what a surface correction adds to conductances: few links, none like another."""
+    """Exchange along what is added to conductances: few links, none like another."""
 
-    def __init__(self, change: Change, volume: NDArray[np.float64], threads: int) -> None:
-        start = np.searchsorted(change.source, np.arange(len(volume) + 1))
-        each = np.arange(len(change.source) + 1).astype(np.uint32)
-        super().__init__(Links(start, each, change.target.astype(np.uint32), change.conductance), volume, threads)
+    def __init__(
+        self,
+        source: NDArray[np.int64],
+        target: NDArray[np.int64],
+        conductance: NDArray[np.float64],
+        volume: NDArray[np.float64],
+        threads: int,
+    ) -> None:
+        """What is added to the `conductance` (b,) of links, which are sorted by source."""
+        start, each = np.searchsorted(source, np.arange(len(volume) + 1)), np.arange(len(source) + 1).astype(np.uint32)
+        super().__init__(Links(start, each, target.astype(np.uint32), conductance), volume, threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""

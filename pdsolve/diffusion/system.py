@@ -61,7 +61,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     change = None
     if medium.surface_correction:
         found = surfaces.correction(linked.links, volume, done.free, done.edges, linked.lacking)
-        done, change = with_edges(done, found.to_edge, found.edge), ChangedLinks(found, volume, threads)
+        done, change = with_edges(done, found.to_edge, found.edge), ChangedLinks(*found[:3], volume, threads)
     links = (lambda: linked.links) if run.adapt == "collocation" else partial(Linking, model)
     operator, drive = Fick(linked.exchange, links, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
@@ -107,7 +107,9 @@ def _linked(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
     if not (listed or medium.dissolution == "kinetic"):  # of which a link asks both of its ends
         slots = on_lattice(linking, volume, threads)
         if slots is not None:
-            return Linked(slots, linking, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), none)
+            return Linked(
+                slots, linking, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), slots.blocked
+            )
     links, blocked = links_of(linking.parts(), len(volume))
     return Linked(BondList(links, volume, threads), linking, every, blocked)
 
