@@ -14,6 +14,7 @@ import msgspec
 
 from benchmarks.pages import put_section
 from pdmesh.model.document import Collocation, Material, Run, Settings
+from pdmesh.model.material import DECLARED, switch_of
 from pdmesh.model.materials import KINDS
 from pdmesh.model.refused_settings import impossible
 
@@ -96,12 +97,15 @@ def parameters() -> str:
     kinds: dict[str, list[str]] = {}
     for kind in KINDS.values():
         for one in kind.parameters:
-            kinds.setdefault(one.name, []).append(kind.name)
-    every = {one.name: one for kind in KINDS.values() for one in kind.parameters}
-    for name, one in every.items():
-        default, used = getattr(usual, name), "" if one.used is None else f"`{one.used[0]}` {one.used[1]}"
+            kinds.setdefault(one, []).append(kind.name)
+    every = {name: struct for kind in KINDS.values() for struct in kind.structs for name in struct.__struct_fields__}
+    for name, struct in every.items():
+        switch = switch_of(struct)
+        default, used = getattr(usual, name), "" if switch is None else f"`{switch[0]}` {switch[1]}"
         said = "" if default is None else str(default).lower() if isinstance(default, bool) else f"{default}"
-        lines.append(f"| `{name}` | {one.unit} | {bounds(name)} | {said} | {', '.join(kinds[name])} | {used} |")
+        lines.append(
+            f"| `{name}` | {DECLARED[name].unit} | {bounds(name)} | {said} | {', '.join(kinds[name])} | {used} |"
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import msgspec
+import msgspec.inspect as inspection
 import numpy as np
 
 from pdmesh.drawing.units import UNITS, Unit
-from pdmesh.model.document import ADAPTS, Material, Run
+from pdmesh.model.document import ADAPTS, Run
+from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import Profile, parse_profile
@@ -29,19 +31,9 @@ SHARED = ("Rows", "Profile", "Breakable", "Box")  # of every condition
 LOAD = tuple(f"{kind} {axis}" for kind in ("Traction", "Body force") for axis in "xyz")
 FIX = ("Components", *(f"Displacement {axis}" for axis in "xyz"))
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
-WORDS = {"law": "Force law", "micromodulus": "Micromodulus", "plane": "Plane"} | {
-    word: word.capitalize() for word in ("model", "influence", "sight", "failure", "solid", "form", "control", "shape")
-}  # of a material: in the model, and in drawings
-NUMBERS = {name: name for name in ("E", "rho", "G0", "nu", "kr", "f_t")} | {
-    "gamma": "Gamma",
-    "strength": "Strength",
-    "control_factor": "Control factor",
-    "yield_stress": "Yield stress",
-    "hardening": "Hardening",
-    "alpha": "alpha",
-    "T0": "T0",
+MATERIAL = {  # parameters of a material: in the model, and in drawings
+    name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
-MATERIAL = (*NUMBERS.values(), *WORDS.values(), "Keep G0", "Order", "Constant term")
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
     f"Loads/{ANY}": LOAD + SHARED,
@@ -49,8 +41,8 @@ FOLDERS = {
     f"Moves/{ANY}": MOVE + SHARED,
     f"Absorbs/{ANY}": ("Width", "Box"),
     f"Load cells/{ANY}": ("Of",),
-    "Material": MATERIAL,
-    f"Materials/{ANY}": MATERIAL,
+    "Material": tuple(MATERIAL.values()),
+    f"Materials/{ANY}": tuple(MATERIAL.values()),
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
     f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], "Box"),
     f"Supplies/{ANY}": ("Flux", "Rate", "Heat flux", "Heat rate", *SHARED[:2], "Box"),
@@ -221,6 +213,18 @@ class Parameters:
             )
         return value
 
+    def of_type(self, name: str, kind: inspection.Type) -> float | bool | str | None:
+        """A number, a flag or a word, as a struct's field of this type has it; None if it is not given."""
+        for one in kind.types if isinstance(kind, inspection.UnionType) else (kind,):
+            match one:
+                case inspection.FloatType():
+                    return self.maybe(name)
+                case inspection.BoolType():
+                    return None if self.maybe(name) is None else self.flag(name, True)
+                case inspection.IntType():
+                    return None if self.maybe(name) is None else self.whole(name, 1)
+        return self.text(name) or None
+
     def profile(self, name: str) -> Profile:
         """A profile in time."""
         return parse_profile(self.text(name), f"parameter '{PREFIX}{name}'")
@@ -239,14 +243,9 @@ def one_like(name: str, known: Iterable[str]) -> str:
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder, completed from `base`; None if no parameter is given."""
-    given: dict[str, Any] = {name: parameters.maybe(f"{folder}/{own}") for name, own in NUMBERS.items()}
-    given |= {name: parameters.text(f"{folder}/{own}") or None for name, own in WORDS.items()}
-    for name, own in (("keep_G0", "Keep G0"), ("constant_term", "Constant term")):
-        if parameters.maybe(f"{folder}/{own}") is not None:
-            given[name] = parameters.flag(f"{folder}/{own}", True)
-    if parameters.maybe(f"{folder}/Order") is not None:
-        given["order"] = parameters.whole(f"{folder}/Order", 1)
-    given = {name: value for name, value in given.items() if value is not None}
+    every = ((field.name, f"{folder}/{MATERIAL[field.name]}", field.type) for field in _fields())
+    found = {name: parameters.of_type(own, kind) for name, own, kind in every}
+    given = {name: value for name, value in found.items() if value is not None}
     if base is not None:
         given = msgspec.to_builtins(base) | given
     if not given:
@@ -255,6 +254,12 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
         if name not in given:
             raise SceneError(f"parameter '{PREFIX}{folder}/{name}': found none, expected a number")
     return _converted(given, Material, folder)
+
+
+def _fields() -> tuple[inspection.Field, ...]:
+    found = inspection.type_info(Material)
+    assert isinstance(found, inspection.StructType)
+    return found.fields
 
 
 def content(parameters: Parameters, folder: str) -> float:

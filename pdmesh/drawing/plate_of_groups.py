@@ -11,10 +11,7 @@
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
-    -                                         Material/E, rho, G0, nu, Force law, kr, Keep G0, f_t, Shape,
-                                              Micromodulus, Plane, Model, Influence, Failure,
-                                              Strength, Solid, Form, Control, Control factor, Order,
-                                              Constant term, Yield stress, Hardening, alpha, T0
+    -                                         Material/E, rho, G0, Force law and so on (`parameters.MATERIAL`)
     -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
     -                                         Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
     -                                         Refine/crack, notch or hole/Distance, Spacing

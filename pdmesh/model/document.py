@@ -18,6 +18,7 @@ import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.digest import compare, sealed
+from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
 from pdmesh.model.medium import InitialConcentration as InitialConcentration
@@ -45,7 +46,6 @@ FORMAT_VERSION, SPACE_VERSION = 1, 2  # of plates; of bodies in space
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
 MOST_LEVELS = 6  # how often a cell can be split
-USUAL_LAW = "brittle"
 
 # hybrid: peridynamics where bonds may break, a compact lattice elsewhere; collocation: stencils of the same horizon
 # there; split: cells split where energy is
@@ -58,47 +58,6 @@ Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  
 
 class GridError(ValueError):
     """A grid file that cannot be used; the message names file, place, what was found and expected."""
-
-
-class Material(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Material of the plate or of a region."""
-
-    E: Positive  # Young's modulus, Pa
-    rho: Positive  # density, kg/m^3
-    G0: Positive  # fracture energy, J/m^2
-    nu: Annotated[float, msgspec.Meta(gt=-1, lt=1)] | None = None  # of bonds as published: they have 1/3 or 1/4
-    model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
-    law: str = USUAL_LAW  # of bonds: one of those that the solver knows
-    kr: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # bilinear: stretch at which a bond breaks over that of its peak
-    keep_G0: bool = True  # bilinear: spend G0 on a crack; False: G0 / kr, as in the thesis
-    f_t: Positive | None = None  # cohesive: tensile strength, Pa
-    shape: Literal["linear", "bilinear", "exponential"] = "linear"  # cohesive: of the softening curve
-    micromodulus: Literal["conical", "constant"] = "conical"
-    plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
-    influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
-    sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
-    gamma: Annotated[float, msgspec.Meta(ge=1)] = 1.0  # diffraction: how much farther the way round is, as a power
-    failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
-    strength: Positive | None = None  # correspondence: largest principal stress of a bond that fails by it, Pa
-    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # correspondence: what stress follows strain
-    form: Literal["total", "rate"] = "total"  # correspondence: from the start, or from step to step
-    control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # correspondence: of modes without energy
-    control_factor: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # silling
-    order: Annotated[int, msgspec.Meta(ge=1, le=7)] = 1  # correspondence: of the polynomials gradients are fitted by
-    constant_term: bool = False  # correspondence: the fit does not have to pass through its own node
-    alpha: float | None = None  # thermoelastic: strain of a free body for each K, or mol/m^3, above T0
-    T0: float | None = None  # thermoelastic: K, or mol/m^3, of a body free of stress, and at time 0
-    yield_stress: Positive | None = None  # j2, Pa
-    hardening: float = 0.0  # j2: stress per plastic strain, Pa
-
-    def __post_init__(self) -> None:
-        if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
-            msgspec.structs.force_setattr(self, "law", USUAL_LAW)
-
-    @property
-    def detour(self) -> float | None:
-        """Exponent of the distance round a crack's tips; None if bonds across a crack are cut."""
-        return self.gamma if self.sight == "diffraction" else None
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import C11, C66, critical_stretch, dimension_of, micromodulus, poisson
 from pdmesh.model.neighbours import ROUND_OFF, lengths
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 
 BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4, "space": 1 / 4}  # Poisson's ratio of bonds, by plane
 C11 = {"stress": 1.125, "strain": 1.2, "space": 1.2}  # over E, by plane

@@ -15,11 +15,11 @@ from pdmesh.model.document import (
     Acceleration,
     GridError,
     InitialVelocity,
-    Material,
     Settings,
     Static,
     Velocity,
 )
+from pdmesh.model.material import DECLARED, Expansion, Material, missing, switch_of
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
 
@@ -44,9 +44,8 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
     """What a motion that a content swells does not take, of settings and of every material with its place."""
     why = "as the physics is thermoelastic"
     for place, material in every:
-        for name in ("alpha", "T0"):
-            if getattr(material, name) is None:
-                yield Impossible(f"{place}.{name}", "none", f"a number, {why}")
+        for name, needed in missing(material, Expansion):
+            yield Impossible(f"{place}.{name}", "none", f"{needed}, {why}")
     if settings.medium is not None and settings.medium.C_solid is not None:
         yield Impossible("$.medium.C_solid", f"{settings.medium.C_solid:g}", f"none, {why}")
     run = settings.run
@@ -100,6 +99,7 @@ def of_material(material: Material, place: str) -> Iterator[Impossible]:
     """What a material cannot be, or says to a kind that it means nothing to."""
     yield from _quoted(material, place, _unheard(material))
     yield from _quoted(material, place, KINDS[material.model].wrong(material))
+    yield from _quoted(material, place, _missing(material))
 
 
 def _quoted(material: Material, place: str, refusals: Refusals) -> Iterator[Impossible]:
@@ -217,12 +217,20 @@ def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
 def _unheard(material: Material) -> Refusals:
     """Settings that a material's kind does not use."""
     kind = KINDS[material.model]
-    known = {parameter.name for parameter in kind.parameters}
-    others = (parameter for other in KINDS.values() for parameter in other.parameters if parameter.refused)
-    for parameter in others:
-        if parameter.name not in known and getattr(material, parameter.name) != getattr(USUAL, parameter.name):
-            yield Refusal(parameter.name, f"none with model '{kind.name}'")
+    others = (name for other in KINDS.values() for name in other.parameters if name not in kind.parameters)
+    for name in others:
+        if DECLARED[name].refused and getattr(material, name) != getattr(USUAL, name):
+            yield Refusal(name, f"none with model '{kind.name}'")
     if material.sight == "visibility" and material.gamma != USUAL.gamma:
         yield Refusal("gamma", "none with sight 'visibility'")
     if material.failure not in kind.failures:
         yield Refusal("failure", f"one of {', '.join(kind.failures)} with model '{kind.name}'")
+
+
+def _missing(material: Material) -> Refusals:
+    """Parameters that a word of the material asks for and that are not given."""
+    for struct in KINDS[material.model].structs:
+        switch = switch_of(struct)
+        if switch is not None and getattr(material, switch[0]) == switch[1]:
+            for name, needed in missing(material, struct):
+                yield Refusal(name, f"{needed}, with {switch[0]} '{switch[1]}'")

@@ -6,12 +6,12 @@ A setting that asks for something impossible is refused elsewhere; those here on
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby
 from typing import Any, NamedTuple
 
 import msgspec
 
-from pdmesh.model.document import Material, Medium, Settings
+from pdmesh.model.document import Medium, Settings
+from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, switch_of
 from pdmesh.model.materials import KINDS
 
 
@@ -36,12 +36,12 @@ class Unused(NamedTuple):
 def _of_materials() -> Iterator[Used]:
     """Settings of materials that are used with others alone."""
     for kind in KINDS.values():
-        used = [parameter for parameter in kind.parameters if parameter.used is not None]
-        for (switch, instead), group in groupby(used, lambda one: (one.used, one.instead)):
-            assert switch is not None
-            names = tuple(f"material.{parameter.name}" for parameter in group)
-            yield Used(names, ((f"material.{switch[0]}", switch[1]),), instead=instead)
-        said = tuple(f"material.{parameter.name}" for parameter in kind.parameters if not parameter.refused)
+        for struct in kind.structs:
+            if (switch := switch_of(struct)) is not None:
+                names = tuple(f"material.{name}" for name in struct.__struct_fields__)
+                instead = USUAL_LAW if switch[0] == "law" else None  # other laws may use the same parameters
+                yield Used(names, ((f"material.{switch[0]}", switch[1]),), instead=instead)
+        said = tuple(f"material.{name}" for name in kind.parameters if not DECLARED[name].refused)
         if said:
             yield Used(said, (("material.model", kind.name),))
 
@@ -51,7 +51,7 @@ TABLE = (
     Used(("run.split",), (("run.adapt", "split"),)),
     Used(("run.collocation",), (("run.adapt", "collocation"),)),
     Used(("run.collocation",), (("physics", "mechanics"),)),
-    Used(("material.alpha", "material.T0"), (("physics", "thermoelastic"),)),
+    Used(tuple(f"material.{name}" for name in Expansion.__struct_fields__), (("physics", "thermoelastic"),)),
     Used(("run.particles",), (("run.cracks", "particles"),)),
     Used(("run.particles.branch",), (("run.particles.criterion", "stress"),)),
     Used(("run.particles.branch",), (("run.particles.direction", "hoop"),)),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.node_grid import Grid

@@ -6,11 +6,12 @@ import msgspec
 import numpy as np
 
 from pdmesh.model import cohesive_cracks
-from pdmesh.model.document import Material
+from pdmesh.model.full_lattice import has_partial_cells, lattice_ratios
+from pdmesh.model.material import Material
 
 
 def softening(material: Material | None, ratio: float, spacing: float, dimension: int) -> dict[str, float]:
-    """Numbers in SI units, of the conservative mode at a spacing, m; none where bonds do not soften.
+    """Numbers in SI units, of the conservative mode at a spacing, m; none where bonds do not soften or pull at all.
 
     Of bilinear bonds `f_t` is the tensile strength that their `kr` amounts to.
     """
@@ -18,6 +19,8 @@ def softening(material: Material | None, ratio: float, spacing: float, dimension
         return {}
     material = msgspec.structs.replace(material, plane="space") if dimension == 3 else material
     horizon = ratio * spacing
+    if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
+        return {}
     if material.law == "bilinear" and material.kr > 1:
         return {"f_t": cohesive_cracks.strength_of_peak(material, ratio, horizon)}
     if material.law != "cohesive" or material.f_t is None:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_faces import Surface, opened, surface
 from pdpost.measures.crack_fronts import Polyline, fronts, length, speeds

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdpost.measures.balance import damping
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.refused_settings import of_material
 from pdsolve.laws import (

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numba.extending import register_jitable
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import INNER, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law

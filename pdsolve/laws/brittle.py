@@ -7,7 +7,7 @@ it at each node.
 
 from __future__ import annotations
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Pair
 from pdsolve.laws.pair import PairColumns, pair_law

@@ -27,7 +27,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from pdmesh.model.cohesive_cracks import AREA, DECAYS, critical_opening, first_stretch
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import INNER, Function, Law, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Material
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import INLINE as INLINE
 from pdsolve.laws.bond_arrays import INNER as INNER

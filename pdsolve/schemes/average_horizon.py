@@ -30,9 +30,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of

@@ -21,8 +21,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths
 from pdmesh.model.visibility import sight_of
@@ -111,9 +111,7 @@ def _limit(material: Material, ratio: float) -> Limit:
         return lambda reach: np.full_like(reach, np.inf)
     if material.failure == "stress":
         return lambda reach: np.full_like(reach, material.strength or np.inf)
-    unit = msgspec.structs.replace(
-        material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", law="brittle", kr=1.0
-    )
+    unit = msgspec.structs.replace(material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total")
     spent = _cost(unit, ratio)
     if material.failure == "stretch":
         return lambda reach: np.sqrt(material.G0 / (spent * material.E * reach))

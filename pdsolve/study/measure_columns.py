@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from pdmesh.model.material import DECLARED
+
 OWN = ("number", "key", "status", "error", "file", "repetition")
 
 
@@ -58,11 +60,9 @@ def measures_of(dimension: int) -> dict[str, Measure]:
     return {name: one._replace(unit=in_space.get(one.unit, one.unit)) for name, one in MEASURES.items() if one.in_space}
 
 
-UNITS = {  # of settings of a model
-    "material.E": "Pa", "material.rho": "kg/m^3", "material.G0": "J/m^2", "material.strength": "Pa",
-    "material.yield_stress": "Pa", "material.hardening": "Pa", "run.time_step": "s", "run.quiet": "s",
-    "run.damping": "1/s", "run.duration": "s",
-}  # fmt: skip
+UNITS = {f"material.{name}": declared.unit for name, declared in DECLARED.items()} | {
+    "run.time_step": "s", "run.quiet": "s", "run.damping": "1/s", "run.duration": "s",
+}  # of settings of a model  # fmt: skip
 
 
 def column_of(kind: str, name: str) -> str:

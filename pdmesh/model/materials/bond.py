@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from pdmesh.model.document import USUAL_LAW, Material
+from pdmesh.model.material import USUAL_LAW, Bilinear, BondLaw, Cohesive, Material
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.materials.kind import COHESIVE, Kind, Parameter, Refusal, Refusals, softens, without_strength
+from pdmesh.model.materials.kind import Kind, Refusal, Refusals, softens
 
 FOLLOWED = (USUAL_LAW, "bilinear", "cohesive")  # laws whose bonds break at rest
 NEAR = 0.01  # Poisson's ratios this near are one
 
 
 def wrong(material: Material) -> Refusals:
-    """A cohesive law needs its strength, and Poisson's ratio is that of springs at most."""
-    if material.law != "cohesive":
-        return
-    yield from without_strength(material)
+    """Poisson's ratio of cohesive bonds is that of springs at most."""
     most = BONDS_NU[material.plane]
-    if material.nu is not None and material.nu > most + NEAR:
+    if material.law == "cohesive" and material.nu is not None and material.nu > most + NEAR:
         yield Refusal("nu", f"{most:.4g} of bonds in plane {material.plane}, or less, with law 'cohesive'")
 
 
@@ -50,11 +47,7 @@ def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
 
 BOND = Kind(
     name="bond",
-    parameters=(
-        Parameter("kr", used=("law", "bilinear"), instead=USUAL_LAW),
-        Parameter("keep_G0", used=("law", "bilinear"), instead=USUAL_LAW, refused=False),
-        *COHESIVE,
-    ),
+    structs=(BondLaw, Bilinear, Cohesive),
     failures=("stretch",),
     wrong=wrong,
     at_rest=at_rest,

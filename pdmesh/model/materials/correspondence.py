@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pdmesh.model.document import Material
+from pdmesh.model.material import Correspondence, Family, Material, Plastic, Silling, StressFailure
 from pdmesh.model.materials.kind import (
     Kind,
-    Parameter,
     Refusal,
     Refusals,
     bonds_alone,
@@ -20,9 +19,6 @@ def wrong(material: Material) -> Refusals:
     """Settings that contradict each other, or are missing."""
     yield from compressible(material)
     solid, beyond = SOLIDS[material.solid], material.order > 1 or material.constant_term
-    if material.failure == "stress" and material.strength is None:
-        yield Refusal("strength", "the largest principal stress, Pa, as failure is by stress")
-    yield from solid.wrong(material)
     if material.hardening < 0:
         yield Refusal("hardening", "0 Pa or more: what softens flows in one row of nodes, however thin")
     if material.form == "rate" and not solid.rates:
@@ -49,17 +45,7 @@ def with_particles(material: Material) -> Refusals:
 
 CORRESPONDENCE = Kind(
     name="correspondence",
-    parameters=(
-        Parameter("influence"),
-        Parameter("strength", "Pa", used=("failure", "stress")),
-        Parameter("solid"),
-        Parameter("form"),
-        Parameter("control"),
-        Parameter("control_factor", used=("control", "silling"), refused=False),
-        Parameter("order"),
-        Parameter("constant_term"),
-        *(parameter for solid in SOLIDS.values() for parameter in solid.parameters),
-    ),
+    structs=(Family, StressFailure, Correspondence, Silling, Plastic),
     failures=("stretch", "energy", "stress", "none"),
     wrong=wrong,
     at_rest=intact_at_rest,

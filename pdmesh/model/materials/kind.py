@@ -6,17 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pdmesh.model.document import USUAL_LAW, Material
+import msgspec
 
-
-class Parameter(NamedTuple):
-    """A setting of `Material`, which has its bounds and its default."""
-
-    name: str
-    unit: str = ""  # "" of words and of numbers without one
-    used: tuple[str, str] | None = None  # another setting and what that must be for this one to be used
-    instead: str | None = None  # what that setting is where this one is surely not used; None: anything else
-    refused: bool = True  # with other kinds; else it is said that it is not used
+from pdmesh.model.material import USUAL_LAW, Material
 
 
 class Refusal(NamedTuple):
@@ -29,24 +21,11 @@ class Refusal(NamedTuple):
 Refusals = Iterator[Refusal]
 
 
-COHESIVE = (  # settings of bonds that soften by what a laboratory gives
-    Parameter("law"),
-    Parameter("f_t", "Pa", used=("law", "cohesive"), instead=USUAL_LAW),
-    Parameter("shape", used=("law", "cohesive"), instead=USUAL_LAW),
-)
-
-
 def softens(material: Material) -> bool:
     """Whether bonds, alone or with rotations, are of a law that is not brittle."""
     if material.model not in ("bond", "micropolar"):
         return False
     return material.law != USUAL_LAW and not (material.law == "bilinear" and material.kr == 1)
-
-
-def without_strength(material: Material) -> Refusals:
-    """Refuses a cohesive law without its strength."""
-    if material.law == "cohesive" and material.f_t is None:
-        yield Refusal("f_t", "the tensile strength, Pa, with law 'cohesive'")
 
 
 def nothing(material: Material) -> Refusals:
@@ -69,7 +48,7 @@ class Kind:
     """A kind of material, `Material.model`; each rule yields what is refused of one."""
 
     name: str
-    parameters: tuple[Parameter, ...]  # of its own, or shared with some others
+    structs: tuple[type[msgspec.Struct], ...]  # of parameters of its own, or shared with some others
     failures: tuple[str, ...]  # `Material.failure`
     wrong: Callable[[Material], Refusals] = nothing  # in itself
     in_space: Callable[[Material], Refusals] = nothing
@@ -78,6 +57,11 @@ class Kind:
     with_particles: Callable[[Material], Refusals] = nothing  # cracks that are particles
     one_sided: Callable[[Material], Refusals]  # the thesis mode
     adaptive: Callable[[Material, Material, str], Refusals]  # by the plate's own material and `Run.adapt`
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(name for struct in self.structs for name in struct.__struct_fields__)
 
 
 def intact_at_rest(material: Material, breaks: bool) -> Refusals:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pdmesh.model.document import USUAL_LAW, Material
+from pdmesh.model.material import USUAL_LAW, BondLaw, Cohesive, Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.materials.kind import (
-    COHESIVE,
     Kind,
     Refusal,
     Refusals,
@@ -13,7 +12,6 @@ from pdmesh.model.materials.kind import (
     compressible,
     softens,
     symmetric_alone,
-    without_strength,
 )
 
 SAME = 1e-12  # of Poisson's ratios: nearer than round-off
@@ -25,7 +23,6 @@ def wrong(material: Material) -> Refusals:
     yield from compressible(material)
     if material.law not in (USUAL_LAW, "cohesive"):
         yield Refusal("law", f"'{USUAL_LAW}' or 'cohesive' with model 'micropolar'")
-    yield from without_strength(material)
     if softens(material) and material.failure != "stretch":
         yield Refusal("failure", "'stretch' with law 'cohesive'")
     most = BONDS_NU[material.plane]
@@ -54,7 +51,7 @@ def at_rest(material: Material, breaks: bool) -> Refusals:
 
 MICROPOLAR = Kind(
     name="micropolar",
-    parameters=COHESIVE,
+    structs=(BondLaw, Cohesive),
     failures=("stretch", "none"),
     wrong=wrong,
     in_space=in_space,

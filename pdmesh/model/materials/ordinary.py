@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from pdmesh.model.materials.kind import Kind, Parameter, bonds_alone, compressible, intact_at_rest, symmetric_alone
+from pdmesh.model.material import Family
+from pdmesh.model.materials.kind import Kind, bonds_alone, compressible, intact_at_rest, symmetric_alone
 
 ORDINARY = Kind(
     name="ordinary",
-    parameters=(Parameter("influence"),),
+    structs=(Family,),
     failures=("stretch", "energy", "none"),
     wrong=compressible,
     at_rest=intact_at_rest,

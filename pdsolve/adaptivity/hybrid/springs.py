@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material
 from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes

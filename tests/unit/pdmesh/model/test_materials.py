@@ -32,7 +32,7 @@ YES = [
 
 
 def test_every_setting_is_shared_or_of_a_kind() -> None:
-    own = {parameter.name for kind in KINDS.values() for parameter in kind.parameters}
+    own = {parameter for kind in KINDS.values() for parameter in kind.parameters}
     assert own | SHARED == set(Material.__struct_fields__)
     assert not own & SHARED
 

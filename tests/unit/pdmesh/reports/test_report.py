@@ -88,9 +88,9 @@ def test_info_of_a_shipped_scene() -> None:
     assert lines[-1].startswith("load 'bottom': 204 nodes")
 
 
-def softening_of(**given: Any) -> dict[str, float]:
+def softening_of(horizon: float = 3.0, **given: Any) -> dict[str, float]:
     """What `info` says of a plate of spacing 1 mm and 3 mm horizons, of E = 65 GPa and G0 = 204 J/m^2."""
-    model = document(Scene(box(0, 0, 0.01, 0.01), 1e-3, msgspec.structs.replace(GLASS, **given)))
+    model = document(Scene(box(0, 0, 0.01, 0.01), 1e-3, msgspec.structs.replace(GLASS, **given), horizon=horizon))
     found: dict[str, float] = info(model, "plate.json")["softening"]
     return found
 
@@ -107,6 +107,7 @@ def test_info_of_how_bonds_soften() -> None:
     assert softening_of(law="bilinear", kr=4.0)["f_t"] == pytest.approx(1.3 * 65e9 * s_c / 2, rel=0.02)
     assert softening_of(law="bilinear", kr=4.0, keep_G0=False)["f_t"] == pytest.approx(1.3 * 65e9 * s_c / 4, rel=0.02)
     assert softening_of() == {}
+    assert softening_of(1.0, law="bilinear", kr=4.0) == {}  # bonds as long as the horizon have no stiffness
 
 
 def test_info_of_a_condition_without_values() -> None:

@@ -1,0 +1,171 @@
+"""A material: constants that every one has, and a tagged struct for each kind, law and solid with what is its own.
+
+A grid file, a settings file and a call of `Material` write them as one flat table. The tag of a struct is the word of
+that table by which it is chosen: `Cohesive` belongs to materials whose ``law`` is "cohesive". A parameter is declared
+here and nowhere else: default, bounds, unit, name in drawings, and whether it must be given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
+
+import msgspec
+from msgspec import Meta
+
+from pdmesh.model.timed_selection import Positive
+
+USUAL_LAW = "brittle"
+
+
+class Declared(NamedTuple):
+    """What a parameter's declaration says besides its type, default and bounds."""
+
+    unit: str = ""  # "" of words and of numbers without one
+    drawn: str = ""  # its name in drawings; "": its own in words, such as Yield stress
+    needed: str = ""  # what must be given where its struct is chosen; "": nothing
+    refused: bool = True  # with other kinds; else it is said that it is not used
+
+
+class Elastic(msgspec.Struct, frozen=True):
+    """What every material has."""
+
+    E: Annotated[Positive, Declared("Pa", "E")]  # Young's modulus
+    rho: Annotated[Positive, Declared("kg/m^3", "rho")]  # density
+    G0: Annotated[Positive, Declared("J/m^2", "G0")]  # fracture energy
+    nu: Annotated[  # Poisson's ratio; None: of bonds as published, 1/3 or 1/4
+        Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")
+    ] = None
+    model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
+    micromodulus: Literal["conical", "constant"] = "conical"
+    plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
+    sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
+    failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
+
+
+class Diffraction(msgspec.Struct, frozen=True, tag_field="sight", tag="diffraction"):
+    """Bonds that go round the tips of cracks."""
+
+    gamma: Annotated[float, Meta(ge=1)] = 1.0  # how much farther the way round is, as a power
+
+
+class BondLaw(msgspec.Struct, frozen=True):
+    """Bonds whose force a law gives."""
+
+    law: Annotated[str, Declared(drawn="Force law")] = USUAL_LAW  # one of those that the solver knows
+
+
+class Bilinear(msgspec.Struct, frozen=True, tag_field="law", tag="bilinear"):
+    """Bonds that soften along a line."""
+
+    kr: Annotated[float, Meta(ge=1), Declared("", "kr")] = 1.0  # stretch at which a bond breaks over that of its peak
+    keep_G0: Annotated[bool, Declared(refused=False)] = True  # spend G0 on a crack; False: G0 / kr, as in the thesis
+
+
+class Cohesive(msgspec.Struct, frozen=True, tag_field="law", tag="cohesive"):
+    """Bonds that soften by their opening."""
+
+    f_t: Annotated[Positive | None, Declared("Pa", "f_t", needed="the tensile strength, Pa")] = None
+    shape: Literal["linear", "bilinear", "exponential"] = "linear"  # of the softening curve
+
+
+class Family(msgspec.Struct, frozen=True):
+    """Forces that all neighbours of a node decide on."""
+
+    influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
+
+
+class Correspondence(msgspec.Struct, frozen=True, tag_field="model", tag="correspondence"):
+    """A solid behind the gradient of a family."""
+
+    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # what stress follows strain
+    form: Literal["total", "rate"] = "total"  # from the start, or from step to step
+    control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # of modes without energy
+    order: Annotated[int, Meta(ge=1, le=7)] = 1  # of the polynomials gradients are fitted by
+    constant_term: bool = False  # the fit does not have to pass through its own node
+
+
+class StressFailure(msgspec.Struct, frozen=True, tag_field="failure", tag="stress"):
+    """Bonds that fail by the stress of their ends."""
+
+    strength: Annotated[Positive | None, Declared("Pa", needed="the largest principal stress, Pa")] = None
+
+
+class Silling(msgspec.Struct, frozen=True, tag_field="control", tag="silling"):
+    """Control of modes without energy by springs along the bonds."""
+
+    control_factor: Annotated[float, Meta(ge=0), Declared(refused=False)] = 0.5  # of the springs
+
+
+class Plastic(msgspec.Struct, frozen=True, tag_field="solid", tag="j2"):
+    """A metal that yields."""
+
+    yield_stress: Annotated[Positive | None, Declared("Pa", needed="the yield stress, Pa")] = None
+    hardening: Annotated[float, Declared("Pa")] = 0.0  # stress per plastic strain
+
+
+class Expansion(msgspec.Struct, frozen=True, tag_field="physics", tag="thermoelastic"):
+    """A solid that heat or a solvent swells."""
+
+    # strain of a free body for each K, or mol/m^3, above T0
+    alpha: Annotated[float | None, Declared("1/K", "alpha", needed="a number")] = None
+    T0: Annotated[float | None, Declared("K", "T0", needed="a number")] = None  # of a body free of stress, at time 0
+
+
+CHOSEN = (Diffraction, BondLaw, Bilinear, Cohesive, Family, Correspondence, StressFailure, Silling, Plastic, Expansion)
+
+if TYPE_CHECKING:
+
+    class _Flat(
+        Expansion, Plastic, Silling, StressFailure, Correspondence, Family, Cohesive, Bilinear, BondLaw, Diffraction,
+        Elastic, frozen=True
+    ):  # fmt: skip
+        """All of them in one table."""
+
+else:  # a struct with several bases is none
+    _Flat = msgspec.defstruct(
+        "_Flat",
+        [
+            (field.name, field.type) if field.required else (field.name, field.type, field.default)
+            for struct in (Elastic, *CHOSEN)
+            for field in msgspec.structs.fields(struct)
+        ],
+        frozen=True,
+    )
+
+
+class Material(_Flat, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Material of the plate or of a region: `Elastic`, and what it chooses of the structs in `CHOSEN`."""
+
+    def __post_init__(self) -> None:
+        if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
+            msgspec.structs.force_setattr(self, "law", USUAL_LAW)
+
+    @property
+    def detour(self) -> float | None:
+        """Exponent of the distance round a crack's tips; None if bonds across a crack are cut."""
+        return self.gamma if self.sight == "diffraction" else None
+
+
+def _declared(struct: type[msgspec.Struct]) -> dict[str, Declared]:
+    hints: dict[str, Any] = get_type_hints(struct, include_extras=True)
+    return {
+        name: next((part for part in get_args(hints[name]) if isinstance(part, Declared)), Declared())
+        for name in struct.__struct_fields__
+    }
+
+
+DECLARED = {name: declared for struct in (Elastic, *CHOSEN) for name, declared in _declared(struct).items()}
+
+
+def switch_of(struct: type[msgspec.Struct]) -> tuple[str, str] | None:
+    """The word of a material that chooses a struct, and its value; None if its kind of material alone does."""
+    config = struct.__struct_config__
+    return None if config.tag_field in (None, "model") else (str(config.tag_field), str(config.tag))
+
+
+def missing(material: Material, struct: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
+    """Parameters of a struct that must be given and are not, and what is expected."""
+    for name in struct.__struct_fields__:
+        if DECLARED[name].needed and getattr(material, name) is None:
+            yield name, DECLARED[name].needed
