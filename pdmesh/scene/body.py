@@ -10,23 +10,20 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import (
     AnyCondition,
-    Concentration,
     Displacement,
-    Exchange,
-    InitialConcentration,
     Load,
     Material,
     MediumRegion,
     Region,
     Run,
-    Source,
 )
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.medium import Medium
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
-from pdmesh.scene.heat import Heat, Physics, capacity, physics_of
+from pdmesh.scene.diffusion_conditions import DiffusionConditions
+from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
@@ -74,7 +71,7 @@ class SolidCondition:
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
     Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
@@ -209,81 +206,19 @@ class Body:
         """The body with a dissolving solid."""
         return self._with(Dissolving, {}, solid, 1, name)
 
-    def begin(self, solid: Solid, concentration: float, name: str = "") -> Body:
-        """The body with a concentration (mol/m^3) in a solid at time 0."""
-        return self._with(InitialConcentration, {"value": concentration}, solid, 1, name)
-
-    def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
-        """The body with a concentration (mol/m^3) prescribed on a side, or at the nodes of a solid or sheet; see
-        `load`."""
-        return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
-
-    def supply(
-        self,
-        where: Where,
-        flux: float | None = None,
-        rate: float | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Body:
-        """The body with a flux (mol/(m^2 s)) through a sheet, or a rate (mol/(m^3 s)) of supply; see `load`."""
-        name = name or name_of(where)
-        if (flux is None) == (rate is None):
-            raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
-        surface = None if flux is None else _area(where, f"source '{name}'")
-        values = {"flux": flux, "rate": rate, "surface": surface}
-        return self._with(Source, values, where, rows, name, profile=profile)
-
-    def exchange(
-        self,
-        where: Sheet,
-        coefficient: float,
-        outside: float = 0.0,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Body:
-        """The body with a flux through a sheet of `coefficient` (m/s) times (`outside` - C), mol/m^3; see `load`."""
-        name = name or name_of(where)
-        surface = _area(where, f"exchange '{name}'")
-        values = {"coefficient": coefficient, "value": outside, "surface": surface}
-        return self._with(Exchange, values, where, rows, name, profile=profile)
-
-    def initial_temperature(self, solid: Solid, T: float, name: str = "") -> Body:
-        """The body with a temperature T (K) in a solid at time 0; elsewhere that is T0 of the material."""
-        return self.begin(solid, T, name)
-
-    def temperature(self, where: Where, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Body:
-        """The body with a temperature T (K) prescribed on a side, or at the nodes of a solid or sheet; see `load`."""
-        return self.hold(where, T, rows, profile, name)
-
-    def heat(
-        self,
-        where: Where,
-        flux: float | None = None,
-        rate: float | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Body:
-        """The body with heat supplied: a flux (W/m^2) through a sheet, or a rate (W/m^3); see `load`."""
-        rho_c = capacity(self.medium, self.material, f"source '{name or name_of(where)}'")
-        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
-        return self.supply(where, flux, rate, rows, profile, name)
-
-    def convection(
-        self, where: Sheet, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
-    ) -> Body:
-        """The body with a heat flux of h (W/(m^2 K)) times (`outside` - T), K, in through a sheet; see `load`."""
-        rho_c = capacity(self.medium, self.material, f"exchange '{name or name_of(where)}'")
-        return self.exchange(where, h / rho_c, outside, rows, profile, name)
-
     def diffusivity(self, solid: Solid, D: float, name: str = "") -> Body:
         """The body with another diffusivity (m^2/s) in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"medium '{name}'"), actions.medium(name, D))
         return replace(self, media=(*self.media, part))
+
+    def _named(self, where: Where, kind: str) -> str:
+        return name_of(where)
+
+    def _size(self, where: Where, place: str) -> dict[str, float]:
+        if not isinstance(where, Sheet):
+            raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet that the flux goes through")
+        return {"surface": where.area}
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
@@ -297,12 +232,6 @@ class Body:
             checked(where, place)
         condition = SolidCondition(where, rows, action)
         return replace(self, conditions=(*self.conditions, condition))
-
-
-def _area(where: Where, place: str) -> float:
-    if not isinstance(where, Sheet):
-        raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet that the flux goes through")
-    return where.area
 
 
 def _triangles(found: Any, place: str) -> NDArray[np.float64]:

@@ -25,22 +25,18 @@ from pdmesh.model.document import (
     Absorb,
     Adapt,
     AnyCondition,
-    Concentration,
     Displacement,
-    Exchange,
     Gap,
-    InitialConcentration,
     Load,
     LoadCell,
     Material,
     Point,
     Region,
     Solid,
-    Source,
 )
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
-from pdmesh.scene.heat import capacity
+from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.plate import Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -52,7 +48,7 @@ Components: TypeAlias = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
-class Scene(Plate):
+class Scene(Plate, DiffusionConditions[Where]):
     """A description of a plate. Raises SceneError for parts that contradict each other."""
 
     def __post_init__(self) -> None:
@@ -193,83 +189,20 @@ class Scene(Plate):
         """The scene with a dissolving solid in the shape."""
         return self._with(Solid, {}, shape, 1, name)
 
-    def begin(self, shape: Shape, concentration: float, name: str = "") -> Scene:
-        """The scene with a concentration (mol/m^3) in the shape at time 0."""
-        return self._with(InitialConcentration, {"value": concentration}, shape, 1, name)
-
     def diffusivity(self, shape: Shape, D: float, name: str = "") -> Scene:
         """The scene with another diffusivity (m^2/s) in the shape."""
         name = name or name_of(shape, "medium")
         region, area = actions.medium(name, D), surface(shape, self.finest, f"medium '{name}'")
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
-    def hold(self, where: Where, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
-        """The scene with a concentration (mol/m^3) prescribed on a curve, or at the nodes of a surface; see `load`."""
-        return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
+    def _named(self, where: Where, kind: str) -> str:
+        return name_of(where, kind)
 
-    def supply(
-        self,
-        where: Where,
-        flux: float | None = None,
-        rate: float | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Scene:
-        """The scene with a flux (mol/(m^2 s)) through a curve, or a rate (mol/(m^3 s)) there or in a surface; see
-        `load`."""
-        name = name or name_of(where, "source")
-        length = self._length(where, f"source '{name}'") if flux is not None else None
-        return self._with(Source, {"flux": flux, "rate": rate, "length": length}, where, rows, name, profile=profile)
-
-    def exchange(
-        self,
-        where: Where,
-        coefficient: float,
-        outside: float = 0.0,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Scene:
-        """The scene with a flux through a curve of `coefficient` (m/s) times (`outside` - C), mol/m^3; see `load`."""
-        name = name or name_of(where, "exchange")
-        values = {"coefficient": coefficient, "value": outside, "length": self._length(where, f"exchange '{name}'")}
-        return self._with(Exchange, values, where, rows, name, profile=profile)
-
-    def initial_temperature(self, shape: Shape, T: float, name: str = "") -> Scene:
-        """The scene with a temperature T (K) in the shape at time 0; elsewhere that is T0 of the material."""
-        return self.begin(shape, T, name)
-
-    def temperature(self, where: Where, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Scene:
-        """The scene with a temperature T (K) prescribed on a curve, or at the nodes of a surface; see `load`."""
-        return self.hold(where, T, rows, profile, name)
-
-    def heat(
-        self,
-        where: Where,
-        flux: float | None = None,
-        rate: float | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-    ) -> Scene:
-        """The scene with heat supplied: a flux (W/m^2) through a curve, or a rate (W/m^3); see `load`."""
-        rho_c = capacity(self.medium, self.material, f"source '{name or name_of(where, 'source')}'")
-        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
-        return self.supply(where, flux, rate, rows, profile, name)
-
-    def convection(
-        self, where: Where, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
-    ) -> Scene:
-        """The scene with a heat flux of h (W/(m^2 K)) times (`outside` - T), K, in through a curve; see `load`."""
-        rho_c = capacity(self.medium, self.material, f"exchange '{name or name_of(where, 'exchange')}'")
-        return self.exchange(where, h / rho_c, outside, rows, profile, name)
-
-    def _length(self, where: Where, place: str) -> float:
+    def _size(self, where: Where, place: str) -> dict[str, float]:
         curve = self._place(where, place)
         if not isinstance(curve, Curve):
             raise SceneError(f"{place}: found a {curve.geom_type.lower()}, expected a curve that the flux goes through")
-        return float(curve.length)
+        return {"length": float(curve.length)}
 
     def _with(
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any

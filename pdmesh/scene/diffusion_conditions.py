@@ -1,0 +1,113 @@
+"""Conditions on a concentration or a temperature, which plates and bodies share."""
+
+from __future__ import annotations
+
+from typing import Any, Generic, Self, TypeVar
+
+from pdmesh.model.document import (
+    AnyCondition,
+    Concentration,
+    Exchange,
+    InitialConcentration,
+    Material,
+    Source,
+)
+from pdmesh.model.medium import Medium
+from pdmesh.scene.conditions import Profile
+from pdmesh.scene.heat import Heat, capacity
+from pdmesh.scene.shapes import SceneError
+
+W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
+
+
+class DiffusionConditions(Generic[W]):
+    """What `pdmesh.Scene` and `pdmesh.Body` add to themselves where something diffuses or is heated.
+
+    `rows`, `profile` and `name` are those of `load`. A flux goes through a curve of a plate or a sheet of a body.
+    """
+
+    medium: Medium | Heat | None
+    material: Material | None
+
+    def begin(self, where: W, concentration: float, name: str = "") -> Self:
+        """With a concentration (mol/m^3) in a shape or a solid at time 0."""
+        return self._with(InitialConcentration, {"value": concentration}, where, 1, name)
+
+    def hold(self, where: W, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
+        """With a concentration (mol/m^3) prescribed on a side or a curve, or at the nodes of a surface or a solid."""
+        return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
+
+    def supply(
+        self,
+        where: W,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Self:
+        """With a flux (mol/(m^2 s)), or a rate (mol/(m^3 s)) of supply there or throughout."""
+        name = name or self._named(where, "source")
+        if (flux is None) == (rate is None):
+            raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
+        size = {} if flux is None else self._size(where, f"source '{name}'")
+        return self._with(Source, {"flux": flux, "rate": rate} | size, where, rows, name, profile=profile)
+
+    def exchange(
+        self,
+        where: W,
+        coefficient: float,
+        outside: float = 0.0,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Self:
+        """With a flux in of `coefficient` (m/s) times (`outside` - C), mol/m^3."""
+        name = name or self._named(where, "exchange")
+        values = {"coefficient": coefficient, "value": outside} | self._size(where, f"exchange '{name}'")
+        return self._with(Exchange, values, where, rows, name, profile=profile)
+
+    def initial_temperature(self, where: W, T: float, name: str = "") -> Self:
+        """With a temperature T (K) in a shape or a solid at time 0; elsewhere that is T0 of the material."""
+        return self.begin(where, T, name)
+
+    def temperature(self, where: W, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
+        """With a temperature T (K) prescribed on a side or a curve, or at the nodes of a surface or a solid."""
+        return self.hold(where, T, rows, profile, name)
+
+    def heat(
+        self,
+        where: W,
+        flux: float | None = None,
+        rate: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+    ) -> Self:
+        """With heat supplied: a flux (W/m^2), or a rate (W/m^3) there or throughout."""
+        rho_c = capacity(self.medium, self.material, f"source '{name or self._named(where, 'source')}'")
+        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
+        return self.supply(where, flux, rate, rows, profile, name)
+
+    def convection(
+        self, where: W, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
+    ) -> Self:
+        """With a heat flux in of h (W/(m^2 K)) times (`outside` - T), K."""
+        rho_c = capacity(self.medium, self.material, f"exchange '{name or self._named(where, 'exchange')}'")
+        return self.exchange(where, h / rho_c, outside, rows, profile, name)
+
+    def _with(
+        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
+    ) -> Self:
+        raise NotImplementedError
+
+    def _named(self, where: W, kind: str) -> str:
+        """Default name of a condition."""
+        raise NotImplementedError
+
+    def _size(self, where: W, place: str) -> dict[str, float]:
+        """Length (m) or area (m^2) that a flux goes through, by the name that the condition has for it.
+
+        Raises SceneError, beginning with `place`, where no flux goes through.
+        """
+        raise NotImplementedError
