@@ -29,7 +29,7 @@ def held_crack(model: Model, bonds: SofteningBonds, value: NDArray[np.float64]) 
         ):
             return (
                 f"$.conditions[{number}]: found bonds of '{called(condition.name, number)}', which do not break,"
-                f" stretched to {peaks[worst]:.2f} times the peak of others, where a crack would pass; expected"
+                f" stretched to {peaks[worst]:.2f} times the peak of others, where a crack may have to pass; expected"
                 " breakable = true"
             )
     return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 CRACK_STEPS = 80  # of dissipation in which a crack would go through the body's smallest extent
 COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
 SECANTS = 20  # iterations with which a step that does not converge begins again
+PARTS = 20  # in which loads that do not grow are put on where bonds soften under them
 SMALL = 1e-3  # of the loads: the first look at an elastic body
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
 ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
@@ -128,7 +130,7 @@ class PathSteps:
 
     def _take(self, state: State, step: int) -> None:
         try:
-            new, iterations, residual = self._elastic() if not self.rested else self._follow(step)
+            new, iterations, residual = self._first(state) if not self.rested else self._follow(step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         found = self._bonds.respond(new.value)
@@ -144,14 +146,45 @@ class PathSteps:
         self.rested.append(Stepped(step, iterations, residual, new.factor, pull, new.spent))
         self._look(step)
 
-    def _elastic(self) -> tuple[Path, int, float]:
+    def _first(self, state: State) -> tuple[Path, int, float]:
+        """Elastic, or as far as what does not grow where bonds soften under this alone."""
+        start, bonds, k = self._last, self._bonds, self._bonds.breaks
+        if not self._follower.drive.start.any():
+            return self._elastic(start)
+        with suppress(UnsettledError):
+            settled = self._settle(start, 0.0)
+            if not (bonds.stretches(settled[0].value)[k] >= bonds.peak[k]).any():
+                return self._elastic(settled[0])
+        return self._constant(state)
+
+    def _constant(self, state: State) -> tuple[Path, int, float]:
+        """In parts up to all that does not grow, under which bonds soften; books the work but for the last part's."""
+        whole, count = self._follower.drive, 0
+        try:
+            for part in range(1, PARTS + 1):
+                share = part / PARTS
+                self._follower.drive = whole._replace(start=share * whole.start, growth=np.zeros_like(whole.growth))
+                new, more, residual = self._settle(self._last, 0.0)
+                count += more
+                if part == PARTS:
+                    break
+                found = self._bonds.respond(new.value)
+                after = self._outside(new, found)
+                state.work[:] += ((self._pushed[1] + after) / 2 * (new.value - self._last.value)).sum(
+                    axis=1
+                ) / self._area
+                self._pushed, self._bonds.kappa[:], self._last = (self._pushed[1], after), found.kappa, new
+        except UnsettledError as error:
+            raise UnsettledError(f"under {share:.0%} of what does not grow: {error}") from None
+        finally:
+            self._follower.drive = whole
+        self._before = self._last
+        return new, count, residual
+
+    def _elastic(self, start: Path) -> tuple[Path, int, float]:
         """Up to the first bond at its peak, or to the end of the loads."""
         bonds, k = self._bonds, self._bonds.breaks
-        zero = Path(np.zeros(self._held.shape), 0.0, 0.0)
-        start = self._settle(zero, 0.0)[0] if self._follower.drive.start.any() else zero
         peak, first = bonds.peak[k], bonds.stretches(start.value)[k]
-        if (first >= peak).any():
-            raise UnsettledError("found bonds beyond their peak under what does not grow, expected loads with a ramp")
         here, factor = start, SMALL
         for _ in range(3):
             near, count, residual = self._settle(here, factor)

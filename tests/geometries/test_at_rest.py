@@ -1,0 +1,112 @@
+"""The shipped scenes at rest beside their literature: coarse ones, and the slow ones as they ship."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from plates import shipped
+
+from pdpost.measures.forces import chosen, reactions
+from pdpost.measures.gaps import against, named_gap
+from pdpost.measures.stress_intensities import follow
+from pdsolve.model import Model, ModelWarning
+from pdsolve.results import Results
+from pdsolve.run.simulation import Options, simulate
+
+
+def solved(name: str, *words: tuple[str, str]) -> Results:
+    made = shipped(name, words)
+    return simulate(Model(made.grid, made.settings), None, Options(threads=1))
+
+
+def forces(results: Results, name: str, axis: int) -> np.ndarray:
+    return np.abs(chosen(reactions(results), [name])[0].force[:, axis])
+
+
+def balance(results: Results) -> float:
+    """The largest error of work = stored + spent, over the largest work."""
+    books = results.history()
+    missing = books["strain"] + books["dissipated"] - books["work"]
+    return float(np.abs(missing).max() / books["work"].max())
+
+
+@pytest.mark.parametrize(
+    ("words", "exact", "off"),
+    [
+        ((), 23.96, 0.0064),
+        ((("nu", "0.4999"), ("plane", "strain")), 18.50, -0.0088),
+    ],
+)
+def test_cooks_membrane(words: Sequence[tuple[str, str]], exact: float, off: float) -> None:
+    """The middle of the sheared side within 1 %; at half the spacing 0.32 and -0.35 %."""
+    with solved("cook_membrane.py", *words) as results:
+        position, uy = results.nodes().position, results.field("uy", 1)
+    middle = int(np.hypot(position[:, 0] - 48, position[:, 1] - 52).argmin())
+    assert position[middle].tolist() == [48, 52]
+    assert uy[middle] / 1e-4 / exact - 1 == pytest.approx(off, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("spacing", "off", "J_off"),
+    [(1.25e-3, 0.0215, -0.0233), pytest.param(1e-3, 0.0134, -0.0229, marks=pytest.mark.slow)],
+)
+def test_a_double_cantilever_beam_has_its_intensity(spacing: float, off: float, J_off: float) -> None:
+    """K of a beam on an elastic foundation, within 3 %."""
+    arm, crack = 0.02, 0.08
+    with solved("double_cantilever.py", ("spacing", str(spacing))) as results:
+        load = float(forces(results, "upper", 1)[-1])
+        tip = follow(results, [1])[0].value
+        assert results.summary()["broken_bonds"] == 0
+    K = 2 * np.sqrt(3) * load * crack * (1 + 0.64 * arm / crack) / arm**1.5
+    assert tip["K1"][0] / K - 1 == pytest.approx(off, abs=0.003)
+    assert np.sqrt(tip["J"][0] * 72e9) / K - 1 == pytest.approx(J_off, abs=0.003)
+    assert abs(tip["K2"][0]) < 1e-3 * K
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("spacing", "peak"), [("0.004", 0.733), ("0.002", 0.950)])
+def test_a_brazilian_disc_splits_near_its_strength(spacing: str, peak: float) -> None:
+    """2 F / (pi D t) over f_t; the flats are two nodes wide on the coarse grid."""
+    with solved("brazilian_disc.py", ("spacing", spacing)) as results:
+        strength = 2 * forces(results, "lower", 1) / (np.pi * 0.1) / 3e6
+        assert strength.max() == pytest.approx(peak, abs=0.01)
+        assert strength[-1] < 0.98 * strength.max()
+        assert balance(results) < 1e-3
+        nodes, last = results.nodes(), int(results.frames()[0][-1])
+        moved = results.field("ux", last)
+    right = np.abs(nodes.position[:, 1]) < 0.01
+    side = np.sign(nodes.position[:, 0])[right]
+    assert np.mean(side * moved[right]) > 0  # its halves part
+
+
+@pytest.mark.slow
+def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
+    with solved("offset_notch.py") as results:
+        peak = forces(results, "middle", 1).max() * 0.0254
+        opened = against(named_gap(results, "mouth"), chosen(reactions(results), ["middle"])[0], 1)
+        last = int(results.frames()[0][-1])
+        x, y = results.nodes().position.T
+        damage = results.field("damage", last)
+    assert peak == pytest.approx(2113, rel=0.01)  # N
+    assert abs(opened.force[-1]) < 0.05 * abs(opened.force).max()
+    lower, upper = (
+        float(np.average(x[row], weights=damage[row] ** 2))
+        for row in ((y > 0.02) & (y < 0.035), (y > 0.05) & (y < 0.065))
+    )
+    assert -0.055 < lower < upper - 0.01
+    assert upper < 0
+
+
+@pytest.mark.slow
+def test_a_plate_that_is_sheared_and_pulled_tears_from_both_notches() -> None:
+    """10 mm between nodes; the shear alone softens bonds at the notches, and the pull has its peak after it."""
+    told = pytest.warns(ModelWarning, match="'foot'")  # the plate would tear off its foot's corner
+    with told, solved("nooru_mohamed.py", ("spacing", "0.01")) as results:
+        pull, shear = (chosen(reactions(results), [name])[0].force for name in ("top", "shear"))
+        assert balance(results) < 1e-3
+        gaps = [named_gap(results, name).opening for name in ("left", "right")]
+    assert shear[1:, 0] == pytest.approx(10e3 / 0.05, rel=1e-6)
+    assert pull[:, 1].max() * 0.05 == pytest.approx(16.92e3, rel=0.01)
+    assert min(opening.max() for opening in gaps) > 2e-5
